@@ -1,0 +1,173 @@
+"""The reference engine: YADE's rolling-resistance law in a periodic cell. Runs inside YADE only.
+
+YADE's step is turned so that it begins with the motion: Newton, reset, collider, forces. Between two
+steps positions, cell, overlaps and forces then belong to one instant, and the velocity gradient set
+there holds for cell and grains in the same step. The order of operations within the cycle is YADE's own.
+
+YADE counts tension positive; signs are turned here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import yade
+from yade import Matrix3, Vector3
+from yade import utils as yade_utils
+from yade.wrapper import (
+    Bo1_Sphere_Aabb,
+    CohFrictMat,
+    ForceResetter,
+    Ig2_Sphere_Sphere_ScGeom6D,
+    InsertionSortCollider,
+    InteractionLoop,
+    Ip2_CohFrictMat_CohFrictMat_CohFrictPhys,
+    Law2_ScGeom6D_CohFrictPhys_CohesionMoment,
+    NewtonIntegrator,
+    Omega,
+)
+
+from labkit.engines.base import Engine
+from labkit.errors import InputError
+
+VERLET_DISTANCE = 0.1  # of the mean radius: how far a grain may move before neighbours are sought again
+
+
+def material(scene):
+    """YADE's material for a scene (physics of Scene's docstring): no cohesion, no twist.
+
+    A negative cohesion or moment limit, YADE's default, would mean an unlimited one.
+    """
+    return CohFrictMat(
+        young=np.pi / 2 * scene.young_modulus,  # makes kn = (pi/2) E D* exactly
+        poisson=1.0 / scene.stiffness_ratio,  # makes kt = kn/kappa exactly
+        density=scene.density,
+        frictionAngle=float(np.arctan(scene.friction)),
+        isCohesive=False, normalCohesion=0.0, shearCohesion=0.0, fragile=True,
+        momentRotationLaw=scene.rolling_friction > 0.0,
+        alphaKr=0.25, etaRoll=0.5 * scene.rolling_limit_scale * scene.rolling_friction,
+        alphaKtw=0.0, etaTwist=0.0,
+    )  # fmt: skip
+
+
+class YadeEngine(Engine):
+    """YADE holding a State. `threads` is that of the running YADE (`yade -jN`)."""
+
+    name = "yade"
+
+    def __init__(self, state, threads=1):
+        self.version = yade.config.version
+        self.load(state)
+
+    def load(self, state):
+        _require_loadable(state)
+        omega = self._omega = Omega()
+        omega.reset()
+        self._start = state
+        self._time = state.time
+        self._step = state.step
+        omega.periodic = True
+        omega.cell.setBox(1, 1, 1)
+        omega.cell.hSize = _matrix(state.cell)
+        omega.materials.append(material(state.scene))
+        self._add_grains(state)
+        gradient = _matrix(state.velocity_gradient)
+        omega.cell.updateAttrs({"velGrad": gradient, "prevVelGrad": gradient})
+        newton = NewtonIntegrator(
+            damping=state.scene.local_damping, prevVelGrad=gradient, warnNoForceReset=False
+        )
+        forces = [
+            ForceResetter(),
+            InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-VERLET_DISTANCE),
+            InteractionLoop(
+                [Ig2_Sphere_Sphere_ScGeom6D(updateRotations=False)],
+                [Ip2_CohFrictMat_CohFrictMat_CohFrictPhys()],
+                [Law2_ScGeom6D_CohFrictPhys_CohesionMoment(useIncrementalForm=True, always_use_moment_law=True)],
+            ),
+        ]  # fmt: skip
+        omega.engines = [newton] + forces
+        newton.dead = True
+        omega.dt = 0.0  # no motion and no increment of the history while the contacts are found and loaded
+        omega.step()
+        self._set_history(state)
+        omega.forces.f(0, True)  # YADE resets only forces that were summed, which Newton would have done
+        omega.step()
+        newton.dead = False
+        omega.dt = state.time_step
+
+    def _add_grains(self, state):
+        """Bodies in the order of the state. Grains near in space are near in the state, and so in memory."""
+        bodies = self._omega.bodies
+        columns = (state.position, state.velocity, state.angular_velocity)
+        for radius, position, velocity, spin in zip(state.radius.tolist(), *(c.tolist() for c in columns)):
+            grain = yade_utils.sphere(position, radius, material=0)
+            grain.state.vel = velocity
+            grain.state.angVel = spin
+            bodies.append(grain)
+
+    def _set_history(self, state):
+        """Gives the contacts that YADE has found the tangential forces and moments of the state."""
+        pairs = [tuple(pair) for pair in state.contact_grain.tolist()]
+        history = dict(zip(pairs, zip(state.tangential_force, state.rolling_moment)))
+        for contact in self._omega.interactions:
+            first, second = contact.id1, contact.id2
+            sign = -1.0  # YADE keeps the force on the second grain
+            if (first, second) not in history:
+                first, second, sign = second, first, 1.0
+            if (first, second) in history:
+                force, moment = history[first, second]
+                contact.phys.shearForce = Vector3(*(sign * force))
+                contact.phys.moment_bending = Vector3(*(sign * moment))
+
+    def advance(self, steps, velocity_gradient):
+        omega = self._omega
+        omega.cell.updateAttrs({"velGrad": _matrix(velocity_gradient)})
+        step = omega.step
+        for _ in range(steps):
+            step()
+        self._step += steps
+        self._time += steps * self._start.time_step
+
+    def stress(self):
+        return -np.array(yade_utils.getStress(), dtype=float).reshape(3, 3).T
+
+    def stop_grains(self):
+        yade_utils.calm()
+
+    def state(self):
+        grains = np.array([
+            (*s.pos, *s.vel, *s.angVel) for s in (body.state for body in self._omega.bodies)
+        ], dtype=float).reshape(-1, 3, 3)  # fmt: skip
+        rows = [
+            (contact.id1, contact.id2, *contact.cellDist, *phys.shearForce, *phys.moment_bending)
+            for contact in self._omega.interactions
+            for phys in (contact.phys,)
+        ]
+        rows = np.array(rows, dtype=float).reshape(-1, 11)
+        swap = rows[:, 0] > rows[:, 1]
+        pair = np.sort(rows[:, :2], axis=1).astype(np.int32)
+        shift = np.where(swap[:, None], -rows[:, 2:5], rows[:, 2:5]).astype(np.int32)
+        sign = np.where(swap, 1.0, -1.0)[:, None]
+        order = np.lexsort((pair[:, 1], pair[:, 0]))
+        cell = self._omega.cell
+        return self._start.replace(
+            position=grains[:, 0], velocity=grains[:, 1], angular_velocity=grains[:, 2],
+            cell=np.array(cell.hSize, dtype=float).reshape(3, 3),
+            velocity_gradient=np.array(cell.velGrad, dtype=float).reshape(3, 3),
+            contact_grain=pair[order], contact_shift=shift[order],
+            tangential_force=(sign * rows[:, 5:8])[order], rolling_moment=(sign * rows[:, 8:11])[order],
+            time=self._time, step=self._step, engine=self.name, engine_version=self.version,
+        )  # fmt: skip
+
+
+def _matrix(values):
+    return Matrix3(*np.asarray(values, dtype=float).ravel().tolist())
+
+
+def _require_loadable(state):
+    """YADE knows one contact per pair of grains: a cell must be wider than two grains."""
+    widths = 1.0 / np.linalg.norm(np.linalg.inv(state.cell), axis=1)
+    needed = 4.0 * state.radius.max() * (1.0 + VERLET_DISTANCE)
+    if widths.min() < needed:
+        raise InputError(
+            f"the cell is {widths.min():.3g} m wide: YADE needs {needed:.3g} m, twice the largest grain and a margin"
+        )

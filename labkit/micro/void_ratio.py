@@ -1,0 +1,40 @@
+"""The two void ratios: nominal (C0 needs it) and with the overlap lenses out (the paper reports it)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def lens_volume(radius_a, radius_b, overlap):
+    """Volume common to two spheres that overlap by `overlap`, m3; any shape, zero where they do not touch.
+
+    V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta;
+    a sphere inside the other counts whole.
+    """
+    radius_a, radius_b, overlap = np.broadcast_arrays(radius_a, radius_b, overlap)
+    smaller = np.minimum(radius_a, radius_b)
+    inside = overlap >= 2.0 * smaller
+    delta = np.where(inside, 0.0, np.maximum(overlap, 0.0))
+    distance = radius_a + radius_b - delta
+    lens = np.pi * delta**2 / (12.0 * distance)
+    lens = lens * (distance**2 + 2.0 * distance * (radius_a + radius_b) - 3.0 * (radius_a - radius_b) ** 2)
+    return np.where(inside, 4.0 / 3.0 * np.pi * smaller**3, lens)
+
+
+def grain_volume(radius):
+    """V_g = sum of pi D^3/6, m3 (below Eq. 16). `radius` (grain,) m."""
+    return 4.0 / 3.0 * np.pi * np.sum(np.asarray(radius) ** 3)
+
+
+def void_ratio_nominal(radius, volume):
+    """e with 1 + e = V/V_g (above Eq. 17): what C0 needs to follow from Love."""
+    return volume / grain_volume(radius) - 1.0
+
+
+def void_ratio(radius, volume, contacts):
+    """e with the overlap lenses out of the solid volume (section 2): what the paper reports.
+
+    Lenses are counted pair by pair, exact while no three grains share a point.
+    """
+    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
+    return volume / (grain_volume(radius) - lens_volume(a, b, contacts.overlap).sum()) - 1.0

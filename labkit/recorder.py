@@ -1,0 +1,118 @@
+"""The recorder: appends records, snapshots and a checkpoint to a run file that is whole at any moment.
+
+What was recorded since the last save is kept in memory. A save copies the file, appends to the copy
+and puts it in place of the old one, so that a kill at any moment leaves the last save under the name.
+The checkpoint, a State in the group `checkpoint`, comes with the records that belong to it.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.files import create_variables, open_netcdf, whole_file
+from labkit.schema import CONTACTS, GRAINS, RECORD, STATE
+from labkit.state import read_group, write_attributes
+
+
+class Recorder:
+    """Writes one run file. `path` is the loading path, `settings` what else decides the records."""
+
+    def __init__(self, file, path, settings):
+        self.file = Path(file)
+        self.path = path
+        self.settings = settings
+        self.records = 0  # in the file and in memory
+        self._new = []
+        self._snapshots = []
+
+    def record(self, values, contacts=None, position=None):
+        """Keeps one record (labkit.measure), with a snapshot if contacts and positions are given."""
+        if contacts is not None:
+            self._snapshots.append((self.records, contacts, position))
+        self._new.append(values)
+        self.records += 1
+
+    def save(self, state, complete, wall_time):
+        """Brings the file up to the present: all records so far and the state to go on from."""
+        with whole_file(self.file) as temporary:
+            exists = self.file.exists()
+            if exists:
+                shutil.copyfile(self.file, temporary)
+            with netCDF4.Dataset(temporary, "a" if exists else "w") as dataset:
+                if not exists:
+                    self._create(dataset, state)
+                self._append(dataset)
+                write_attributes(dataset, state, "run")
+                dataset.complete = np.int32(complete)
+                dataset.wall_time = float(wall_time)
+                dataset.steps = np.int64(state.step)
+                _write_checkpoint(dataset, state)
+        self._new.clear()
+        self._snapshots.clear()
+
+    def _create(self, dataset, state):
+        dataset.path = self.path.name
+        dataset.path_parameters = self.parameters()
+        create_variables(dataset, RECORD, {}, compression=None)
+        dataset.createDimension("snapshot", None)
+        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+        dataset["contacts"]["row_size"].sample_dimension = "contact"
+        create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
+        dataset["grains"]["radius"][:] = state.radius
+
+    def parameters(self):
+        return json.dumps({**vars(self.path), **self.settings})
+
+    def _append(self, dataset):
+        first = len(dataset.dimensions["time"])
+        for name in RECORD:
+            values = [record[name] for record in self._new]
+            if values:
+                dataset[name][first : first + len(values)] = np.array(values)
+        group, positions = dataset["contacts"], dataset["grains"]["position"]
+        for index, contacts, position in self._snapshots:
+            snapshot = len(dataset.dimensions["snapshot"])
+            start = len(group.dimensions["contact"])
+            group["record"][snapshot] = index
+            group["row_size"][snapshot] = len(contacts)
+            group["contact_grain"][start : start + len(contacts)] = contacts.grain
+            for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
+                group[name][start : start + len(contacts)] = getattr(contacts, name)
+            positions[snapshot] = position
+
+    def resume(self):
+        """The State to go on from and the wall time spent, or None when there is no file yet.
+
+        Raises InputError when the file holds a run with other parameters.
+        """
+        if not self.file.exists():
+            return None
+        with open_netcdf(self.file, "run") as dataset:
+            if (dataset.path, dataset.path_parameters) != (self.path.name, self.parameters()):
+                raise InputError(
+                    f"{self.file} holds another run ({dataset.path} with {dataset.path_parameters}): "
+                    "give another -o, or the same options to go on with it"
+                )
+            self.records = len(dataset.dimensions["time"])
+            group = dataset["checkpoint"]
+            state = read_group(group, dataset, int(group.contacts))
+            return state, float(dataset.wall_time), bool(dataset.complete)
+
+
+def _write_checkpoint(dataset, state):
+    """Overwrites the last checkpoint. Not compressed: HDF5 can then write every value where the old one was."""
+    contacts = len(state.contact_grain)
+    if "checkpoint" not in dataset.groups:
+        group = dataset.createGroup("checkpoint")
+        create_variables(group, STATE, {"grain": state.number_of_grains}, compression=None)
+    group = dataset["checkpoint"]
+    group.contacts = np.int64(contacts)
+    for name, variable in STATE.items():
+        rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
+        group[name][rows] = getattr(state, name)
