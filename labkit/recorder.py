@@ -57,7 +57,7 @@ class Recorder:
         self._snapshots.clear()
 
     def _create(self, dataset, state):
-        dataset.path = self.path.name
+        dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own
         dataset.path_parameters = self.parameters()
         create_variables(dataset, RECORD, {}, compression=None)
         dataset.createDimension("snapshot", None)
@@ -94,9 +94,10 @@ class Recorder:
         if not self.file.exists():
             return None
         with open_netcdf(self.file, "run") as dataset:
-            if (dataset.path, dataset.path_parameters) != (self.path.name, self.parameters()):
+            found = dataset.getncattr("path"), dataset.path_parameters
+            if found != (self.path.name, self.parameters()):
                 raise InputError(
-                    f"{self.file} holds another run ({dataset.path} with {dataset.path_parameters}): "
+                    f"{self.file} holds another run ({found[0]} with {found[1]}): "
                     "give another -o, or the same options to go on with it"
                 )
             self.records = len(dataset.dimensions["time"])

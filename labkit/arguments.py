@@ -1,0 +1,91 @@
+"""The options of the simulating commands: one set for `labkit`, `yade -n -x` and yade-batch tables."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from labkit.engines import ENGINES
+from labkit.errors import InputError
+from labkit.paths import PATHS
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line: InputError instead of usage and exit."""
+
+    def error(self, message):
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def add_engine_options(parser):
+    parser.add_argument("--engine", choices=ENGINES, default="yade", help="what moves the grains (default: yade)")
+    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the engine (default: 1)")
+
+
+def add_specimen_options(parser):
+    """Options of a specimen; their names are also the columns of a yade-batch table."""
+    parser.add_argument("--void-ratio", type=float, help="target, overlaps not taken out, e.g. 0.67")
+    parser.add_argument("--step1-friction", type=float, default=0.15, help="mu of step 1 (default: 0.15)")
+    parser.add_argument("--step1-rolling-friction", type=float, default=0.1, help="mu_r of step 1 (default: 0.1)")
+    parser.add_argument("--side", type=float, default=4e-3, help="side of the cube in m (default: 4e-3)")
+    parser.add_argument("--grains", type=positive_int, help="choose the side for about so many grains instead")
+    parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")
+    add_engine_options(parser)
+    parser.add_argument("-o", "--output", help="state file to write, e.g. s.state.nc")
+
+
+def add_run_options(parser):
+    """Options of a run; their names are also the columns of a yade-batch table."""
+    parser.add_argument("path", nargs="?", help=f"loading path: {', '.join(PATHS)}")
+    parser.add_argument("specimen", nargs="?", help="state file to start from")
+    parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4)")
+    parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10)")
+    parser.add_argument("--record-strain", type=float, default=1e-3, help="strain between records (default: 1e-3)")
+    parser.add_argument("--snapshots", type=int, default=20, help="records kept with all contacts (default: 20)")
+    add_engine_options(parser)
+    parser.add_argument("-o", "--output", help="run file to write or to go on with, e.g. r.run.nc")
+
+
+def positive_int(text):
+    value = int(text)
+    if value < 1:
+        raise ValueError(text)
+    return value
+
+
+def parse(parser, argv):
+    """Parsed options; exits through InputError, or SystemExit(0) for --help."""
+    return parser.parse_args(argv)
+
+
+def parse_in_yade(parser):
+    """The options of a script inside YADE: of a yade-batch table where there is one, else of the command line.
+
+    A column of the table is the name of an option with `_` for `-`; strings stand in quotes.
+    """
+    import os
+
+    if not os.environ.get("YADE_BATCH"):
+        return parse(parser, sys.argv[1:])
+    from yade import utils
+
+    table, _, line = os.environ["YADE_BATCH"].rpartition(":")
+    row = utils.TableParamReader(table).paramDict()[int(line)]
+    known = {action.dest for action in parser._actions} - {"help"}
+    columns = {name: text for name, text in row.items() if name != "description" and not name.startswith("!")}
+    unknown = sorted(set(columns) - known)
+    if unknown:
+        raise InputError(f"{table} has a column {unknown[0]!r}: use {', '.join(sorted(known))}")
+    positional = [action.dest for action in parser._actions if not action.option_strings]
+    values = {name: text.strip("'\"") for name, text in columns.items() if text != "*"}
+    argv = [values.pop(name) for name in positional if name in values]
+    for name, text in values.items():
+        argv += [f"--{name.replace('_', '-')}={text}"]
+    return parse(parser, argv)
+
+
+def require(value, name):
+    """Raises InputError when an option that has no default was not given."""
+    if value is None:
+        raise InputError(f"{name} is missing: give it (see --help)")
+    return value

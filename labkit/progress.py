@@ -1,0 +1,78 @@
+"""Progress that shows what remains: a bar for people, plain lines for a log, a pipe between processes."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that shows the progress itself
+MARK = "\x1elabkit "
+
+
+def reporter(title):
+    """A function (fraction, text) for whoever looks at standard output."""
+    if os.environ.get(PIPE):
+        return lambda fraction, text: print(f"{MARK}{fraction:.6f} {text}", flush=True)
+    if sys.stdout.isatty():
+        return Bar(title)
+    return Lines(title)
+
+
+def read_pipe(line):
+    """(fraction, text) of a line that came through the pipe, or None for another line."""
+    if not line.startswith(MARK):
+        return None
+    fraction, _, text = line[len(MARK) :].rstrip("\n").partition(" ")
+    return float(fraction), text
+
+
+def _remaining(fraction, seconds):
+    if fraction <= 0.0:
+        return "?"
+    left = round(seconds * (1.0 - fraction) / fraction)
+    return f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
+
+
+class Lines:
+    """A line every tenth of the way, and at least every half minute."""
+
+    def __init__(self, title, fraction_step=0.1, seconds_step=30.0):
+        self.title, self.fraction_step, self.seconds_step = title, fraction_step, seconds_step
+        self.started = self.last_time = time.monotonic()
+        self.last = None
+
+    def __call__(self, fraction, text):
+        now = time.monotonic()
+        due = self.last is None or fraction - self.last >= self.fraction_step
+        if due or now - self.last_time >= self.seconds_step or fraction >= 1.0 > self.last:
+            left = _remaining(fraction, now - self.started)
+            print(f"{self.title}: {fraction:4.0%}, {left} left, {text}", flush=True)
+            self.last, self.last_time = fraction, now
+
+
+class Bar:
+    """tqdm's bar where tqdm is installed, else (inside YADE) one line that is written over."""
+
+    def __init__(self, title):
+        self.title, self.started = title, time.monotonic()
+        try:
+            from tqdm import tqdm
+        except ImportError:
+            self.bar = None
+        else:
+            style = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
+            self.bar = tqdm(total=1.0, desc=title, bar_format=style)
+
+    def __call__(self, fraction, text):
+        if self.bar is None:
+            left = _remaining(fraction, time.monotonic() - self.started)
+            print(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="", flush=True)
+            if fraction >= 1.0:
+                print()
+            return
+        self.bar.set_postfix_str(text, refresh=False)
+        self.bar.update(fraction - self.bar.n)
+        self.bar.refresh()
+        if fraction >= 1.0:
+            self.bar.close()

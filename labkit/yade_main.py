@@ -1,0 +1,31 @@
+"""The frame of the scripts in yade_scripts: options, progress, exit code."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+
+from labkit.arguments import Parser, parse_in_yade
+from labkit.errors import InputError, PhysicsError
+from labkit.progress import reporter
+
+
+def main(name, add_options, command):
+    """Runs `command(options, progress, history)` inside YADE and exits with labkit's codes."""
+    parser = Parser(prog=f"yade -n -x {sys.argv[0]}")
+    add_options(parser)
+    try:
+        options = parse_in_yade(parser)
+        command(options, reporter(name), "yade -n -x " + shlex.join(sys.argv))
+    except InputError as error:
+        sys.exit(fail(error, 2))
+    except PhysicsError as error:
+        sys.exit(fail(error, 1))
+    except OSError as error:
+        sys.exit(fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1))
+    sys.exit(0)
+
+
+def fail(message, code):
+    print(f"labkit: {message}", file=sys.stderr, flush=True)
+    return code

@@ -1,0 +1,14 @@
+"""A loading path on YADE, by hand or from a table:
+
+    yade -n -x yade_scripts/path.py cv s.state.nc --strain 0.4 -o r.run.nc
+    yade-batch yade_scripts/path.table yade_scripts/path.py
+"""
+
+import os
+import sys
+
+sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+
+from labkit import arguments, commands, yade_main  # noqa: E402
+
+yade_main.main("run", arguments.add_run_options, commands.run_path)

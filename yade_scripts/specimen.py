@@ -1,0 +1,14 @@
+"""A specimen on YADE, by hand or from a table:
+
+    yade -n -x yade_scripts/specimen.py --void-ratio 0.67 --side 2e-3 -o s.state.nc
+    yade-batch yade_scripts/specimen.table yade_scripts/specimen.py
+"""
+
+import os
+import sys
+
+sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+
+from labkit import arguments, commands, yade_main  # noqa: E402
+
+yade_main.main("specimen", arguments.add_specimen_options, commands.specimen)
