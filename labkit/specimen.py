@@ -71,10 +71,10 @@ def side_for(grains, void_ratio, scene):
     """Side of a cube that holds about so many grains, m."""
     if grains < MINIMUM_GRAINS:
         raise InputError(f"--grains {grains} is too few for a specimen: give {MINIMUM_GRAINS} or more")
-    return float((grains * _mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
+    return float((grains * mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
 
 
-def _mean_grain_volume(scene):
+def mean_grain_volume(scene):
     """Mean of pi D^3/6 over the uniform distribution, m3."""
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
 

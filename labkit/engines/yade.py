@@ -9,6 +9,8 @@ YADE counts tension positive; signs are turned here and nowhere else.
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import yade
 from yade import Matrix3, Vector3
@@ -134,29 +136,42 @@ class YadeEngine(Engine):
         yade_utils.calm()
 
     def state(self):
-        grains = np.array([
-            (*s.pos, *s.vel, *s.angVel) for s in (body.state for body in self._omega.bodies)
-        ], dtype=float).reshape(-1, 3, 3)  # fmt: skip
-        rows = [
-            (contact.id1, contact.id2, *contact.cellDist, *phys.shearForce, *phys.moment_bending)
-            for contact in self._omega.interactions
-            for phys in (contact.phys,)
-        ]
-        rows = np.array(rows, dtype=float).reshape(-1, 11)
-        swap = rows[:, 0] > rows[:, 1]
-        pair = np.sort(rows[:, :2], axis=1).astype(np.int32)
-        shift = np.where(swap[:, None], -rows[:, 2:5], rows[:, 2:5]).astype(np.int32)
-        sign = np.where(swap, 1.0, -1.0)[:, None]
+        collecting = gc.isenabled()
+        gc.disable()  # the many small objects made here would double the time
+        try:
+            return self._read_state()
+        finally:
+            if collecting:
+                gc.enable()
+
+    def _read_state(self):
+        grains = [body.state for body in self._omega.bodies]
+        contacts = list(self._omega.interactions)
+        physics = [contact.phys for contact in contacts]
+        pair = np.array([(contact.id1, contact.id2) for contact in contacts], np.int32).reshape(-1, 2)
+        shift = _components([contact.cellDist for contact in contacts]).astype(np.int32)
+        swap = (pair[:, 0] > pair[:, 1])[:, None]
+        sign = np.where(swap, 1.0, -1.0)
+        pair = np.sort(pair, axis=1)
         order = np.lexsort((pair[:, 1], pair[:, 0]))
         cell = self._omega.cell
         return self._start.replace(
-            position=grains[:, 0], velocity=grains[:, 1], angular_velocity=grains[:, 2],
+            position=_components([grain.pos for grain in grains]),
+            velocity=_components([grain.vel for grain in grains]),
+            angular_velocity=_components([grain.angVel for grain in grains]),
             cell=np.array(cell.hSize, dtype=float).reshape(3, 3),
             velocity_gradient=np.array(cell.velGrad, dtype=float).reshape(3, 3),
-            contact_grain=pair[order], contact_shift=shift[order],
-            tangential_force=(sign * rows[:, 5:8])[order], rolling_moment=(sign * rows[:, 8:11])[order],
+            contact_grain=pair[order],
+            contact_shift=np.where(swap, -shift, shift)[order],
+            tangential_force=(sign * _components([p.shearForce for p in physics]))[order],
+            rolling_moment=(sign * _components([p.moment_bending for p in physics]))[order],
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
         )  # fmt: skip
+
+
+def _components(vectors):
+    """YADE vectors as an array (n, 3). Indexing them is ten times faster than unpacking or np.array."""
+    return np.array([(v[0], v[1], v[2]) for v in vectors], dtype=float).reshape(-1, 3)
 
 
 def _matrix(values):

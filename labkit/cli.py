@@ -1,0 +1,118 @@
+"""The command line: `labkit specimen`, `run`, `verify`, `info`, `demo`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from pathlib import Path
+
+import labkit
+from labkit import arguments, commands
+from labkit.engines.yade_process import find_yade, run_script
+from labkit.errors import InputError, PhysicsError
+from labkit.files import require_writable
+from labkit.progress import reporter
+
+
+def main(argv=None):
+    """Runs a command; returns 0 done, 1 the physics or a check failed, 2 bad input."""
+    argv = sys.argv[1:] if argv is None else argv
+    try:
+        options = arguments.parse(build_parser(), argv)
+        return options.command(options, argv) or 0
+    except InputError as error:
+        return fail(error, 2)
+    except PhysicsError as error:
+        return fail(error, 1)
+    except OSError as error:
+        return fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1)
+    except KeyboardInterrupt:
+        return fail("interrupted", 130)
+
+
+def fail(message, code):
+    print(f"labkit: {message}", file=sys.stderr)
+    return code
+
+
+def build_parser():
+    parser = arguments.Parser(prog="labkit", description="A virtual laboratory for granular soil.")
+    parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
+    commands_ = parser.add_subparsers(metavar="COMMAND", required=True)
+
+    specimen = commands_.add_parser("specimen", help="make a specimen: a state file")
+    arguments.add_specimen_options(specimen)
+    specimen.set_defaults(command=do_specimen)
+
+    run = commands_.add_parser("run", help="take a specimen along a loading path: a run file")
+    arguments.add_run_options(run)
+    run.set_defaults(command=do_run)
+
+    verify = commands_.add_parser("verify", help="SFF against Love: a table and a figure")
+    verify.add_argument("run", nargs="+", help="run files")
+    verify.add_argument("-o", "--output", help="figure (default: beside the first run file)")
+    verify.add_argument("--rows", type=arguments.positive_int, default=20, help="rows of the table (default: 20)")
+    verify.set_defaults(command=do_verify)
+
+    info = commands_.add_parser("info", help="what is in a state or run file")
+    info.add_argument("file")
+    info.set_defaults(command=do_info)
+
+    demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
+    demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
+    demo.set_defaults(command=do_demo)
+    return parser
+
+
+def do_specimen(options, argv):
+    commands.check_specimen(options)
+    in_yade("specimen.py", argv[1:], options.threads, "specimen")
+
+
+def do_run(options, argv):
+    commands.check_run(options)
+    in_yade("path.py", argv[1:], options.threads, options.path)
+
+
+def in_yade(script, argv, threads, title):
+    find_yade()
+    run_script(script, argv, threads, reporter(title))
+
+
+def do_verify(options, argv):
+    from labkit import plots, verify
+
+    figure = options.output or figure_name(options.run[0])
+    require_writable(figure)
+    runs = {Path(name).name.removesuffix(".run.nc"): labkit.open_run(name) for name in options.run}
+    failed = False
+    for name, run in runs.items():
+        print(f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
+              + ("" if run.attrs["complete"] else ", not complete yet"))  # fmt: skip
+        print(verify.table(run, options.rows))
+        found = verify.findings(run)
+        print(*found, sep="\n")
+        failed = failed or not all(f.holds for f in found if f.decides)
+    plots.save(plots.sff_against_love(runs), figure)
+    print(f"figure: {figure}")
+    return 1 if failed else 0
+
+
+def figure_name(run):
+    return str(Path(run).with_name(Path(run).name.removesuffix(".run.nc") + ".verify.png"))
+
+
+def do_info(options, argv):
+    from labkit.info import describe_file
+
+    print(describe_file(options.file))
+
+
+def do_demo(options, argv):
+    from labkit.demo import demo
+
+    return demo(Path(options.output), lambda words: main(shlex.split(words)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,105 @@
+"""Starts YADE as a child process of `labkit`, shows its progress, and passes on what went wrong."""
+
+from __future__ import annotations
+
+import collections
+import ctypes
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+from labkit.errors import InputError, PhysicsError
+from labkit.progress import PIPE, read_pipe
+
+PACKAGE = Path(__file__).resolve().parents[1]
+NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC info", "Running script")
+
+
+def find_yade():
+    """Path of the yade program. Raises InputError with the way to get it."""
+    found = shutil.which("yade")
+    if not found:
+        raise InputError(
+            "YADE is not installed: on Debian or Ubuntu `./lab` or `sudo apt-get install yade python3-netcdf4` "
+            "brings it; elsewhere see https://yade-dem.org/doc/installation.html"
+        )
+    return found
+
+
+def find_script(name):
+    """Path of a script of yade_scripts: beside the package in a checkout, inside it when installed."""
+    for folder in (PACKAGE.parent / "yade_scripts", PACKAGE / "yade_scripts"):
+        if (folder / name).is_file():
+            return folder / name
+    raise InputError(f"yade_scripts/{name} is missing from this installation: install labkit again")
+
+
+def run_script(name, arguments, threads, progress):
+    """Runs a script in YADE. Raises InputError or PhysicsError with the message of the child."""
+    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(name)), *arguments]
+    environment = {
+        **os.environ,
+        PIPE: "1",
+        "LABKIT_ROOT": str(PACKAGE.parent),
+        "GLIBC_TUNABLES": os.environ.get("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1"),
+    }
+    for name in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):  # YADE is at home in the system's Python
+        environment.pop(name, None)
+    child = subprocess.Popen(
+        command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, errors="replace", preexec_fn=_die_with_parent,
+    )  # fmt: skip
+    errors = collections.deque(maxlen=20)
+    reader = threading.Thread(target=lambda: errors.extend(child.stderr), daemon=True)
+    reader.start()
+    with _forwarded_signals(child):
+        for line in child.stdout:
+            step = read_pipe(line)
+            if step:
+                progress(*step)
+            elif line.strip() and not line.startswith(NOISE):
+                print(line, end="")
+        code = child.wait()
+    reader.join()
+    if code:
+        _raise(code, errors)
+
+
+def _raise(code, errors):
+    said = [line[len("labkit: ") :].strip() for line in errors if line.startswith("labkit: ")]
+    if code == 2 and said:
+        raise InputError(said[-1])
+    if said:
+        raise PhysicsError(said[-1])
+    sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))
+    raise PhysicsError(f"YADE ended with exit status {code}")
+
+
+def _die_with_parent():
+    """On Linux the child is killed with its parent, so that no orphan goes on writing the run file."""
+    try:
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    except (OSError, AttributeError):
+        pass
+
+
+class _forwarded_signals:
+    """While it lasts, SIGINT and SIGTERM go to the child, which decides what to do."""
+
+    def __init__(self, child):
+        self.child = child
+
+    def __enter__(self):
+        if threading.current_thread() is not threading.main_thread():
+            self.before = {}
+            return
+        forward = lambda number, frame: self.child.send_signal(number)  # noqa: E731
+        self.before = {number: signal.signal(number, forward) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def __exit__(self, *exception):
+        for number, handler in self.before.items():
+            signal.signal(number, handler)

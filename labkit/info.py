@@ -1,0 +1,50 @@
+"""What is in a state or run file, in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import netCDF4
+
+from labkit.errors import InputError
+from labkit.files import open_netcdf
+from labkit.schema import RECORD, STATE
+from labkit.specimen import summary
+from labkit.state import read_state
+
+
+def describe_file(path):
+    """A few lines on a labkit file. Raises InputError for another file."""
+    kind = file_kind(path)
+    lines = [f"{path}: labkit {kind} file"]
+    with open_netcdf(path, kind) as dataset:
+        attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
+        known = RECORD if kind == "run" else STATE
+        extra = sorted(set(dataset.variables) - set(known))
+        sizes = {name: len(d) for g in (dataset, *dataset.groups.values()) for name, d in g.dimensions.items()}
+        groups = ", ".join(dataset.groups)
+    for name, value in attributes.items():
+        lines.append(f"  {name:<18} {value}")
+    lines.append("  sizes              " + ", ".join(f"{name} {size}" for name, size in sizes.items()))
+    if groups:
+        lines.append(f"  groups             {groups}")
+    if extra:
+        lines.append("  other variables    " + ", ".join(extra))
+    if kind == "state":
+        for name, (value, unit) in summary(read_state(path)).items():
+            lines.append(f"  {name:<24} {value:.6g} {unit}".rstrip())
+    return "\n".join(lines)
+
+
+def file_kind(path):
+    """`state` or `run`. Raises InputError for anything else."""
+    if not Path(path).is_file():
+        raise InputError(f"{path} does not exist: give a labkit state or run file")
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            kind = getattr(dataset, "labkit_file", None)
+    except OSError:
+        kind = None
+    if kind not in ("state", "run"):
+        raise InputError(f"{path} is not a labkit file: give a state or run file")
+    return kind

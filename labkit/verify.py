@@ -1,0 +1,116 @@
+"""SFF against Love for a run: a table, checks, limits and a figure."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.micro.stress import relative_error
+from labkit.micro.void_ratio import grain_volume
+from labkit.specimen import mean_grain_volume
+
+SFF_TOLERANCE = 0.02  # of Love, Frobenius norm
+SFF_PRESSURE = 50e3  # Pa: below it C0 is not judged
+RECOMPUTED_TOLERANCE = 1e-9
+VOLUME_TOLERANCE = 1e-10
+
+# Section 2: where the tests are quasi-static and the contacts small.
+PRESSURE_LIMIT = 3e6  # Pa
+OVERLAP_LIMIT = 0.02  # mean delta/D
+INERTIAL_LIMIT = 3e-4
+GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
+DRIFT_LIMIT = 0.01  # share of the kinetic energy that is motion of the whole
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """One line of the report; `decides` tells a check, which fails a verification, from a limit."""
+
+    name: str
+    value: float
+    limit: str
+    holds: bool
+    decides: bool
+
+    def __str__(self):
+        verdict = "ok" if self.holds else ("FAILED" if self.decides else "outside")
+        return f"{self.name:<52} {self.value:>11.4g}   {self.limit:<22} {verdict}"
+
+
+def findings(run):
+    """The checks and limits of a run opened with labkit.open_run, a list of Finding."""
+    return [*_checks(run), *_limits(run)]
+
+
+def _checks(run):
+    judged = run.lab.mean_stress().values > SFF_PRESSURE
+    error = run.lab.sff_error().values
+    worst = float(error[judged].max()) if judged.any() else np.nan
+    recomputed = max(
+        _largest(relative_error(run.lab.love_stress().values, run.lab.at_snapshots("stress").values)),
+        _largest(relative_error(run.lab.sff_stress().values, run.lab.at_snapshots("stress_sff").values)),
+    )
+    yield Finding(
+        f"C0 against Love, worst of {judged.sum()} records, p > 50 kPa", worst, f"< {SFF_TOLERANCE}",
+        not judged.any() or worst < SFF_TOLERANCE, True,
+    )  # fmt: skip
+    yield Finding(
+        f"stored stress against its contacts, {run.sizes['snapshot']} snapshots", recomputed,
+        f"< {RECOMPUTED_TOLERANCE:g}", recomputed < RECOMPUTED_TOLERANCE, True,
+    )  # fmt: skip
+    if run.attrs["path"] == "cv":
+        volume = run["volume"].values
+        drift = float(np.abs(volume / volume[0] - 1.0).max())
+        yield Finding("drift of the constant volume", drift, f"< {VOLUME_TOLERANCE:g}", drift < VOLUME_TOLERANCE, True)
+
+
+def _limits(run):
+    scene = run.lab.scene
+    radius = run["radius"].values
+    most = {
+        "highest mean stress p, Pa": (run.lab.mean_stress().values, PRESSURE_LIMIT),
+        "largest mean overlap, delta/D": (run["overlap_ratio"].values, OVERLAP_LIMIT),
+        "largest inertial number": (run["inertial_number"].values, INERTIAL_LIMIT),
+        "momentum: share of drift in the kinetic energy": (drift_share(run), DRIFT_LIMIT),
+    }
+    for name, (values, limit) in most.items():
+        value = _largest(values)
+        yield Finding(name, value, f"< {limit:g}", value < limit, False)
+    low, high = GRAINS_LIMIT
+    expected = grain_volume(radius) / mean_grain_volume(scene)
+    cube = len(radius) * 64e-9 / float(run["volume"][0])
+    yield Finding(f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False)
+    yield Finding(
+        "grains over what the mean grain makes of the solid", len(radius) / expected, "0.97 to 1.03",
+        abs(len(radius) / expected - 1.0) < 0.03, False,
+    )  # fmt: skip
+
+
+def drift_share(run):
+    """Energy of the moving centre of mass over the kinetic energy at each record; 0 where nothing moves."""
+    mass = run.lab.scene.mass(run["radius"].values).sum()
+    drift = 0.5 * mass * (run["drift_velocity"].values ** 2).sum(axis=1)
+    kinetic = run["kinetic_energy"].values
+    return np.divide(drift, kinetic, out=np.zeros_like(drift), where=kinetic > 0.0)
+
+
+def _largest(values):
+    values = np.asarray(values)[np.isfinite(values)]
+    return float(values.max()) if values.size else 0.0
+
+
+def table(run, rows=20):
+    """The table of a run as text: about so many records, the first and the last among them."""
+    header = f"{'strain':>8} {'p':>9} {'q':>9} {'Z':>7} {'Lambda':>9} {'A_zz':>7} {'F_zz':>7} {'Ft_zz':>7} {'C0 error':>9}"
+    units = f"{'%':>8} {'MPa':>9} {'MPa':>9} {'':>7} {'':>9} {'':>7} {'':>7} {'':>7} {'%':>9}"
+    p, q, error = run.lab.mean_stress().values, run.lab.deviatoric_stress().values, run.lab.sff_error().values
+    zz = {"i": 2, "j": 2}
+    columns = (
+        run["axial_strain"].values * 100, p / 1e6, q / 1e6, run["coordination_number"].values,
+        run["mean_normalised_force"].values, run["contact_anisotropy"].isel(zz).values,
+        run["normal_force_anisotropy"].isel(zz).values, run["mobilisation"].isel(zz).values, error * 100,
+    )  # fmt: skip
+    style = "{:8.3f} {:9.4f} {:9.4f} {:7.3f} {:9.6f} {:7.3f} {:7.3f} {:7.4f} {:9.3f}"
+    shown = np.unique(np.linspace(0, len(p) - 1, min(rows, len(p))).round().astype(int))
+    return "\n".join([header, units, *(style.format(*(column[k] for column in columns)) for k in shown)])
