@@ -1,0 +1,55 @@
+"""Real YADE, real files: a small specimen and a small run are made once and shared by the tests."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def run_labkit(*words, cwd=None, environment=None):
+    """`labkit words` as a user runs it; the finished process with its output as text."""
+    return subprocess.run(
+        [sys.executable, "-m", "labkit.cli", *map(str, words)], cwd=cwd, env=environment,
+        capture_output=True, text=True, timeout=600,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def labkit_command():
+    return run_labkit
+
+
+@pytest.fixture(scope="session")
+def in_yade(tmp_path_factory):
+    """Runs a script of tests/engines/in_yade inside YADE and returns the JSON that it writes."""
+
+    def run(script, *words):
+        output = tmp_path_factory.mktemp("in_yade") / "result.json"
+        command = ["yade", "-n", "-x", ROOT / "tests/engines/in_yade" / script, ROOT, output, *words]
+        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return json.loads(output.read_text())
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def specimen_file(tmp_path_factory):
+    """A specimen of about 500 grains at e = 0.67."""
+    path = tmp_path_factory.mktemp("specimen") / "small.state.nc"
+    done = run_labkit("specimen", "--void-ratio", 0.67, "--grains", 500, "--seed", 3, "-o", path)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.fixture(scope="session")
+def run_file(tmp_path_factory, specimen_file):
+    """A CV test of the small specimen to 2 % axial strain."""
+    path = tmp_path_factory.mktemp("run") / "small.run.nc"
+    done = run_labkit("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", path)
+    assert done.returncode == 0, done.stderr
+    return path

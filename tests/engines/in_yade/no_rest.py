@@ -1,0 +1,18 @@
+"""A specimen that gets 500 steps to come to rest, which is too few."""
+
+import os
+import sys
+
+sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
+import common  # noqa: E402
+
+from labkit.engines.yade import YadeEngine  # noqa: E402
+from labkit.errors import PhysicsError  # noqa: E402
+from labkit.scene import Scene  # noqa: E402
+from labkit.specimen import Equilibrium, Recipe, insert_grains, settle  # noqa: E402
+
+inserted = insert_grains(Scene(), Recipe(0.67, side=1.2e-3)).replace(time_step=1e-8)
+try:
+    settle(YadeEngine(inserted), Equilibrium(1e-4, 1e-5, 250, 500), lambda fraction, text: None)
+except PhysicsError as error:
+    common.write({"message": str(error)})

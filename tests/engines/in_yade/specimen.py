@@ -1,0 +1,75 @@
+"""A relaxed specimen on YADE: stress against getStress, and a run through a state file against one without."""
+
+import os
+import sys
+import time
+
+sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
+import common  # noqa: E402
+import numpy as np  # noqa: E402
+from yade import utils  # noqa: E402
+
+from labkit.engines.yade import YadeEngine  # noqa: E402
+from labkit.micro.contacts import contacts_of  # noqa: E402
+from labkit.micro.stress import love_stress  # noqa: E402
+from labkit.paths import velocity_gradient  # noqa: E402
+from labkit.state import STATE, read_state, write_state  # noqa: E402
+
+specimen = read_state(common.words[0])
+gradient = velocity_gradient([-5.0, -5.0, 10.0], specimen.time_step)
+machine = YadeEngine(specimen)
+machine.advance(2000, gradient)
+half = machine.state()
+ours = love_stress(contacts_of(half), half.radius, half.volume)
+result = {"love": ours.tolist(), "get_stress": np.array(utils.getStress()).reshape(3, 3).tolist()}
+result["engine_stress"] = machine.stress().tolist()
+result["kinetic_energy_yade"] = float(utils.kineticEnergy())
+
+
+def difference(a, b):
+    """Largest difference of each array, over its largest value."""
+    if len(a.contact_grain) != len(b.contact_grain):
+        return {"contacts": float("inf")}
+    return {
+        name: float(np.abs(getattr(a, name) - getattr(b, name)).max() / max(np.abs(getattr(a, name)).max(), 1e-300))
+        for name in STATE
+    }
+
+
+def go_on(machine):
+    machine.advance(100, gradient)
+    return machine.state()
+
+
+# as if nothing had happened: without a break, and through a file
+without = go_on(machine)
+path = common.output + ".state.nc"
+write_state(path, half)
+through = go_on(YadeEngine(read_state(path)))
+result["through_file"] = difference(without, through)
+
+# a checkpoint in the run: exactly the run that is resumed from it
+machine = YadeEngine(specimen)
+machine.advance(500, gradient)
+checkpoint = machine.reload()
+result["checkpoint"] = difference(go_on(machine), go_on(YadeEngine(checkpoint)))
+result["repeated"] = difference(go_on(YadeEngine(specimen)), go_on(YadeEngine(specimen)))
+
+# no hidden mass scaling
+result["density"] = float(O.bodies[0].state.mass / (4 / 3 * np.pi * O.bodies[0].shape.radius ** 3))  # noqa: F821
+result["time_step"] = float(O.dt)  # noqa: F821
+result["density_scaling"] = sorted({float(b.state.densityScaling) for b in O.bodies if b})  # noqa: F821
+
+# cost of reading the contacts, in steps
+machine = YadeEngine(specimen)
+machine.advance(200, gradient)
+begin = time.perf_counter()
+machine.advance(500, gradient)
+per_step = (time.perf_counter() - begin) / 500
+reading = []
+for _ in range(7):
+    begin = time.perf_counter()
+    contacts_of(machine.state())
+    reading.append(time.perf_counter() - begin)
+result["reading_in_steps"] = float(np.median(reading) / per_step)
+common.write(result)

@@ -1,0 +1,102 @@
+"""The YADE engine against formulas and against YADE itself. Everything here runs in real YADE."""
+
+import numpy as np
+import pytest
+
+from labkit.scene import Scene
+
+
+@pytest.fixture(scope="module", params=[(85e-6, 85e-6), (102e-6, 68e-6), (68e-6, 102e-6)], ids=["equal", "1.5", "1/1.5"])
+def two_grains(request, in_yade):
+    return np.array(request.param), in_yade("two_grains.py", *request.param)
+
+
+def test_normal_stiffness_is_the_papers(two_grains):
+    radius, found = two_grains
+    D_star = 2 * radius.prod() / radius.sum()
+    assert np.isclose(found["kn_delta"] / (0.01 * radius.sum()), np.pi / 2 * 0.15e9 * D_star, rtol=1e-12)
+    assert np.isclose(found["normal_force"], found["kn_delta"], rtol=1e-9)
+    assert np.isclose(found["normal_force_of_state"], found["normal_force"], rtol=1e-12)
+
+
+def test_tangential_stiffness_is_the_papers_but_for_the_ratcheting_factor(two_grains):
+    """YADE multiplies the relative velocity by 1/(1 - delta/(Ra + Rb)), 1 % here: a deviation from Eq. 2."""
+    _, found = two_grains
+    assert np.isclose(found["kt"] / found["kt_formula"], found["ratcheting_factor"], rtol=1e-6)
+
+
+def test_the_second_grain_drags_the_first_along(two_grains):
+    assert two_grains[1]["drag_direction"] > 0.5
+
+
+def test_sliding_at_mu_fn(two_grains):
+    assert np.isclose(two_grains[1]["sliding"], 0.4, rtol=1e-9)
+
+
+def test_rolling_stiffness_deviates_from_the_paper_as_stated(two_grains):
+    radius, found = two_grains
+    kt = np.pi / 4 * 0.15e9 * 2 * radius.prod() / radius.sum()
+    paper = kt * (radius.prod() / radius.sum()) ** 2
+    deviation = found["kr"] / paper - 1
+    assert np.isclose(deviation, radius.sum() ** 2 / (4 * radius.prod()) - 1, atol=1e-6)
+    assert np.isclose(deviation, 0.0 if radius[0] == radius[1] else 0.0417, atol=1e-4)
+    assert found["tangential_while_rolling"] < 1e-6 * found["kr"]
+    assert abs(found["rolling_direction"]) > 1 - 1e-6
+
+
+def test_rolling_limit_deviates_from_the_paper_as_stated(two_grains):
+    radius, found = two_grains
+    paper = 0.1 * radius.prod() / radius.sum()
+    deviation = found["rolling_limit"] / paper - 1
+    assert np.isclose(found["rolling_limit"], 0.05 * radius.min(), rtol=1e-6)
+    assert np.isclose(deviation, 0.0 if radius[0] == radius[1] else -1 / 6, atol=1e-6)
+
+
+def test_the_scale_that_makes_the_mean_rolling_limit_right():
+    """1.064 for +-20 %: the mean of mu_r r* over that of mu_r min(R)/2 over random pairs."""
+    rng = np.random.default_rng(0)
+    a, b = rng.uniform(0.8, 1.2, (2, 400_000))
+    scale = np.mean(a * b / (a + b)) / np.mean(np.minimum(a, b) / 2)
+    assert np.isclose(scale, 1.064, atol=0.001)
+    assert "1.064" in Scene.__doc__
+
+
+def test_no_twist_and_no_tension(two_grains):
+    found = two_grains[1]
+    assert found["twist_moment"] < 1e-20  # N m; rolling stops at some 1e-7
+    assert found["contacts_apart"] == 0
+    assert found["force_apart"] == 0.0
+
+
+@pytest.fixture(scope="module")
+def specimen(in_yade, specimen_file):
+    return in_yade("specimen.py", specimen_file)
+
+
+def test_love_is_yades_own_stress_for_the_whole_tensor(specimen):
+    love, yade = np.array(specimen["love"]), -np.array(specimen["get_stress"]).T
+    assert np.abs(love - yade).max() < 1e-9 * np.abs(yade).max()
+    assert np.abs(love - love.T).max() > 1e-7 * np.abs(love).max()  # so that the transposition is seen
+    np.testing.assert_allclose(specimen["engine_stress"], yade, rtol=1e-12)
+
+
+def test_a_state_written_and_read_goes_on_as_if_nothing_had_happened(specimen):
+    """After 100 steps: rounding, which the order of YADE's lists decides, and no more."""
+    assert max(specimen["through_file"].values()) < 1e-9
+
+
+def test_a_run_is_bit_for_bit_the_one_resumed_from_its_checkpoint(specimen):
+    assert set(specimen["checkpoint"].values()) == {0.0}
+    assert set(specimen["repeated"].values()) == {0.0}
+
+
+def test_density_and_time_step_are_real_ones(specimen):
+    assert np.isclose(specimen["density"], 2650.0, rtol=1e-12)
+    assert specimen["time_step"] == Scene().time_step
+    assert specimen["density_scaling"] in ([1.0], [-1.0])  # -1: never touched
+
+
+def test_reading_the_contacts_costs_less_than_a_twentieth_of_the_run(specimen):
+    """A record comes every 857 steps by default; this counts steps, not seconds."""
+    steps_per_record = 1e-3 / (10.0 * specimen["time_step"])
+    assert specimen["reading_in_steps"] < 0.05 * steps_per_record

@@ -1,0 +1,95 @@
+"""Bad input: exit code 2, one clear line, nothing left behind."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.fixture
+def folder(tmp_path, specimen_file, run_file):
+    """A folder with a good state, a good run and a text file named .nc."""
+    shutil.copy(specimen_file, tmp_path / "s.state.nc")
+    shutil.copy(run_file, tmp_path / "r.run.nc")
+    (tmp_path / "text.nc").write_text("not a netCDF file\n")
+    return tmp_path
+
+
+SPECIMEN = "specimen --grains 200 -o new.state.nc --void-ratio"
+BAD = {
+    "missing file": ("verify nowhere.run.nc", "nowhere.run.nc"),
+    "missing specimen": ("run cv nowhere.state.nc -o new.run.nc", "nowhere.state.nc"),
+    "text named nc": ("verify text.nc", "text.nc"),
+    "text as specimen": ("run cv text.nc -o new.run.nc", "text.nc"),
+    "text as output": ("run cv s.state.nc -o text.nc", "text.nc"),
+    "state as run": ("verify s.state.nc", "state file"),
+    "run as state": ("run cv r.run.nc -o new.run.nc", "run file"),
+    "state as output run": ("run cv s.state.nc -o s.state.nc", "state file"),
+    "info on text": ("info text.nc", "text.nc"),
+    "void ratio 0": (f"{SPECIMEN} 0", "void-ratio 0"),
+    "void ratio 5": (f"{SPECIMEN} 5", "void-ratio 5"),
+    "void ratio abc": (f"{SPECIMEN} abc", "abc"),
+    "void ratio nan": (f"{SPECIMEN} nan", "nan"),
+    "void ratio missing": ("specimen --grains 200 -o new.state.nc", "--void-ratio"),
+    "negative friction": (f"{SPECIMEN} 0.67 --step1-friction -0.2", "step1-friction -0.2"),
+    "no grains": ("specimen --void-ratio 0.67 --grains 0 -o new.state.nc", "grains"),
+    "side": ("specimen --void-ratio 0.67 --side -1 -o new.state.nc", "side"),
+    "a million kilometres": ("specimen --void-ratio 0.67 --side 1e9 -o new.state.nc", "side"),
+    "unknown path": ("run cx s.state.nc -o new.run.nc", "cx"),
+    "unknown engine": ("run cv s.state.nc --engine warp -o new.run.nc", "warp"),
+    "negative strain": ("run cv s.state.nc --strain -0.1 -o new.run.nc", "strain -0.1"),
+    "no output": ("run cv s.state.nc", "--output"),
+    "zero threads": ("run cv s.state.nc --threads 0 -o new.run.nc", "threads"),
+    "folder that is missing": ("run cv s.state.nc -o no/such/new.run.nc", "no/such"),
+    "folder as output": ("run cv s.state.nc -o .", "directory"),
+    "folder that cannot be written": ("run cv s.state.nc -o /proc/new.run.nc", "/proc"),
+    "specimen that cannot be written": ("specimen --void-ratio 0.67 --grains 200 -o /proc/s.state.nc", "/proc"),
+    "unknown command": ("dance", "dance"),
+    "no command": ("", "COMMAND"),
+    "unknown option": ("verify r.run.nc --loud", "--loud"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input(name, folder, labkit_command):
+    words, said = BAD[name]
+    before = sorted(folder.iterdir())
+    done = labkit_command(*words.split(), cwd=folder)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1 and said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("setpriv"), reason="needs root to become nobody")
+def test_a_directory_that_an_ordinary_user_cannot_write(folder):
+    from labkit.errors import InputError  # noqa: F401  (loaded before the rights are given up)
+
+    code = "import sys; from labkit.files import require_writable; require_writable(sys.argv[1])"
+    done = subprocess.run(
+        ["setpriv", "--reuid=65534", "--clear-groups", "/usr/bin/python3", "-c", code, "/usr/new.run.nc"],
+        capture_output=True, text=True, env={"PYTHONPATH": os.getcwd(), "PYTHONDONTWRITEBYTECODE": "1"},
+    )  # fmt: skip
+    assert "InputError" in done.stderr and "not writable" in done.stderr
+
+
+def test_without_yade_the_way_to_get_it_is_told(folder, labkit_command):
+    environment = {**os.environ, "PATH": str(folder)}
+    done = labkit_command("run", "cv", "s.state.nc", "-o", "new.run.nc", cwd=folder, environment=environment)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+    assert "YADE is not installed" in done.stderr and "apt-get install yade" in done.stderr
+    assert not (folder / "new.run.nc").exists()
+
+
+def test_info_tells_what_is_in_a_file(folder, labkit_command):
+    done = labkit_command("info", "r.run.nc", cwd=folder)
+    assert done.returncode == 0 and "cv" in done.stdout and "grain" in done.stdout
+    done = labkit_command("info", "s.state.nc", cwd=folder)
+    assert done.returncode == 0 and "void ratio" in done.stdout
+
+
+def test_the_command_is_installed():
+    done = subprocess.run([sys.executable, "-m", "labkit.cli", "--version"], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.startswith("labkit ")
