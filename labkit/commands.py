@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
+from labkit.arguments import require
 from labkit.errors import InputError
 from labkit.files import require_writable
 from labkit.paths import make_path
 from labkit.scene import Scene
 from labkit.simulation import run
 from labkit.specimen import Recipe, insert_grains, make_specimen, side_for, summary
-from labkit.arguments import require
 from labkit.state import read_state, write_state
 
 

@@ -1,7 +1,6 @@
 """What YADE's interpreter imports needs numpy and netCDF4 alone."""
 
 import subprocess
-
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -47,8 +47,8 @@ def run_script(name, arguments, threads, progress):
         "LABKIT_ROOT": str(PACKAGE.parent),
         "GLIBC_TUNABLES": os.environ.get("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1"),
     }
-    for name in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):  # YADE is at home in the system's Python
-        environment.pop(name, None)
+    for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):  # YADE is at home in the system's Python
+        environment.pop(unwanted, None)
     child = subprocess.Popen(
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, errors="replace", preexec_fn=_die_with_parent,
