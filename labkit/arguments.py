@@ -8,6 +8,7 @@ import sys
 from labkit.engines import ENGINES
 from labkit.errors import InputError
 from labkit.paths import PATHS
+from labkit.simulation import RECORD_STRAIN, SNAPSHOTS
 
 
 class Parser(argparse.ArgumentParser):
@@ -40,8 +41,10 @@ def add_run_options(parser):
     parser.add_argument("specimen", nargs="?", help="state file to start from")
     parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4)")
     parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10)")
-    parser.add_argument("--record-strain", type=float, default=1e-3, help="strain between records (default: 1e-3)")
-    parser.add_argument("--snapshots", type=int, default=20, help="records kept with all contacts (default: 20)")
+    parser.add_argument(
+        "--record-strain", type=float, default=RECORD_STRAIN, help="strain between records (default: 1e-3)"
+    )
+    parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts (default: 20)")
     add_engine_options(parser)
     parser.add_argument("-o", "--output", help="run file to write or to go on with, e.g. r.run.nc")
 

@@ -1,4 +1,4 @@
-"""The command line: `labkit specimen`, `run`, `verify`, `info`, `demo`."""
+"""The command line: `labkit specimen`, `run`, `verify`, `info`, `bench`, `demo`."""
 
 from __future__ import annotations
 
@@ -58,6 +58,12 @@ def build_parser():
     info.add_argument("file")
     info.set_defaults(command=do_info)
 
+    bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script against labkit")
+    bench.add_argument("specimen", help="state file")
+    bench.add_argument("--steps", type=arguments.positive_int, default=500, help="steps of one measurement")
+    bench.add_argument("--rounds", type=arguments.positive_int, default=5, help="measurements of each, in turn")
+    bench.set_defaults(command=do_bench)
+
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
     demo.set_defaults(command=do_demo)
@@ -106,6 +112,16 @@ def do_info(options, argv):
     from labkit.info import describe_file
 
     print(describe_file(options.file))
+
+
+def do_bench(options, argv):
+    from labkit.bench import bench, table
+    from labkit.paths import ConstantVolume
+    from labkit.state import read_state
+
+    state = read_state(options.specimen)
+    found = bench(options.specimen, options.steps, options.rounds, reporter("bench"))
+    print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
 
 
 def do_demo(options, argv):

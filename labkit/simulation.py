@@ -16,6 +16,8 @@ from labkit.paths import velocity_gradient
 from labkit.recorder import Recorder
 from labkit.timestep import critical_time_step
 
+RECORD_STRAIN = 1e-3  # between two records
+SNAPSHOTS = 20
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
 
 
@@ -52,7 +54,7 @@ class Schedule:
         return record % self.records_per_save == 0 or step == self.steps
 
 
-def run(specimen, path, file, engine="yade", threads=1, record_strain=1e-3, snapshots=20,
+def run(specimen, path, file, engine="yade", threads=1, record_strain=RECORD_STRAIN, snapshots=SNAPSHOTS,
         progress=lambda fraction, text: None):  # fmt: skip
     """Takes a specimen along a path and records it in a run file; goes on with a file that is unfinished.
 

@@ -80,7 +80,9 @@ def _limits(run):
     low, high = GRAINS_LIMIT
     expected = grain_volume(radius) / mean_grain_volume(scene)
     cube = len(radius) * 64e-9 / float(run["volume"][0])
-    yield Finding(f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False)
+    yield Finding(
+        f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False
+    )
     yield Finding(
         "grains over what the mean grain makes of the solid", len(radius) / expected, "0.97 to 1.03",
         abs(len(radius) / expected - 1.0) < 0.03, False,
@@ -102,8 +104,9 @@ def _largest(values):
 
 def table(run, rows=20):
     """The table of a run as text: about so many records, the first and the last among them."""
-    header = f"{'strain':>8} {'p':>9} {'q':>9} {'Z':>7} {'Lambda':>9} {'A_zz':>7} {'F_zz':>7} {'Ft_zz':>7} {'C0 error':>9}"
-    units = f"{'%':>8} {'MPa':>9} {'MPa':>9} {'':>7} {'':>9} {'':>7} {'':>7} {'':>7} {'%':>9}"
+    heading = "{:>8} {:>9} {:>9} {:>7} {:>9} {:>7} {:>7} {:>7} {:>9}"
+    header = heading.format("strain", "p", "q", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz", "C0 error")
+    units = heading.format("%", "MPa", "MPa", "", "", "", "", "", "%")
     p, q, error = run.lab.mean_stress().values, run.lab.deviatoric_stress().values, run.lab.sff_error().values
     zz = {"i": 2, "j": 2}
     columns = (

@@ -5,8 +5,10 @@ import pytest
 
 from labkit.scene import Scene
 
+PAIRS = {"equal": (85e-6, 85e-6), "1.5": (102e-6, 68e-6), "1/1.5": (68e-6, 102e-6)}
 
-@pytest.fixture(scope="module", params=[(85e-6, 85e-6), (102e-6, 68e-6), (68e-6, 102e-6)], ids=["equal", "1.5", "1/1.5"])
+
+@pytest.fixture(scope="module", params=PAIRS.values(), ids=PAIRS)
 def two_grains(request, in_yade):
     return np.array(request.param), in_yade("two_grains.py", *request.param)
 

@@ -1,0 +1,55 @@
+"""Speed on one scene, measured in turn: ratios of one run are compared, not times of different ones."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+
+from labkit.engines.yade_process import find_script, find_yade, yade_environment
+from labkit.errors import PhysicsError
+from labkit.simulation import RECORD_STRAIN
+
+VARIANTS = {
+    "stock script, 1 thread": ("stock.py", 1, None),
+    "labkit on YADE, 1 thread": ("speed.py", 1, "jemalloc"),
+    "the same without jemalloc": ("speed.py", 1, None),
+    "labkit on YADE, 2 threads": ("speed.py", 2, "jemalloc"),
+}
+
+
+def bench(specimen, steps, rounds, progress):
+    """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
+    found = {name: [] for name in VARIANTS}
+    for turn in range(rounds):
+        for number, (name, (script, threads, allocator)) in enumerate(VARIANTS.items()):
+            progress((turn * len(VARIANTS) + number) / (rounds * len(VARIANTS)), name)
+            found[name].append(_run(script, threads, yade_environment(allocator), specimen, steps))
+    progress(1.0, "done")
+    return found
+
+
+def _run(script, threads, environment, specimen, steps):
+    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), os.path.abspath(specimen), str(steps)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    words = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
+    if done.returncode or not words:
+        raise PhysicsError(f"{script} ended with exit status {done.returncode}: {done.stderr.strip()[-300:]}")
+    return {name: float(value) for name, value in words}
+
+
+def table(found, grains, time_step, rate):
+    """Medians, ratios to the first variant (median and range of the ratio in each round), cost of a record."""
+    base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
+    between = RECORD_STRAIN / (rate * time_step)
+    lines = [f"{'':<30} {'steps/s':>9} {'grain-steps/s':>14} {'ratio':>7} {'range':>13} {'records, % of run':>18}"]
+    for name, turns in found.items():
+        speed = [turn["steps_per_second"] for turn in turns]
+        ratio = [a / b for a, b in zip(speed, base)]
+        record = [turn["steps_per_record"] / between for turn in turns if "steps_per_record" in turn]
+        median = statistics.median(speed)
+        lines.append(
+            f"{name:<30} {median:9.1f} {median * grains:14.3g} {statistics.median(ratio):7.2f} "
+            f"{min(ratio):6.2f}-{max(ratio):<6.2f} " + (f"{100 * statistics.median(record):18.2f}" if record else "")
+        )
+    return "\n".join(lines)
