@@ -10,7 +10,7 @@ import labkit
 from labkit import arguments, commands
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, PhysicsError
-from labkit.files import require_writable
+from labkit.files import require_writable, whole_file
 from labkit.progress import reporter
 
 
@@ -52,6 +52,7 @@ def build_parser():
     verify.add_argument("run", nargs="+", help="run files")
     verify.add_argument("-o", "--output", help="figure (default: beside the first run file)")
     verify.add_argument("--rows", type=arguments.positive_int, default=20, help="rows of the table (default: 20)")
+    verify.add_argument("--csv", help="file for the checks and limits as CSV")
     verify.set_defaults(command=do_verify)
 
     info = commands_.add_parser("info", help="what is in a state or run file")
@@ -90,18 +91,21 @@ def do_verify(options, argv):
 
     figure = options.output or figure_name(options.run[0])
     require_writable(figure)
+    if options.csv:
+        require_writable(options.csv)
     runs = {Path(name).name.removesuffix(".run.nc"): labkit.open_run(name) for name in options.run}
-    failed = False
+    found = {name: verify.findings(run) for name, run in runs.items()}
     for name, run in runs.items():
         print(f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
               + ("" if run.attrs["complete"] else ", not complete yet"))  # fmt: skip
         print(verify.table(run, options.rows))
-        found = verify.findings(run)
-        print(*found, sep="\n")
-        failed = failed or not all(f.holds for f in found if f.decides)
+        print(*found[name], sep="\n")
     plots.save(plots.sff_against_love(runs), figure)
     print(f"figure: {figure}")
-    return 1 if failed else 0
+    if options.csv:
+        with whole_file(options.csv) as temporary:
+            temporary.write_text(verify.findings_csv(found))
+    return 0 if all(f.holds for lines in found.values() for f in lines if f.decides) else 1
 
 
 def figure_name(run):

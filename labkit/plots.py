@@ -9,34 +9,41 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+from matplotlib.lines import Line2D  # noqa: E402
 
 from labkit.files import whole_file  # noqa: E402
 
-WIDTH = 9.0  # inches
-BLUE, RED = "#1f5fa8", "#b5382c"
+WIDTH = 10.0  # inches
+STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
 
 def sff_against_love(runs):
     """q and p against axial strain, and q against p, of runs opened with labkit.open_run; a Figure.
 
-    `runs`: label -> run.
+    `runs`: label -> run. A colour is a run, solid is Love, dashed is C0.
     """
-    figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 3.9), layout="constrained")
-    for index, (label, run) in enumerate(runs.items()):
+    figure, panels = plt.subplots(1, 3, figsize=(WIDTH, 3.6 + 0.22 * (len(runs) // 4)), layout="constrained")
+    for color, (label, run) in zip(_colors(len(runs)), runs.items()):
         strain = run["axial_strain"].values * 100
-        alpha = 1.0 - 0.6 * index / max(1, len(runs))
-        for name, style in (("stress", "-"), ("stress_sff", "--")):
+        for name, style in STYLES.values():
             p, q = run.lab.mean_stress(name).values / 1e6, run.lab.deviatoric_stress(name).values / 1e6
-            who = ("Love" if style == "-" else "C0") + (f", {label}" if len(runs) > 1 else "")
-            left.plot(strain, q, style, color=BLUE, alpha=alpha, label=f"q, {who}")
-            left.plot(strain, p, style, color=RED, alpha=alpha, label=f"p, {who}")
-            right.plot(p, q, style, color="black", alpha=alpha, label=who)
-    left.set(xlabel="axial strain (%)", ylabel="stress (MPa)", xlim=(0, None), ylim=(0, None))
-    right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None), ylim=(0, None))
-    for axes in (left, right):
-        axes.legend(frameon=False, fontsize=8)
+            for axes, x, y in zip(panels, (strain, strain, p), (q, p, q)):
+                axes.plot(x, y, style, color=color, label=label if style == "-" else None)
+    for axes in panels:
+        axes.set(xlabel="axial strain (%)", xlim=(0, None), ylim=(min(0, axes.get_ylim()[0]), None))
         axes.grid(alpha=0.25)
+    panels[0].set(ylabel="deviatoric stress q (MPa)")
+    panels[1].set(ylabel="mean stress p (MPa)")
+    panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in STYLES.items()]
+    runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
+    figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=5, frameon=False, fontsize=8)
     return figure
+
+
+def _colors(number):
+    return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 
 
 def save(figure, path):

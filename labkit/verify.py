@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pandas
 
 from labkit.micro.stress import relative_error
 from labkit.micro.void_ratio import grain_volume
@@ -41,6 +42,12 @@ class Finding:
 def findings(run):
     """The checks and limits of a run opened with labkit.open_run, a list of Finding."""
     return [*_checks(run), *_limits(run)]
+
+
+def findings_csv(found):
+    """All findings of some runs as CSV text; `found`: name of the run -> list of Finding."""
+    rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in found.items() for finding in lines]
+    return pandas.DataFrame(rows).to_csv(index=False, float_format="%.5g")
 
 
 def _checks(run):

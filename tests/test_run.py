@@ -91,8 +91,9 @@ def test_a_run_file_with_another_run_is_left_alone(labkit_command, specimen_file
 
 def test_verify_prints_the_table_and_draws_the_figure(labkit_command, run_file, tmp_path):
     figure = tmp_path / "figure.png"
-    done = labkit_command("verify", run_file, "-o", figure)
+    done = labkit_command("verify", run_file, "-o", figure, "--csv", tmp_path / "findings.csv")
     assert done.returncode in (0, 1), done.stderr
     for word in ("strain", "Lambda", "A_zz", "F_zz", "Ft_zz", "C0 error", "momentum", "inertial number"):
         assert word in done.stdout
     assert figure.read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / "findings.csv").read_text().startswith("run,name,value,limit,holds,decides")
