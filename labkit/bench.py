@@ -11,10 +11,9 @@ from labkit.errors import PhysicsError
 from labkit.simulation import RECORD_STRAIN
 
 VARIANTS = {
-    "stock script, 1 thread": ("stock.py", 1, None),
-    "labkit on YADE, 1 thread": ("speed.py", 1, "jemalloc"),
-    "the same without jemalloc": ("speed.py", 1, None),
-    "labkit on YADE, 2 threads": ("speed.py", 2, "jemalloc"),
+    "stock script, 1 thread": ("stock.py", 1),
+    "labkit on YADE, 1 thread": ("speed.py", 1),
+    "labkit on YADE, 2 threads": ("speed.py", 2),
 }
 
 
@@ -22,16 +21,16 @@ def bench(specimen, steps, rounds, progress):
     """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
     found = {name: [] for name in VARIANTS}
     for turn in range(rounds):
-        for number, (name, (script, threads, allocator)) in enumerate(VARIANTS.items()):
+        for number, (name, (script, threads)) in enumerate(VARIANTS.items()):
             progress((turn * len(VARIANTS) + number) / (rounds * len(VARIANTS)), name)
-            found[name].append(_run(script, threads, yade_environment(allocator), specimen, steps))
+            found[name].append(_run(script, threads, specimen, steps))
     progress(1.0, "done")
     return found
 
 
-def _run(script, threads, environment, specimen, steps):
+def _run(script, threads, specimen, steps):
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), os.path.abspath(specimen), str(steps)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    done = subprocess.run(command, env=yade_environment(), capture_output=True, text=True)
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
     if done.returncode or not words:
         raise PhysicsError(f"{script} ended with exit status {done.returncode}: {done.stderr.strip()[-300:]}")

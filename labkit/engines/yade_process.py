@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import collections
 import ctypes
-import ctypes.util
 import os
 import shutil
 import signal
@@ -39,18 +38,11 @@ def find_script(name):
     raise InputError(f"yade_scripts/{name} is missing from this installation: install labkit again")
 
 
-def yade_environment(allocator="jemalloc"):
-    """The environment of a YADE process: labkit on the path, nothing of a virtual environment, huge pages.
-
-    YADE waits for memory most of its time; jemalloc on transparent huge pages, where it is installed, takes
-    some of that away (`labkit bench`). glibc's own huge pages were measured to change nothing.
-    """
+def yade_environment():
+    """The environment of a YADE process: labkit on the path, nothing of a virtual environment."""
     environment = {**os.environ, "LABKIT_ROOT": str(PACKAGE.parent)}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
         environment.pop(unwanted, None)
-    library = allocator and ctypes.util.find_library(allocator)
-    if library:
-        environment = {"LD_PRELOAD": library, "MALLOC_CONF": "thp:always,metadata_thp:always", **environment}
     return environment
 
 
