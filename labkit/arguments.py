@@ -12,7 +12,10 @@ from labkit.simulation import RECORD_STRAIN, SNAPSHOTS
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line: InputError instead of usage and exit."""
+    """Says what is wrong in one line: InputError instead of usage and exit. No abbreviations of options."""
+
+    def __init__(self, *arguments, **keywords):
+        super().__init__(*arguments, allow_abbrev=False, **keywords)
 
     def error(self, message):
         raise InputError(f"{message} (see {self.prog} --help)")
@@ -32,21 +35,36 @@ def add_specimen_options(parser):
     parser.add_argument("--grains", type=positive_int, help="choose the side for about so many grains instead")
     parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")
     add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="state file to write, e.g. s.state.nc")
+    parser.add_argument("-o", "--output", help="state file to write (default: a name made of the "
+                        "parameters)")  # fmt: skip
+
+
+def add_consolidation_options(parser):
+    """Options of a consolidation."""
+    parser.add_argument("specimen", nargs="?", help="state file to start from")
+    parser.add_argument("--pressure", type=float, help="normal stress in Pa to reach in all directions")
+    add_engine_options(parser)
+    parser.add_argument("-o", "--output", help="state file to write")
 
 
 def add_run_options(parser):
     """Options of a run; their names are also the columns of a yade-batch table."""
     parser.add_argument("path", nargs="?", help=f"loading path: {', '.join(PATHS)}")
     parser.add_argument("specimen", nargs="?", help="state file to start from")
-    parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4)")
-    parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10)")
+    parser.add_argument("--pressure", type=float, help="stress in Pa that cr, cp and cyclic_cp hold (default: the "
+                        "specimen's), isoc stops at (3e6), isod stops under (20e3)")  # fmt: skip
+    parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4; isoc 0.1, isod -0.1)")
+    parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10; isoc 5, isod 2.5)")
+    parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns, the last one "
+                        "ends it (default: 0.01,-0.01,0.02,-0.02,0.03,-0.03,0.04)")  # fmt: skip
     parser.add_argument(
         "--record-strain", type=float, default=RECORD_STRAIN, help="strain between records (default: 1e-3)"
     )
     parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts (default: 20)")
+    parser.add_argument("--save-every", type=positive_int, help="records between two saves (default: half a minute)")
     add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="run file to write or to go on with, e.g. r.run.nc")
+    parser.add_argument("-o", "--output", help="run file to write or to go on with (default: "
+                        "a name made of the parameters)")  # fmt: skip
 
 
 def positive_int(text):
@@ -54,6 +72,11 @@ def positive_int(text):
     if value < 1:
         raise ValueError(text)
     return value
+
+
+def strains(text):
+    """0.01,-0.01,0.02 as a tuple of numbers."""
+    return tuple(float(word) for word in text.strip("()[] ").split(",") if word.strip())
 
 
 def parse(parser, argv):

@@ -9,7 +9,7 @@ from pathlib import Path
 import labkit
 from labkit import arguments, commands
 from labkit.engines.yade_process import find_yade, run_script
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.files import require_writable, whole_file
 from labkit.progress import reporter
 
@@ -24,6 +24,8 @@ def main(argv=None):
         return fail(error, 2)
     except PhysicsError as error:
         return fail(error, 1)
+    except Interrupted as error:
+        return fail(error, error.code)
     except OSError as error:
         return fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1)
     except KeyboardInterrupt:
@@ -47,6 +49,10 @@ def build_parser():
     run = commands_.add_parser("run", help="take a specimen along a loading path: a run file")
     arguments.add_run_options(run)
     run.set_defaults(command=do_run)
+
+    consolidate = commands_.add_parser("consolidate", help="bring a specimen to a pressure: a state file")
+    arguments.add_consolidation_options(consolidate)
+    consolidate.set_defaults(command=do_consolidate)
 
     verify = commands_.add_parser("verify", help="SFF against Love: a table and a figure")
     verify.add_argument("run", nargs="+", help="run files")
@@ -79,6 +85,11 @@ def do_specimen(options, argv):
 def do_run(options, argv):
     commands.check_run(options)
     in_yade("path.py", argv[1:], options.threads, options.path)
+
+
+def do_consolidate(options, argv):
+    commands.check_consolidation(options)
+    in_yade("consolidate.py", argv[1:], options.threads, "consolidation")
 
 
 def in_yade(script, argv, threads, title):

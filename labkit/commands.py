@@ -1,13 +1,19 @@
-"""What `labkit specimen` and `labkit run` do, in whichever interpreter the engine needs."""
+"""What `labkit specimen`, `consolidate` and `run` do, in whichever interpreter the engine needs."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
+from pathlib import Path
 
 from labkit.arguments import require
+from labkit.consolidation import consolidate, pressure_error
 from labkit.errors import InputError
 from labkit.files import require_writable
-from labkit.paths import make_path
+from labkit.micro.contacts import contacts_of
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.paths import Consolidation, make_path, path_class
 from labkit.scene import Scene
 from labkit.simulation import run
 from labkit.specimen import Recipe, insert_grains, make_specimen, side_for, summary
@@ -17,37 +23,79 @@ from labkit.state import read_state, write_state
 def check_specimen(options):
     """The Recipe of the options. Raises InputError for anything that cannot work, before work begins."""
     void_ratio = require(options.void_ratio, "--void-ratio")
-    output = require(options.output, "--output")
     scene = Scene()
-    if not math.isfinite(options.side) or not 0.0 < options.side <= 1.0:
-        raise InputError(f"--side {options.side:g} is not possible: give metres, e.g. 4e-3")
-    recipe = Recipe(void_ratio, options.step1_friction, options.step1_rolling_friction, options.side, options.seed)
+    side = options.side
     if options.grains is not None:
+        Recipe(void_ratio)
         side = side_for(options.grains, void_ratio, scene)
-        recipe = Recipe(void_ratio, options.step1_friction, options.step1_rolling_friction, side, options.seed)
+    recipe = Recipe(void_ratio, options.step1_friction, options.step1_rolling_friction, side, options.seed)
+    options.output = options.output or specimen_name(recipe, options.grains)
     insert_grains(scene, recipe)
-    require_writable(output)
+    require_writable(options.output)
     return recipe
 
 
+def specimen_name(recipe, grains):
+    """A file name from the parameters."""
+    size = f"n{grains}" if grains else f"l{recipe.side:g}"
+    friction = f"f{recipe.step1_friction:g}_r{recipe.step1_rolling_friction:g}"
+    return f"e{recipe.void_ratio:g}_{friction}_{size}_s{recipe.seed}.state.nc"
+
+
 def specimen(options, progress, history):
-    """Makes a specimen and writes its state file."""
+    """Makes a specimen and writes its state file, unless the file is there and holds just that specimen."""
     recipe = check_specimen(options)
+    text = json.dumps(dataclasses.asdict(recipe))
+    if Path(options.output).exists() and read_state(options.output).recipe == text:
+        print(f"{options.output}: holds this specimen already, nothing to do")
+        return
     state = make_specimen(Scene(), recipe, options.engine, options.threads, progress)
-    write_state(options.output, state.replace(history=history))
+    write_state(options.output, state.replace(history=history, recipe=text))
     print(f"{options.output}: " + describe(summary(state)))
+
+
+def check_consolidation(options):
+    """The specimen and the pressure of the options. Raises InputError for anything that cannot work."""
+    pressure = require(options.pressure, "--pressure")
+    make_path("cr", pressure=pressure)
+    state = read_state(require(options.specimen, "the specimen (a state file)"))
+    require_writable(require(options.output, "--output"))
+    return state, Consolidation(pressure)
+
+
+def consolidation(options, progress, history):
+    """Brings a specimen to a pressure and writes its state file."""
+    state, path = check_consolidation(options)
+    state = consolidate(state, path.pressure, options.engine, options.threads, progress)
+    write_state(options.output, state.replace(history=history))
+    print(f"{options.output}: {describe(summary(state))}, pressure off by {pressure_error(state, path.pressure):.2%}")
 
 
 def check_run(options):
     """Path and specimen of the options. Raises InputError for anything that cannot work."""
-    path = make_path(require(options.path, "the path"), rate=options.rate, strain=options.strain)
-    if not 0.0 < options.record_strain <= 1.0:
+    path_class(require(options.path, "the path"))
+    state = read_state(require(options.specimen, "the specimen (a state file)"))
+    path = make_path(
+        options.path, mean_stress(love_stress(contacts_of(state), state.radius, state.volume)),
+        pressure=options.pressure, strain=options.strain, rate=options.rate, reversals=options.reversals,
+    )  # fmt: skip
+    if not (math.isfinite(options.record_strain) and 0.0 < options.record_strain <= 1.0):
         raise InputError(f"--record-strain {options.record_strain:g} is not possible: give e.g. 1e-3")
     if options.snapshots < 0:
         raise InputError(f"--snapshots {options.snapshots} is not possible: give 0 or more")
-    state = read_state(require(options.specimen, "the specimen (a state file)"))
-    require_writable(require(options.output, "--output"))
+    options.output = options.output or run_name(options)
+    require_writable(options.output)
     return path, state
+
+
+def run_name(options):
+    """A file name from the specimen, the path and the parameters that were given."""
+    words = [Path(options.specimen).name.removesuffix(".state.nc"), options.path]
+    words += [f"p{options.pressure / 1e3:g}kPa"] if options.pressure is not None else []
+    words += [f"e{options.strain:g}"] if options.strain is not None else []
+    words += [f"r{options.rate:g}"] if options.rate is not None else []
+    words += ["c" + "_".join(f"{x:g}" for x in options.reversals)] if options.reversals is not None else []
+    return str(Path(options.specimen).with_name("_".join(words) + ".run.nc"))
 
 
 def run_path(options, progress, history):
@@ -55,7 +103,7 @@ def run_path(options, progress, history):
     path, state = check_run(options)
     done = run(
         state.replace(history=history), path, options.output, options.engine, options.threads,
-        options.record_strain, options.snapshots, progress,
+        options.record_strain, options.snapshots, options.save_every, progress,
     )  # fmt: skip
     print(f"{options.output}: " + ("complete" if done else "was complete already, nothing to do"))
 

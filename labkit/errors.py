@@ -1,4 +1,4 @@
-"""The two ways in which labkit gives up, each with its exit code."""
+"""The ways in which labkit gives up, each with its exit code."""
 
 
 class InputError(ValueError):
@@ -7,3 +7,11 @@ class InputError(ValueError):
 
 class PhysicsError(RuntimeError):
     """The simulation or a check of it failed: exit code 1."""
+
+
+class Interrupted(Exception):
+    """A signal ended a run after its checkpoint was written: exit code 128 + number, as shells have it."""
+
+    def __init__(self, message, code):
+        super().__init__(message)
+        self.code = code

@@ -7,6 +7,7 @@ The checkpoint, a State in the group `checkpoint`, comes with the records that b
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -14,14 +15,28 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, PhysicsError
 from labkit.files import create_variables, open_netcdf, whole_file
+from labkit.interruption import only_writer
 from labkit.schema import CONTACTS, GRAINS, RECORD, STATE
-from labkit.state import read_group, write_attributes
+from labkit.state import State, read_group, write_attributes
+
+
+@dataclasses.dataclass(frozen=True)
+class Begun:
+    """A run to go on with: the State of its checkpoint, the seconds spent, whether it is complete."""
+
+    state: State
+    first_cell: np.ndarray  # (3, 3), m: at zero strain
+    wall_time: float
+    complete: bool
 
 
 class Recorder:
-    """Writes one run file. `path` is the loading path, `settings` what else decides the records."""
+    """Writes one run file, alone while it is open as a context.
+
+    `path` is the loading path, `settings` what else decides the records.
+    """
 
     def __init__(self, file, path, settings):
         self.file = Path(file)
@@ -30,6 +45,14 @@ class Recorder:
         self.records = 0  # in the file and in memory
         self._new = []
         self._snapshots = []
+
+    def __enter__(self):
+        self._lock = only_writer(self.file)
+        self._lock.__enter__()
+        return self
+
+    def __exit__(self, *exception):
+        return self._lock.__exit__(*exception)
 
     def record(self, values, contacts=None, position=None):
         """Keeps one record (labkit.measure), with a snapshot if contacts and positions are given."""
@@ -40,6 +63,17 @@ class Recorder:
 
     def save(self, state, complete, wall_time):
         """Brings the file up to the present: all records so far and the state to go on from."""
+        try:
+            self._save(state, complete, wall_time)
+        except (OSError, RuntimeError) as error:  # netCDF4 says RuntimeError when the disk is full
+            raise PhysicsError(
+                f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); what was saved before "
+                "is intact: make room on the disk and give the same command again"
+            ) from None
+        self._new.clear()
+        self._snapshots.clear()
+
+    def _save(self, state, complete, wall_time):
         with whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
@@ -53,8 +87,6 @@ class Recorder:
                 dataset.wall_time = float(wall_time)
                 dataset.steps = np.int64(state.step)
                 _write_checkpoint(dataset, state)
-        self._new.clear()
-        self._snapshots.clear()
 
     def _create(self, dataset, state):
         dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own
@@ -87,7 +119,7 @@ class Recorder:
             positions[snapshot] = position
 
     def resume(self):
-        """The State to go on from and the wall time spent, or None when there is no file yet.
+        """What a Begun run file holds, or None when there is no file yet.
 
         Raises InputError when the file holds a run with other parameters.
         """
@@ -103,7 +135,8 @@ class Recorder:
             self.records = len(dataset.dimensions["time"])
             group = dataset["checkpoint"]
             state = read_group(group, dataset, int(group.contacts))
-            return state, float(dataset.wall_time), bool(dataset.complete)
+            first_cell = dataset["cell"][0].filled()
+            return Begun(state, first_cell, float(dataset.wall_time), bool(dataset.complete))
 
 
 def _write_checkpoint(dataset, state):

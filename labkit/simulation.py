@@ -7,98 +7,180 @@ import time
 
 import numpy as np
 
+from labkit import servo
+from labkit.consolidation import consolidate, pressure_error
 from labkit.engines import start_engine
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.interruption import stop_on_signals
 from labkit.measure import measure
 from labkit.micro.contacts import contacts_of
-from labkit.micro.stress import mean_stress
-from labkit.paths import velocity_gradient
+from labkit.micro.stress import love_stress, mean_stress
 from labkit.recorder import Recorder
 from labkit.timestep import critical_time_step
 
 RECORD_STRAIN = 1e-3  # between two records
 SNAPSHOTS = 20
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
+CONSOLIDATED = 2e-3  # of the pressure: nearer than this a specimen is not consolidated again
+LISTEN = 50  # steps between two looks for a signal
 
 
 @dataclasses.dataclass(frozen=True)
 class Schedule:
-    """Which steps are recorded, which of the records are snapshots, and after which the file is saved."""
+    """Which steps turn the path, which are recorded, and which records are snapshots and saves."""
 
-    steps: int  # of the whole run
+    turns: tuple[int, ...]  # steps at which the path turns; the last one ends it
+    signs: tuple[float, ...]  # of the axial rate before each turn
     steps_per_record: int
     records_per_snapshot: int
     records_per_save: int
 
     @classmethod
-    def of(cls, path, time_step, grains, record_strain, snapshots):
-        """Records every `record_strain` of axial strain, `snapshots` + 1 of them with all contacts."""
+    def of(cls, path, time_step, grains, record_strain, snapshots, save_every=None):
+        """Records every `record_strain` of axial strain, about `snapshots` of them with all contacts."""
         step_strain = path.rate * time_step
-        steps = max(1, round(path.strain / step_strain))
-        per_record = min(steps, max(1, round(record_strain / step_strain)))
-        records = -(-steps // per_record)
+        legs = np.diff((0.0, *path.turning_points()))
+        steps = np.maximum(1, np.round(np.abs(legs) / step_strain)).astype(int)
+        sign = 1.0 if path.direction[2] * legs[0] > 0.0 else -1.0
+        per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
+        records = -(-int(steps.sum()) // per_record)
         return cls(
-            steps=steps,
+            turns=tuple(int(x) for x in np.cumsum(steps)),
+            signs=tuple(sign * (-1.0) ** k for k in range(len(steps))),
             steps_per_record=per_record,
-            records_per_snapshot=max(1, round(records / snapshots)) if snapshots else records,
-            records_per_save=max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
+            records_per_snapshot=max(1, round(records / snapshots)) if snapshots else records + len(steps),
+            records_per_save=save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
         )
 
+    @property
+    def steps(self):
+        """Of the whole path."""
+        return self.turns[-1]
+
+    def sign(self, step):
+        return self.signs[int(np.searchsorted(self.turns, step, side="right"))]
+
     def next_record(self, step):
-        return min(self.steps, (step // self.steps_per_record + 1) * self.steps_per_record)
+        """The next regular record or the next turn, whichever comes first."""
+        turn = self.turns[int(np.searchsorted(self.turns, step, side="right"))]
+        return min(turn, (step // self.steps_per_record + 1) * self.steps_per_record)
 
-    def is_snapshot(self, record, step):
-        return record % self.records_per_snapshot == 0 or step == self.steps
+    def is_snapshot(self, record, last):
+        return last or record % self.records_per_snapshot == 0
 
-    def is_save(self, record, step):
-        return record % self.records_per_save == 0 or step == self.steps
+    def is_save(self, record, last):
+        return last or record % self.records_per_save == 0
 
 
 def run(specimen, path, file, engine="yade", threads=1, record_strain=RECORD_STRAIN, snapshots=SNAPSHOTS,
-        progress=lambda fraction, text: None):  # fmt: skip
+        save_every=None, progress=lambda fraction, text: None):  # fmt: skip
     """Takes a specimen along a path and records it in a run file; goes on with a file that is unfinished.
 
     Returns False when the file held the finished run already. Raises InputError for a file with another
-    run, PhysicsError when the simulation fails.
+    run or one that another process is writing, PhysicsError when the simulation fails, Interrupted after a
+    SIGINT or SIGTERM, with a checkpoint written.
     """
-    recorder = Recorder(file, path, {"record_strain": record_strain, "snapshots": snapshots, "engine": engine})
-    begun = recorder.resume()
-    if begun and begun[2]:
-        return False
-    if begun:
-        state, wall_before = begun[0], begun[1]
-        require_same_specimen(state, specimen, file)
-    else:
-        state, wall_before = specimen.at_rest().replace(time_step=specimen.scene.time_step, engine=engine), 0.0
-        require_stable(state)
-    schedule = Schedule.of(path, state.time_step, state.number_of_grains, record_strain, snapshots)
-    started = time.monotonic()
-    machine = start_engine(engine, state, threads)
+    settings = {"record_strain": record_strain, "snapshots": snapshots, "engine": engine}
+    with Recorder(file, path, settings) as recorder:
+        begun = recorder.resume()
+        if begun and begun.complete:
+            return False
+        if begun:
+            require_same_specimen(begun.state, specimen, file)
+        else:
+            specimen = prepare(specimen, path, engine, threads, progress)
+        with stop_on_signals() as signals:
+            return _Run(recorder, specimen, begun, engine, threads, save_every, progress).go(signals)
 
-    def record(state):
-        contacts = contacts_of(state)
-        values = measure(state, specimen.cell, contacts)
+
+def prepare(specimen, path, engine, threads, progress):
+    """The specimen at rest at the pressure that the path holds, consolidated if it is not there yet."""
+    specimen = specimen.at_rest().replace(time_step=specimen.scene.time_step, engine=engine)
+    require_stable(specimen)
+    control = path.control()
+    if control is not None and pressure_error(specimen, path.pressure) > CONSOLIDATED:
+        specimen = consolidate(specimen, path.pressure, engine, threads, lambda done, text: progress(0.0, text))
+    return specimen
+
+
+class _Run:
+    """The loop of a run and what it remembers between records."""
+
+    def __init__(self, recorder, specimen, begun, engine, threads, save_every, progress):
+        self.recorder, self.path, self.progress = recorder, recorder.path, progress
+        self.first_cell = begun.first_cell if begun else specimen.cell
+        self.wall_before = begun.wall_time if begun else 0.0
+        self.started = time.monotonic()
+        state = begun.state if begun else specimen
+        settings = recorder.settings
+        self.schedule = Schedule.of(
+            self.path, state.time_step, state.number_of_grains, settings["record_strain"], settings["snapshots"],
+            save_every,
+        )  # fmt: skip
+        self.machine = start_engine(engine, state, threads)
+        if begun:
+            self.go_on_from(state)
+        else:
+            state = self.machine.reload()
+            self.record(state, contacts_of(state), last=False)
+            self.save(state, False)
+
+    def go_on_from(self, state):
+        """What the servo and the schedule need of a record, or of the checkpoint of a run that is resumed."""
+        self.step = state.step
+        self.time_step, self.gradient = state.time_step, state.velocity_gradient
+        self.stiffness = servo.cell_stiffness(state) if self.path.control() else None
+
+    def go(self, signals):
+        last = False
+        while not last:
+            end = self.schedule.next_record(self.step)
+            self.advance(end, signals)
+            state = self.machine.state()
+            if self.step < end:
+                self.save(state, False)
+                raise self.interrupted(signals)
+            contacts = contacts_of(state)
+            last = self.is_last(state, contacts)
+            saving = self.schedule.is_save(self.recorder.records, last) or signals.caught
+            if saving:
+                state = self.machine.reload()
+            self.record(state, contacts, last)
+            if saving:
+                self.save(state, last)
+            if signals.caught and not last:
+                raise self.interrupted(signals)
+        return True
+
+    def advance(self, end, signals):
+        """Moves to the step `end`, or to where a signal stops it."""
+        while self.step < end and not signals.caught:
+            stress = self.machine.stress() if self.stiffness is not None else None
+            self.gradient = servo.velocity_gradient(
+                self.path, self.schedule.sign(self.step), self.time_step, stress, self.stiffness, self.gradient
+            )
+            steps = min(servo.INTERVAL if self.stiffness is not None else LISTEN, end - self.step)
+            self.machine.advance(steps, self.gradient)
+            self.step += steps
+
+    def is_last(self, state, contacts):
+        pressure = mean_stress(love_stress(contacts, state.radius, state.volume))
+        return state.step == self.schedule.steps or self.path.stops(pressure)
+
+    def record(self, state, contacts, last):
+        values = measure(state, self.first_cell, contacts)
         require_sane(values, state)
-        snapshot = schedule.is_snapshot(recorder.records, state.step)
-        recorder.record(values, *((contacts, state.position) if snapshot else ()))
-        progress(state.step / schedule.steps, _status(values))
+        snapshot = self.schedule.is_snapshot(self.recorder.records, last)
+        self.recorder.record(values, *((contacts, state.position) if snapshot else ()))
+        self.go_on_from(state)
+        self.progress(1.0 if last else state.step / self.schedule.steps, _status(values))
 
-    def save(state):
-        recorder.save(state, state.step == schedule.steps, wall_before + time.monotonic() - started)
+    def interrupted(self, signals):
+        said = f"stopped by signal {signals.caught}; {self.recorder.file} is saved, the same command goes on from there"
+        return Interrupted(said, 128 + signals.caught)
 
-    if not begun:
-        state = machine.reload()
-        record(state)
-        save(state)
-    while state.step < schedule.steps:
-        gradient = velocity_gradient(path.strain_rate(), state.time_step)
-        machine.advance(schedule.next_record(state.step) - state.step, gradient)
-        saving = schedule.is_save(recorder.records, schedule.next_record(state.step))
-        state = machine.reload() if saving else machine.state()
-        record(state)
-        if saving:
-            save(state)
-    return True
+    def save(self, state, complete):
+        self.recorder.save(state, complete, self.wall_before + time.monotonic() - self.started)
 
 
 def _status(values):

@@ -42,6 +42,8 @@ class Recipe:
             raise InputError(
                 f"--step1-rolling-friction {self.step1_rolling_friction:g} is not possible: give 0 to 10"
             )
+        if not 0.0 < self.side <= 0.1:
+            raise InputError(f"--side {self.side:g} m is not possible: give up to 0.1 m, e.g. 4e-3")
         if self.seed < 0:
             raise InputError(f"--seed {self.seed} is not possible: give a whole number from 0")
 

@@ -41,6 +41,7 @@ class State:
     engine: str = ""
     engine_version: str = ""
     history: str = ""
+    recipe: str = ""  # JSON of the Recipe that made the specimen
 
     @property
     def number_of_grains(self):
@@ -74,7 +75,7 @@ def grains_in_cell(scene, radius, position, cell, seed=0, history=""):
     )  # fmt: skip
 
 
-ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history")
+ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe")
 
 
 def write_attributes(dataset, state, kind):
@@ -96,7 +97,7 @@ def read_group(group, attributes, contacts=None):
     for name, variable in STATE.items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = np.ascontiguousarray(group[name][rows].filled())
-    kept = {name: getattr(attributes, name) for name in ATTRIBUTES}
+    kept = {name: getattr(attributes, name) for name in ATTRIBUTES if name in attributes.ncattrs()}
     for name in ("step", "seed"):
         kept[name] = int(kept[name])
     for name in ("time", "time_step"):

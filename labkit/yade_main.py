@@ -6,7 +6,7 @@ import shlex
 import sys
 
 from labkit.arguments import Parser, parse_in_yade
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.progress import reporter
 
 
@@ -21,6 +21,8 @@ def main(name, add_options, command):
         sys.exit(fail(error, 2))
     except PhysicsError as error:
         sys.exit(fail(error, 1))
+    except Interrupted as error:
+        sys.exit(fail(error, error.code))
     except OSError as error:
         sys.exit(fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1))
     sys.exit(0)

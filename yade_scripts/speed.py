@@ -11,11 +11,12 @@ sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname
 
 from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.measure import measure  # noqa: E402
-from labkit.paths import ConstantVolume, velocity_gradient  # noqa: E402
+from labkit.paths import ConstantVolume  # noqa: E402
+from labkit.servo import velocity_gradient  # noqa: E402
 from labkit.state import read_state  # noqa: E402
 
 state, steps = read_state(sys.argv[1]), int(sys.argv[2])
-gradient = velocity_gradient(ConstantVolume().strain_rate(), state.time_step)
+gradient = velocity_gradient(ConstantVolume(), 1.0, state.time_step)
 machine = YadeEngine(state)
 machine.advance(max(1, steps // 5), gradient)
 begin = time.perf_counter()

@@ -12,7 +12,7 @@ import sys
 import threading
 from pathlib import Path
 
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.progress import PIPE, read_pipe
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -74,6 +74,8 @@ def _raise(code, errors):
     said = [line[len("labkit: ") :].strip() for line in errors if line.startswith("labkit: ")]
     if code == 2 and said:
         raise InputError(said[-1])
+    if code > 128 and said:
+        raise Interrupted(said[-1], code)
     if said:
         raise PhysicsError(said[-1])
     sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))

@@ -12,11 +12,12 @@ from yade import utils  # noqa: E402
 from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.micro.contacts import contacts_of  # noqa: E402
 from labkit.micro.stress import love_stress  # noqa: E402
-from labkit.paths import velocity_gradient  # noqa: E402
+from labkit.paths import ConstantVolume  # noqa: E402
+from labkit.servo import velocity_gradient  # noqa: E402
 from labkit.state import STATE, read_state, write_state  # noqa: E402
 
 specimen = read_state(common.words[0])
-gradient = velocity_gradient([-5.0, -5.0, 10.0], specimen.time_step)
+gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)
 machine = YadeEngine(specimen)
 machine.advance(2000, gradient)
 half = machine.state()

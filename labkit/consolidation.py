@@ -1,0 +1,47 @@
+"""Isotropic consolidation: brings a specimen at rest to a pressure before CR and CP."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit import servo
+from labkit.engines import start_engine
+from labkit.errors import PhysicsError
+from labkit.micro.contacts import contacts_of
+from labkit.micro.indicators import unbalanced_force
+from labkit.micro.stress import love_stress
+from labkit.paths import Consolidation
+
+TOLERANCE = 1e-3  # of the pressure, in each direction
+UNBALANCED = 1e-3
+CHECK_INTERVAL = 250  # steps
+STEP_LIMIT = 200_000
+
+
+def pressure_error(state, pressure):
+    """Largest deviation of the three normal stresses from `pressure`, over it."""
+    stress = love_stress(contacts_of(state), state.radius, state.volume)
+    return float(np.abs(np.diag(stress) / pressure - 1.0).max())
+
+
+def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fraction, text: None):
+    """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit."""
+    path = Consolidation(pressure)
+    machine = start_engine(engine, specimen.at_rest().replace(time_step=specimen.scene.time_step), threads)
+    first = max(pressure_error(specimen, pressure), 2 * TOLERANCE)
+    for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
+        state = machine.state()
+        error = pressure_error(state, pressure)
+        done = float(np.clip(np.log(first / error) / np.log(first / TOLERANCE), 0.0, 1.0)) if error > 0.0 else 1.0
+        progress(done, f"consolidation, pressure off by {error:.2%}")
+        unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))
+        if step and error < TOLERANCE and unbalanced < UNBALANCED:
+            return machine.state().at_rest()
+        stiffness, before = servo.cell_stiffness(state), state.velocity_gradient
+        for _ in range(CHECK_INTERVAL // servo.INTERVAL):
+            before = servo.velocity_gradient(path, 1.0, state.time_step, machine.stress(), stiffness, before)
+            machine.advance(servo.INTERVAL, before)
+    raise PhysicsError(
+        f"the specimen does not reach {pressure:g} Pa in {STEP_LIMIT} steps (off by {error:.1%}, "
+        f"unbalanced force {unbalanced:.2g}): choose a pressure nearer to its own"
+    )
