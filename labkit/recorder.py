@@ -16,7 +16,7 @@ import netCDF4
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.files import create_variables, open_netcdf, whole_file
+from labkit.files import create_variables, open_netcdf, remove_leftovers, whole_file
 from labkit.interruption import only_writer
 from labkit.schema import CONTACTS, GRAINS, RECORD, STATE
 from labkit.state import State, read_group, write_attributes
@@ -49,6 +49,7 @@ class Recorder:
     def __enter__(self):
         self._lock = only_writer(self.file)
         self._lock.__enter__()
+        remove_leftovers(self.file)
         return self
 
     def __exit__(self, *exception):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pandas
@@ -15,6 +16,9 @@ SFF_TOLERANCE = 0.02  # of Love, Frobenius norm
 SFF_PRESSURE = 50e3  # Pa: below it C0 is not judged
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
+STRAIN_TOLERANCE = 1e-10
+HELD_RMS, HELD_WORST = 0.005, 0.02  # of the stress that a path holds
+HELD_AFTER = 0.005  # axial strain travelled until then
 
 # Section 2: where the tests are quasi-static and the contacts small.
 PRESSURE_LIMIT = 3e6  # Pa
@@ -66,10 +70,32 @@ def _checks(run):
         f"stored stress against its contacts, {run.sizes['snapshot']} snapshots", recomputed,
         f"< {RECOMPUTED_TOLERANCE:g}", recomputed < RECOMPUTED_TOLERANCE, True,
     )  # fmt: skip
-    if run.attrs["path"] == "cv":
+    yield from _held(run)
+
+
+def _held(run):
+    """Whether the path held what it must: volume, equal strains, or stresses after the first half per cent."""
+    path = run.attrs["path"]
+    if path == "cv":
         volume = run["volume"].values
-        drift = float(np.abs(volume / volume[0] - 1.0).max())
-        yield Finding("drift of the constant volume", drift, f"< {VOLUME_TOLERANCE:g}", drift < VOLUME_TOLERANCE, True)
+        yield _below("held: volume, drift", np.abs(volume / volume[0] - 1.0).max(), VOLUME_TOLERANCE)
+    elif path in ("isoc", "isod"):
+        strains = np.diagonal(run["strain"].values, axis1=1, axis2=2)
+        yield _below("held: three equal strains, difference", np.ptp(strains, axis=1).max(), STRAIN_TOLERANCE)
+    else:
+        target = json.loads(run.attrs["path_parameters"])["pressure"]
+        stress = np.diagonal(run["stress"].values, axis1=1, axis2=2)
+        held = stress[:, :2] if path == "cr" else stress.mean(axis=1)[:, None]
+        travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(run["axial_strain"].values)))])
+        error = held[travelled > HELD_AFTER] / target - 1.0
+        if error.size:
+            what = "radial stress" if path == "cr" else "mean stress"
+            yield _below(f"held: {what}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS)
+            yield _below(f"held: {what}, error at worst", np.abs(error).max(), HELD_WORST)
+
+
+def _below(name, value, limit):
+    return Finding(name, float(value), f"< {limit:g}", bool(value < limit), True)
 
 
 def _limits(run):

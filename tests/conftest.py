@@ -18,7 +18,7 @@ def run_labkit(*words, cwd=None, environment=None):
     )  # fmt: skip
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def labkit_command():
     return run_labkit
 

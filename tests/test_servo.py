@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+
+from labkit import servo
+from labkit.paths import make_path
+from labkit.scene import Scene
+from labkit.specimen import Recipe, insert_grains
+from labkit.state import grains_in_cell
+
+
+def test_stiffness_of_a_cubic_crystal_is_its_closed_form():
+    """One grain per cell with contacts along the axes: kn/spacing in compression, nothing across."""
+    radius, spacing = 85e-6, 168e-6
+    state = grains_in_cell(Scene(), np.array([radius]), np.zeros((1, 3)), np.eye(3) * spacing).replace(
+        contact_grain=np.zeros((3, 2), int), contact_shift=np.eye(3, dtype=int),
+        tangential_force=np.zeros((3, 3)), rolling_moment=np.zeros((3, 3)),
+    )  # fmt: skip
+    kn = Scene().normal_stiffness(radius, radius)
+    expected = kn / spacing * np.eye(3) + servo.FLOOR * 0.15e9 * np.eye(3)
+    np.testing.assert_allclose(servo.cell_stiffness(state), expected, rtol=1e-12)
+
+
+def test_stiffness_without_contacts_is_small_and_not_singular():
+    state = insert_grains(Scene(), Recipe(0.67, side=1e-3))
+    assert np.linalg.det(servo.cell_stiffness(state)) > 0.0
+
+
+@pytest.mark.parametrize("softer", [1.0, 0.3, 0.05])
+@pytest.mark.parametrize("name", ["cr", "cp"])
+def test_the_loop_is_stable_and_its_lag_is_what_the_derivation_says(name, softer):
+    """An elastic cell, `softer` than the bound that the servo knows, sheared at 10 1/s."""
+    dt, interval = 1.2e-7, servo.INTERVAL
+    stiffness = np.array([[6.0, 2.0, 2.0], [2.0, 6.0, 2.0], [2.0, 2.0, 6.0]]) * 1e7
+    path = make_path(name, pressure=0.5e6)
+    stress, L = np.eye(3) * 0.499e6, np.zeros((3, 3))
+    held = []
+    for _ in range(600):
+        L = servo.velocity_gradient(path, 1.0, dt, stress, stiffness, L)
+        stress = stress - np.diag(softer * stiffness @ np.diag(L)) * interval * dt
+        held.append(path.control().measure @ np.diag(stress))
+    error = np.array(held) - 0.5e6
+    assert np.abs(error[200:]).max() < 0.002 * 0.5e6
+    steady = np.diag(L)[0]
+    response = path.control().measure @ stiffness @ path.control().free
+    lag = -steady * response.sum(axis=1) * interval * dt / servo.GAIN
+    np.testing.assert_allclose(error[-1], -lag, rtol=0.02, atol=1.0)
+
+
+def test_rates_are_limited():
+    path = make_path("cp", pressure=0.5e6)
+    L = servo.velocity_gradient(path, 1.0, 1e-7, np.zeros((3, 3)), np.eye(3) * 1e5, np.zeros((3, 3)))
+    assert np.abs(np.diag(L)[:2]).max() <= servo.LOW_PASS * servo.RATE_LIMIT * path.rate * (1 + 1e-12)
+
+
+def test_the_axial_rate_is_not_the_servos():
+    path = make_path("cr", pressure=0.5e6)
+    for sign in (1.0, -1.0):
+        L = servo.velocity_gradient(path, sign, 1e-7, np.zeros((3, 3)), np.eye(3) * 1e7, np.zeros((3, 3)))
+        assert np.isclose(-np.log1p(L[2, 2] * 1e-7) / 1e-7, sign * path.rate)
