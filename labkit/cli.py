@@ -1,4 +1,4 @@
-"""The command line: `labkit specimen`, `run`, `verify`, `info`, `bench`, `demo`."""
+"""The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`."""
 
 from __future__ import annotations
 
@@ -61,6 +61,18 @@ def build_parser():
     verify.add_argument("--csv", help="file for the checks and limits as CSV")
     verify.set_defaults(command=do_verify)
 
+    critical = commands_.add_parser("critical", help="critical state of shear tests: a table, and their e-p paths")
+    critical.add_argument("run", nargs="+", help="run files")
+    critical.add_argument("-o", "--output", default="critical.png", help="figure (default: critical.png)")
+    critical.add_argument("--csv", help="file for the table as CSV")
+    critical.set_defaults(command=do_critical)
+
+    watch = commands_.add_parser("watch", help="draw runs in the terminal while they go on")
+    watch.add_argument("run", nargs="+", help="run files")
+    watch.add_argument("--interval", type=arguments.positive_int, default=5, help="seconds between two drawings")
+    watch.add_argument("--once", action="store_true", help="draw once")
+    watch.set_defaults(command=do_watch)
+
     info = commands_.add_parser("info", help="what is in a state or run file")
     info.add_argument("file")
     info.set_defaults(command=do_info)
@@ -104,7 +116,7 @@ def do_verify(options, argv):
     require_writable(figure)
     if options.csv:
         require_writable(options.csv)
-    runs = {Path(name).name.removesuffix(".run.nc"): labkit.open_run(name) for name in options.run}
+    runs = open_runs(options.run)
     found = {name: verify.findings(run) for name, run in runs.items()}
     for name, run in runs.items():
         print(f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
@@ -114,9 +126,40 @@ def do_verify(options, argv):
     plots.save(plots.sff_against_love(runs), figure)
     print(f"figure: {figure}")
     if options.csv:
-        with whole_file(options.csv) as temporary:
-            temporary.write_text(verify.findings_csv(found))
+        write_text(options.csv, verify.findings_csv(found))
     return 0 if all(f.holds for lines in found.values() for f in lines if f.decides) else 1
+
+
+def do_critical(options, argv):
+    from labkit import plots
+    from labkit.critical import critical_states
+
+    require_writable(options.output)
+    if options.csv:
+        require_writable(options.csv)
+    runs = open_runs(options.run)
+    table = critical_states(runs)
+    print(table.to_string(index=False, float_format="%.4g") if len(table) else "no shear test among these runs")
+    plots.save(plots.e_p_paths(runs), options.output)
+    print(f"figure: {options.output}")
+    if options.csv:
+        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+
+
+def open_runs(files):
+    """Name -> run, in the order of the command line."""
+    return {Path(name).name.removesuffix(".run.nc"): labkit.open_run(name) for name in files}
+
+
+def write_text(file, text):
+    with whole_file(file) as temporary:
+        temporary.write_text(text)
+
+
+def do_watch(options, argv):
+    from labkit.watch import watch
+
+    watch(options.run, options.interval, options.once)
 
 
 def figure_name(run):

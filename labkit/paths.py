@@ -39,6 +39,7 @@ class ConstantVolume:
 
     name = "cv"
     direction = (-0.5, -0.5, 1.0)
+    stops_early = False  # whether `stops` has to be asked
 
     def __post_init__(self):
         _require_rate(self.rate)
@@ -121,6 +122,7 @@ class IsotropicCompression(ConstantVolume):
 
     name = "isoc"
     direction = (1.0, 1.0, 1.0)
+    stops_early = True
 
     def __post_init__(self):
         super().__post_init__()

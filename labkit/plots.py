@@ -42,6 +42,39 @@ def sff_against_love(runs):
     return figure
 
 
+def e_p_paths(runs):
+    """e against p of many runs in one diagram (Fig. 1), and q against p beside it; a Figure.
+
+    `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path.
+    """
+    figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 5.2), layout="constrained")
+    styles = {"cv": "-", "cr": "--", "cp": ":", "cyclic_cp": (0, (1, 1)), "isoc": "-.", "isod": (0, (5, 1, 1, 1))}
+    start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
+    scale = plt.Normalize(start.min(), start.max() + 1e-9)
+    for e, run in zip(start, runs.values()):
+        color, style = plt.get_cmap("viridis")(0.9 * scale(e)), styles[run.attrs["path"]]
+        p, q = run.lab.mean_stress().values / 1e6, run.lab.deviatoric_stress().values / 1e6
+        left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2)
+        left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
+        right.plot(p, q, linestyle=style, color=color, lw=1.2)
+        right.plot(p[-1], q[-1], "o", color=color, ms=4)
+    top = np.array([0.0, right.get_xlim()[1]])
+    right.plot(top, 0.92 * top, color="0.5", lw=0.8)
+    left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
+    right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
+    present = {run.attrs["path"] for run in runs.values()}
+    shown = {name: style for name, style in styles.items() if name in present}
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=name.upper()) for name, style in shown.items()]
+    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
+    lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
+    for axes in (left, right):
+        axes.grid(alpha=0.25)
+    figure.legend(handles=lines, loc="outside lower center", ncols=8, frameon=False, fontsize=8)
+    bar = figure.colorbar(plt.cm.ScalarMappable(scale, plt.get_cmap("viridis")), ax=right, pad=0.02)
+    bar.set_label("void ratio at the start")
+    return figure
+
+
 def _colors(number):
     return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 

@@ -14,7 +14,7 @@ from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.interruption import stop_on_signals
 from labkit.measure import measure
 from labkit.micro.contacts import contacts_of
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.stress import mean_stress
 from labkit.recorder import Recorder
 from labkit.timestep import critical_time_step
 
@@ -22,7 +22,7 @@ RECORD_STRAIN = 1e-3  # between two records
 SNAPSHOTS = 20
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
 CONSOLIDATED = 2e-3  # of the pressure: nearer than this a specimen is not consolidated again
-LISTEN = 50  # steps between two looks for a signal
+LISTEN = 50  # steps between two looks for a signal or for the end of a path
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,12 +117,13 @@ class _Run:
             self.path, state.time_step, state.number_of_grains, settings["record_strain"], settings["snapshots"],
             save_every,
         )  # fmt: skip
+        self.stopped = False
         self.machine = start_engine(engine, state, threads)
         if begun:
             self.go_on_from(state)
         else:
             state = self.machine.reload()
-            self.record(state, contacts_of(state), last=False)
+            self.record(state, last=False)
             self.save(state, False)
 
     def go_on_from(self, state):
@@ -137,15 +138,14 @@ class _Run:
             end = self.schedule.next_record(self.step)
             self.advance(end, signals)
             state = self.machine.state()
-            if self.step < end:
+            last = self.stopped or self.step == self.schedule.steps
+            if self.step < end and not last:
                 self.save(state, False)
                 raise self.interrupted(signals)
-            contacts = contacts_of(state)
-            last = self.is_last(state, contacts)
             saving = self.schedule.is_save(self.recorder.records, last) or signals.caught
             if saving:
                 state = self.machine.reload()
-            self.record(state, contacts, last)
+            self.record(state, last)
             if saving:
                 self.save(state, last)
             if signals.caught and not last:
@@ -153,8 +153,8 @@ class _Run:
         return True
 
     def advance(self, end, signals):
-        """Moves to the step `end`, or to where a signal stops it."""
-        while self.step < end and not signals.caught:
+        """Moves to the step `end`, or to where the path or a signal stops it."""
+        while self.step < end and not self.stopped and not signals.caught:
             stress = self.machine.stress() if self.stiffness is not None else None
             self.gradient = servo.velocity_gradient(
                 self.path, self.schedule.sign(self.step), self.time_step, stress, self.stiffness, self.gradient
@@ -162,12 +162,10 @@ class _Run:
             steps = min(servo.INTERVAL if self.stiffness is not None else LISTEN, end - self.step)
             self.machine.advance(steps, self.gradient)
             self.step += steps
+            self.stopped = self.path.stops_early and self.path.stops(mean_stress(self.machine.stress()))
 
-    def is_last(self, state, contacts):
-        pressure = mean_stress(love_stress(contacts, state.radius, state.volume))
-        return state.step == self.schedule.steps or self.path.stops(pressure)
-
-    def record(self, state, contacts, last):
+    def record(self, state, last):
+        contacts = contacts_of(state)
         values = measure(state, self.first_cell, contacts)
         require_sane(values, state)
         snapshot = self.schedule.is_snapshot(self.recorder.records, last)

@@ -1,0 +1,36 @@
+"""The critical state: where shear tests end up, and how much they scatter there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+
+WINDOW = 0.25  # the last quarter of the strain of a test
+SHEAR = ("cv", "cr", "cp")
+
+
+def critical_states(runs):
+    """A pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and the scatter of M.
+
+    `runs`: name -> run opened with labkit.open_run. M = q/p; its scatter is the standard deviation of the records.
+    """
+    rows = []
+    for name, run in runs.items():
+        if run.attrs["path"] not in SHEAR:
+            continue
+        strain = run["axial_strain"].values
+        window = strain >= (1.0 - WINDOW) * strain[-1]
+        ratio = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[window]
+        mean = {key: float(run[key].values[window].mean()) for key in ("void_ratio", "coordination_number")}
+        zz = {key: float(run[key].values[window, 2, 2].mean()) for key in TENSORS}
+        rows.append({
+            "run": name, "path": run.attrs["path"], "strain": float(strain[-1]), "M": float(np.mean(ratio)),
+            "M_scatter": float(np.std(ratio)), "p_MPa": float(run.lab.mean_stress().values[window].mean() / 1e6),
+            "e": mean["void_ratio"], "Z": mean["coordination_number"],
+            "Lambda": float(run["mean_normalised_force"].values[window].mean()),
+            **{label: zz[key] for key, label in TENSORS.items()},
+        })  # fmt: skip
+    return pandas.DataFrame(rows)
+
+
+TENSORS = {"contact_anisotropy": "A_zz", "normal_force_anisotropy": "F_zz", "mobilisation": "Ft_zz"}
