@@ -8,7 +8,7 @@ import sys
 from labkit.engines import ENGINES
 from labkit.errors import InputError
 from labkit.paths import PATHS
-from labkit.simulation import RECORD_STRAIN, SNAPSHOTS
+from labkit.simulation import SNAPSHOTS
 
 
 class Parser(argparse.ArgumentParser):
@@ -57,9 +57,7 @@ def add_run_options(parser):
     parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10; isoc 5, isod 2.5)")
     parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns, the last one "
                         "ends it (default: 0.01,-0.01,0.02,-0.02,0.03,-0.03,0.04)")  # fmt: skip
-    parser.add_argument(
-        "--record-strain", type=float, default=RECORD_STRAIN, help="strain between records (default: 1e-3)"
-    )
+    parser.add_argument("--record-strain", type=float, help="strain between records (default: 1e-3; isoc, isod 1e-4)")
     parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts (default: 20)")
     parser.add_argument("--save-every", type=positive_int, help="records between two saves (default: half a minute)")
     add_engine_options(parser)

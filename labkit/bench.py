@@ -8,7 +8,7 @@ import subprocess
 
 from labkit.engines.yade_process import find_script, find_yade, yade_environment
 from labkit.errors import PhysicsError
-from labkit.simulation import RECORD_STRAIN
+from labkit.paths import ConstantVolume
 
 VARIANTS = {
     "stock script, 1 thread": ("stock.py", 1),
@@ -40,7 +40,7 @@ def _run(script, threads, specimen, steps):
 def table(found, grains, time_step, rate):
     """Medians, ratios to the first variant (median and range of the ratio in each round), cost of a record."""
     base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
-    between = RECORD_STRAIN / (rate * time_step)
+    between = ConstantVolume.record_strain / (rate * time_step)
     lines = [f"{'':<30} {'steps/s':>9} {'grain-steps/s':>14} {'ratio':>7} {'range':>13} {'records, % of run':>18}"]
     for name, turns in found.items():
         speed = [turn["steps_per_second"] for turn in turns]

@@ -79,8 +79,9 @@ def check_run(options):
         options.path, mean_stress(love_stress(contacts_of(state), state.radius, state.volume)),
         pressure=options.pressure, strain=options.strain, rate=options.rate, reversals=options.reversals,
     )  # fmt: skip
-    if not (math.isfinite(options.record_strain) and 0.0 < options.record_strain <= 1.0):
-        raise InputError(f"--record-strain {options.record_strain:g} is not possible: give e.g. 1e-3")
+    interval = options.record_strain
+    if interval is not None and not (math.isfinite(interval) and 0.0 < interval <= 1.0):
+        raise InputError(f"--record-strain {interval:g} is not possible: give e.g. 1e-3")
     if options.snapshots < 0:
         raise InputError(f"--snapshots {options.snapshots} is not possible: give 0 or more")
     options.output = options.output or run_name(options)

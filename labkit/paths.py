@@ -40,6 +40,7 @@ class ConstantVolume:
     name = "cv"
     direction = (-0.5, -0.5, 1.0)
     stops_early = False  # whether `stops` has to be asked
+    record_strain = 1e-3  # axial strain between two records, unless the user says otherwise
 
     def __post_init__(self):
         _require_rate(self.rate)
@@ -123,6 +124,7 @@ class IsotropicCompression(ConstantVolume):
     name = "isoc"
     direction = (1.0, 1.0, 1.0)
     stops_early = True
+    record_strain = 1e-4
 
     def __post_init__(self):
         super().__post_init__()

@@ -18,7 +18,6 @@ from labkit.micro.stress import mean_stress
 from labkit.recorder import Recorder
 from labkit.timestep import critical_time_step
 
-RECORD_STRAIN = 1e-3  # between two records
 SNAPSHOTS = 20
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
 CONSOLIDATED = 2e-3  # of the pressure: nearer than this a specimen is not consolidated again
@@ -72,7 +71,7 @@ class Schedule:
         return last or record % self.records_per_save == 0
 
 
-def run(specimen, path, file, engine="yade", threads=1, record_strain=RECORD_STRAIN, snapshots=SNAPSHOTS,
+def run(specimen, path, file, engine="yade", threads=1, record_strain=None, snapshots=SNAPSHOTS,
         save_every=None, progress=lambda fraction, text: None):  # fmt: skip
     """Takes a specimen along a path and records it in a run file; goes on with a file that is unfinished.
 
@@ -80,7 +79,7 @@ def run(specimen, path, file, engine="yade", threads=1, record_strain=RECORD_STR
     run or one that another process is writing, PhysicsError when the simulation fails, Interrupted after a
     SIGINT or SIGTERM, with a checkpoint written.
     """
-    settings = {"record_strain": record_strain, "snapshots": snapshots, "engine": engine}
+    settings = {"record_strain": record_strain or path.record_strain, "snapshots": snapshots, "engine": engine}
     with Recorder(file, path, settings) as recorder:
         begun = recorder.resume()
         if begun and begun.complete:

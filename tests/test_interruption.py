@@ -19,8 +19,8 @@ PATHS = {
     "cv": ["--strain", "0.01"],
     "cr": ["--pressure", "0.5e6", "--strain", "0.008"],
     "cp": ["--pressure", "0.5e6", "--strain", "0.008"],
-    "isoc": ["--strain", "0.004", "--record-strain", "2e-4"],
-    "isod": ["--pressure", "0.1e6", "--rate", "5", "--record-strain", "2e-4"],
+    "isoc": ["--strain", "0.004"],
+    "isod": ["--pressure", "0.1e6", "--rate", "5"],
     "cyclic_cp": ["--pressure", "0.5e6", "--reversals", "0.004,-0.002,0.002"],
 }
 
