@@ -10,7 +10,8 @@ from pathlib import Path
 from labkit.arguments import require
 from labkit.consolidation import consolidate, pressure_error
 from labkit.errors import InputError
-from labkit.files import require_writable
+from labkit.files import open_netcdf, require_writable
+from labkit.limits import exceeded
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths import Consolidation, make_path, path_class
@@ -107,6 +108,10 @@ def run_path(options, progress, history):
         options.record_strain, options.snapshots, options.save_every, progress,
     )  # fmt: skip
     print(f"{options.output}: " + ("complete" if done else "was complete already, nothing to do"))
+    with open_netcdf(options.output, "run") as dataset:
+        recorded = ("axial_strain", "inertial_number", "overlap_ratio", "stress")
+        for sentence in exceeded({name: dataset[name][...].filled() for name in recorded}):
+            print(f"{options.output}: {sentence}")
 
 
 def describe(quantities):

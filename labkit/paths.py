@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.limits import PRESSURE_LIMIT
 
-PRESSURE_LIMIT = 3e6  # Pa: above it the mean overlap passes 2 % (section 2)
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
 
 

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pandas
 
+from labkit.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
 from labkit.micro.stress import relative_error
 from labkit.micro.void_ratio import grain_volume
 from labkit.specimen import mean_grain_volume
@@ -19,14 +20,6 @@ VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
 HELD_RMS, HELD_WORST = 0.005, 0.02  # of the stress that a path holds
 HELD_AFTER = 0.005  # axial strain travelled until then
-
-# Section 2: where the tests are quasi-static and the contacts small.
-PRESSURE_LIMIT = 3e6  # Pa
-OVERLAP_LIMIT = 0.02  # mean delta/D
-INERTIAL_LIMIT = 3e-4
-GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
-DRIFT_LIMIT = 0.01  # share of the kinetic energy that is motion of the whole
-
 
 @dataclasses.dataclass(frozen=True)
 class Finding:

@@ -60,3 +60,9 @@ def test_consolidation_reaches_its_pressure(tmp_path, specimen_file, labkit_comm
     file = tmp_path / "c.state.nc"
     done = labkit_command("consolidate", specimen_file, "--pressure", 0.4e6, "-o", file)
     assert done.returncode == 0 and "pressure off by 0.0" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_run_says_where_it_left_the_limits(tmp_path, specimen_file, labkit_command):
+    file = tmp_path / "fast.run.nc"
+    done = labkit_command("run", "cv", specimen_file, "--rate", 100, "--strain", 0.005, "-o", file)
+    assert done.returncode == 0 and "inertial number above 0.0003 at" in done.stdout, done.stdout + done.stderr

@@ -22,8 +22,12 @@ machine.advance(max(1, steps // 5), gradient)
 begin = time.perf_counter()
 machine.advance(steps, gradient)
 rate = steps / (time.perf_counter() - begin)
+print("steps_per_second", rate)
+begin = time.perf_counter()
+for _ in range(20):
+    machine.stress()
+print("steps_per_stress", rate * (time.perf_counter() - begin) / 20)
 begin = time.perf_counter()
 for _ in range(3):
     measure(machine.state(), state.cell)
-print("steps_per_second", rate)
 print("steps_per_record", rate * (time.perf_counter() - begin) / 3)
