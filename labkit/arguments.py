@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 
 from labkit.engines import ENGINES
@@ -23,7 +24,7 @@ class Parser(argparse.ArgumentParser):
 
 def add_engine_options(parser):
     parser.add_argument("--engine", choices=ENGINES, default="yade", help="what moves the grains (default: yade)")
-    parser.add_argument("--threads", type=positive_int, default=1, help="threads of the engine (default: 1)")
+    parser.add_argument("--threads", type=threads, default=1, help="threads of the engine (default: 1)")
 
 
 def add_specimen_options(parser):
@@ -58,7 +59,8 @@ def add_run_options(parser):
     parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns, the last one "
                         "ends it (default: 0.01,-0.01,0.02,-0.02,0.03,-0.03,0.04)")  # fmt: skip
     parser.add_argument("--record-strain", type=float, help="strain between records (default: 1e-3; isoc, isod 1e-4)")
-    parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts (default: 20)")
+    parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts beside "
+                        "the first; 0: none (default: 20)")  # fmt: skip
     parser.add_argument("--save-every", type=positive_int, help="records between two saves (default: half a minute)")
     add_engine_options(parser)
     parser.add_argument("-o", "--output", help="run file to write or to go on with (default: "
@@ -69,6 +71,14 @@ def positive_int(text):
     value = int(text)
     if value < 1:
         raise ValueError(text)
+    return value
+
+
+def threads(text):
+    """A number of threads that this machine can bear."""
+    value, most = positive_int(text), 4 * (os.cpu_count() or 1)
+    if value > most:
+        raise argparse.ArgumentTypeError(f"{value} threads are too many for this machine: give at most {most}")
     return value
 
 
@@ -87,8 +97,6 @@ def parse_in_yade(parser):
 
     A column of the table is the name of an option with `_` for `-`; strings stand in quotes.
     """
-    import os
-
     if not os.environ.get("YADE_BATCH"):
         return parse(parser, sys.argv[1:])
     from yade import utils

@@ -42,15 +42,17 @@ def table(found, grains, time_step, rate):
     """Medians, ratios to the first variant (median and range over the rounds), cost of records and of the servo."""
     base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
     between = ConstantVolume.record_strain / (rate * time_step)
-    lines = [f"{'':<30} {'steps/s':>9} {'grain-steps/s':>14} {'ratio':>7} {'range':>13} {'records, %':>11} {'servo, %':>9}"]
+    heading = ("", "steps/s", "grain-steps/s", "ratio", "range", "records, %", "servo, %")
+    lines = ["{:<30} {:>9} {:>14} {:>7} {:>13} {:>11} {:>9}".format(*heading)]
     for name, turns in found.items():
         speed = [turn["steps_per_second"] for turn in turns]
         ratio = [a / b for a, b in zip(speed, base)]
         record = [turn["steps_per_record"] / between for turn in turns if "steps_per_record" in turn]
         sums = [turn["steps_per_stress"] / servo.INTERVAL for turn in turns if "steps_per_stress" in turn]
         median = statistics.median(speed)
-        lines.append(
-            f"{name:<30} {median:9.1f} {median * grains:14.3g} {statistics.median(ratio):7.2f} "
-            f"{min(ratio):6.2f}-{max(ratio):<6.2f} " + (f"{100 * statistics.median(record):11.2f} {100 * statistics.median(sums):9.2f}" if record else "")
-        )
+        row = f"{name:<30} {median:9.1f} {median * grains:14.3g} {statistics.median(ratio):7.2f} "
+        row += f"{min(ratio):6.2f}-{max(ratio):<6.2f}"
+        if record:
+            row += f" {100 * statistics.median(record):11.2f} {100 * statistics.median(sums):9.2f}"
+        lines.append(row)
     return "\n".join(lines)

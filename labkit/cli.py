@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from pathlib import Path
@@ -26,6 +27,9 @@ def main(argv=None):
         return fail(error, 1)
     except Interrupted as error:
         return fail(error, error.code)
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except OSError as error:
         return fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1)
     except KeyboardInterrupt:
@@ -112,11 +116,9 @@ def in_yade(script, argv, threads, title):
 def do_verify(options, argv):
     from labkit import plots, verify
 
-    figure = options.output or figure_name(options.run[0])
-    require_writable(figure)
-    if options.csv:
-        require_writable(options.csv)
     runs = open_runs(options.run)
+    figure = options.output or figure_name(options.run[0])
+    require_outputs(figure, options.csv)
     found = {name: verify.findings(run) for name, run in runs.items()}
     for name, run in runs.items():
         print(f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
@@ -134,10 +136,8 @@ def do_critical(options, argv):
     from labkit import plots
     from labkit.critical import critical_states
 
-    require_writable(options.output)
-    if options.csv:
-        require_writable(options.csv)
     runs = open_runs(options.run)
+    require_outputs(options.output, options.csv)
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g") if len(table) else "no shear test among these runs")
     plots.save(plots.e_p_paths(runs), options.output)
@@ -147,8 +147,23 @@ def do_critical(options, argv):
 
 
 def open_runs(files):
-    """Name -> run, in the order of the command line."""
-    return {Path(name).name.removesuffix(".run.nc"): labkit.open_run(name) for name in files}
+    """Name -> run, in the order of the command line; the name is as short as tells the files apart."""
+    short = [Path(file).name.removesuffix(".run.nc") for file in files]
+    names = short if len(set(short)) == len(short) else files
+    return {name: labkit.open_run(file) for name, file in zip(names, files)}
+
+
+def require_outputs(figure, csv):
+    """Raises InputError unless the figure and the CSV file, if one is wanted, can be written."""
+    from labkit.plots import FORMATS
+
+    if Path(figure).suffix.lower() not in FORMATS:
+        raise InputError(f"{figure} has no ending of a figure: use one of {', '.join(FORMATS)}")
+    require_writable(figure)
+    if csv:
+        require_writable(csv)
+        if Path(csv).resolve() == Path(figure).resolve():
+            raise InputError(f"{csv} is named for the figure and for the CSV: give two names")
 
 
 def write_text(file, text):
@@ -185,6 +200,7 @@ def do_bench(options, argv):
 def do_demo(options, argv):
     from labkit.demo import demo
 
+    find_yade()
     return demo(Path(options.output), lambda words: main(shlex.split(words)))
 
 

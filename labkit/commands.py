@@ -16,8 +16,8 @@ from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths import Consolidation, make_path, path_class
 from labkit.scene import Scene
-from labkit.simulation import run
-from labkit.specimen import Recipe, insert_grains, make_specimen, side_for, summary
+from labkit.simulation import Schedule, run
+from labkit.specimen import Recipe, make_specimen, require_size, side_for, summary
 from labkit.state import read_state, write_state
 
 
@@ -31,8 +31,8 @@ def check_specimen(options):
         side = side_for(options.grains, void_ratio, scene)
     recipe = Recipe(void_ratio, options.step1_friction, options.step1_rolling_friction, side, options.seed)
     options.output = options.output or specimen_name(recipe, options.grains)
-    insert_grains(scene, recipe)
-    require_writable(options.output)
+    require_size(recipe, scene)
+    require_writable(options.output, "state")
     return recipe
 
 
@@ -60,7 +60,7 @@ def check_consolidation(options):
     pressure = require(options.pressure, "--pressure")
     make_path("cr", pressure=pressure)
     state = read_state(require(options.specimen, "the specimen (a state file)"))
-    require_writable(require(options.output, "--output"))
+    require_writable(require(options.output, "--output"), "state")
     return state, Consolidation(pressure)
 
 
@@ -68,7 +68,7 @@ def consolidation(options, progress, history):
     """Brings a specimen to a pressure and writes its state file."""
     state, path = check_consolidation(options)
     state = consolidate(state, path.pressure, options.engine, options.threads, progress)
-    write_state(options.output, state.replace(history=history))
+    write_state(options.output, state.replace(history=state.history + "\n" + history))
     print(f"{options.output}: {describe(summary(state))}, pressure off by {pressure_error(state, path.pressure):.2%}")
 
 
@@ -85,8 +85,9 @@ def check_run(options):
         raise InputError(f"--record-strain {interval:g} is not possible: give e.g. 1e-3")
     if options.snapshots < 0:
         raise InputError(f"--snapshots {options.snapshots} is not possible: give 0 or more")
+    Schedule.of(path, state.scene.time_step, state.number_of_grains, interval or path.record_strain, options.snapshots)
     options.output = options.output or run_name(options)
-    require_writable(options.output)
+    require_writable(options.output, "run")
     return path, state
 
 
@@ -104,7 +105,7 @@ def run_path(options, progress, history):
     """Takes a specimen along a path into a run file; says so when that is done already."""
     path, state = check_run(options)
     done = run(
-        state.replace(history=history), path, options.output, options.engine, options.threads,
+        state.replace(history=state.history + "\n" + history), path, options.output, options.engine, options.threads,
         options.record_strain, options.snapshots, options.save_every, progress,
     )  # fmt: skip
     print(f"{options.output}: " + ("complete" if done else "was complete already, nothing to do"))

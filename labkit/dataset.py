@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -9,7 +10,7 @@ import xarray as xr
 
 from labkit.files import open_netcdf
 from labkit.micro.contacts import Contacts
-from labkit.micro.fabric import statistics
+from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.scene import Scene
@@ -27,7 +28,12 @@ def open_run(path):
         pass
     parts = [xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")]
     run = xr.merge(parts, compat="no_conflicts", join="exact", combine_attrs="override")
-    run = run.set_coords(["time", "axial_strain"])
+    starts = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]])
+    run = run.assign_coords(
+        row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),
+        snapshot_volume=("snapshot", run["volume"].values[run["record"].values], run["volume"].attrs),
+        snapshot_strain=("snapshot", run["axial_strain"].values[run["record"].values], run["axial_strain"].attrs),
+    ).set_coords(["time", "axial_strain"])
     run.encoding["source"] = str(path)
     return run
 
@@ -52,10 +58,6 @@ class Lab:
         return Scene.from_json(self._run.attrs["scene"])
 
     @functools.cached_property
-    def _offsets(self):
-        return np.concatenate([[0], np.cumsum(self._run["row_size"].values)])
-
-    @functools.cached_property
     def _radius(self):
         return self._run["radius"].values
 
@@ -68,10 +70,14 @@ class Lab:
         return self._run[name].isel(time=self._run["record"])
 
     def contacts(self, snapshot):
-        """The contacts of one snapshot as a Dataset along `contact`; only these are read."""
+        """The contacts of one snapshot as a Dataset along `contact`; only these are read.
+
+        `snapshot`: position along the dimension, from the end if negative. The dataset may be a selection of
+        records and snapshots, not of contacts.
+        """
         names = [n for n, v in self._run.data_vars.items() if "contact" in v.dims]
-        rows = slice(self._offsets[snapshot], self._offsets[snapshot + 1])
-        return self._run[names].isel(contact=rows)
+        start, size = (int(self._run[name].values[snapshot]) for name in ("row_start", "row_size"))
+        return self._run[names].isel(contact=slice(start, start + size))
 
     def contact_arrays(self, snapshot):
         """The same as labkit.micro.contacts.Contacts, for the functions of labkit.micro."""
@@ -87,7 +93,12 @@ class Lab:
             statistics(self.contact_arrays(k), self._radius, self.scene.young_modulus)
             for k in range(self.number_of_snapshots)
         ]
-        columns = {name: np.array([getattr(s, name) for s in found]) for name in vars(found[0])} if found else {}
+        columns = {
+            field.name: np.array([getattr(s, field.name) for s in found]).reshape(
+                (-1, 3, 3) if "ndarray" in str(field.type) else -1
+            )
+            for field in dataclasses.fields(Statistics)
+        }
         tensor = ("snapshot", "i", "j")
         return xr.Dataset(
             {name: (tensor[: values.ndim], values, {"units": "1"}) for name, values in columns.items()},
@@ -96,7 +107,7 @@ class Lab:
 
     def love_stress(self):
         """Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
-        volume = self.at_snapshots("volume").values
+        volume = self._run["snapshot_volume"].values
         values = [
             love_stress(self.contact_arrays(k), self._radius, volume[k]) for k in range(self.number_of_snapshots)
         ]
@@ -109,7 +120,7 @@ class Lab:
             self.scene.young_modulus,
             found["coordination_number"].values,
             found["mean_normalised_force"].values,
-            void_ratio_nominal(self._radius, self.at_snapshots("volume").values),
+            void_ratio_nominal(self._radius, self._run["snapshot_volume"].values),
             found["contact_anisotropy"].values,
             found["normal_force_anisotropy"].values,
             found["mobilisation"].values,
@@ -135,7 +146,7 @@ class Lab:
         return self._run["axial_strain"].copy(data=values).rename(None).assign_attrs(units="Pa", long_name=long_name)
 
     def _snapshot_coordinates(self):
-        return {name: ("snapshot", self.at_snapshots(name).values) for name in ("time", "axial_strain")}
+        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
 
     def _stress_array(self, values, long_name):
         values = np.asarray(values, dtype=float).reshape(-1, 3, 3)

@@ -11,14 +11,27 @@ from pathlib import Path
 import netCDF4
 
 from labkit.errors import InputError
-from labkit.schema import SIZES
+from labkit.scene import Scene
+from labkit.schema import CONTACTS, GRAINS, RECORD, SIZES
 
 
-def require_writable(path):
-    """Raises InputError unless a file could be put at `path`. Leaves nothing behind."""
+def require_writable(path, kind=None):
+    """Raises InputError unless a file could be put at `path`. Leaves nothing behind.
+
+    `kind`: the labkit file that an existing file at `path` must be to be written over; None: any file that is not
+    a labkit file.
+    """
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path} is a directory: give the name of a file")
+    if len(path.name.encode()) > 200:
+        raise InputError(f"{path.name[:40]}... is too long a name: give another -o")
+    if path.exists():
+        if not path.is_file():
+            raise InputError(f"{path} is not an ordinary file: give another -o")
+        found = labkit_kind(path)
+        if (kind or found) and found != kind:
+            raise InputError(f"{path} is {_what(found)}: it would be lost, give another -o")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a directory: create it first, or give another -o")
     try:
@@ -32,7 +45,7 @@ def require_writable(path):
 @contextlib.contextmanager
 def whole_file(path):
     """Gives a temporary name beside `path`; it becomes `path` when the block ends well, else it goes."""
-    path = Path(path)
+    path = Path(path).resolve()
     temporary = path.parent / f".{path.name}.{os.getpid()}.tmp"
     try:
         yield temporary
@@ -57,14 +70,46 @@ def open_netcdf(path, kind):
         raise InputError(f"{path} does not exist: give a labkit {kind} file")
     try:
         dataset = netCDF4.Dataset(path)
+    except PermissionError:
+        raise InputError(f"{path} may not be read: change its rights, or give another") from None
     except OSError:
         raise InputError(f"{path} is not a netCDF file: give a labkit {kind} file") from None
     with dataset:
         found = getattr(dataset, "labkit_file", None)
         if found != kind:
-            what = f"a labkit {found} file" if found else "a netCDF file of another program"
-            raise InputError(f"{path} is {what}: give a labkit {kind} file")
+            raise InputError(f"{path} is {_what(found)}: give a labkit {kind} file")
+        if kind == "run":
+            _require_run(path, dataset)
         yield dataset
+
+
+def labkit_kind(path):
+    """`state`, `run`, or None for any other file."""
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            return getattr(dataset, "labkit_file", None)
+    except OSError:
+        return None
+
+
+def _what(kind):
+    return f"a labkit {kind} file" if kind else "no labkit file"
+
+
+def _require_run(path, dataset):
+    """Raises InputError when a run file lacks groups, variables or attributes."""
+    groups = dataset.groups
+    for group, table in ((dataset, RECORD), (groups.get("contacts"), CONTACTS), (groups.get("grains"), GRAINS)):
+        missing = [name for name in table if group is None or name not in group.variables]
+        if missing:
+            raise InputError(f"{path} is damaged, it lacks {missing[0]}: run it again")
+    for name in ("scene", "path", "path_parameters", "complete"):
+        if name not in dataset.ncattrs():
+            raise InputError(f"{path} is damaged, it lacks the attribute {name}: run it again")
+    try:
+        Scene.from_json(dataset.scene)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def create_variables(group, table, sizes, compression="zlib"):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import netCDF4
-
 from labkit.errors import InputError
-from labkit.files import open_netcdf
+from labkit.files import labkit_kind, open_netcdf
 from labkit.schema import RECORD, STATE
 from labkit.specimen import summary
 from labkit.state import read_state
@@ -40,11 +38,7 @@ def file_kind(path):
     """`state` or `run`. Raises InputError for anything else."""
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist: give a labkit state or run file")
-    try:
-        with netCDF4.Dataset(path) as dataset:
-            kind = getattr(dataset, "labkit_file", None)
-    except OSError:
-        kind = None
+    kind = labkit_kind(path)
     if kind not in ("state", "run"):
         raise InputError(f"{path} is not a labkit file: give a state or run file")
     return kind

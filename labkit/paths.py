@@ -206,7 +206,7 @@ def _require(option, value, above, most):
 
 
 def _require_rate(rate):
-    _require("--rate", rate, 0.0, 1e6)
+    _require("--rate", rate, 0.0, 1e4)
 
 
 def _require_pressure(pressure):

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D  # noqa: E402
 from labkit.files import whole_file  # noqa: E402
 
 WIDTH = 10.0  # inches
+FORMATS = (".png", ".pdf", ".svg")
 STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
 
@@ -82,5 +83,5 @@ def _colors(number):
 def save(figure, path):
     """Writes a figure, whole or not at all, in the format of the name's ending, and closes it."""
     with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=150, format=Path(path).suffix[1:] or "png")
+        figure.savefig(temporary, dpi=150, format=Path(path).suffix[1:].lower())
     plt.close(figure)

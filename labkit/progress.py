@@ -27,10 +27,22 @@ def read_pipe(line):
     return float(fraction), text
 
 
-def _remaining(fraction, seconds):
-    if fraction <= 0.0:
-        return "?"
-    left = round(seconds * (1.0 - fraction) / fraction)
+class Clock:
+    """Says how long the rest takes, from the way made since the first call: a resumed run begins in the middle."""
+
+    def __init__(self):
+        self.began = None
+
+    def left(self, fraction):
+        now = time.monotonic()
+        if self.began is None:
+            self.began = fraction, now
+        made = fraction - self.began[0]
+        return _words((now - self.began[1]) * (1.0 - fraction) / made) if made > 0.0 else "?"
+
+
+def _words(seconds):
+    left = round(seconds)
     return f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
 
 
@@ -39,14 +51,13 @@ class Lines:
 
     def __init__(self, title, fraction_step=0.1, seconds_step=30.0):
         self.title, self.fraction_step, self.seconds_step = title, fraction_step, seconds_step
-        self.started = self.last_time = time.monotonic()
+        self.clock, self.last_time = Clock(), time.monotonic()
         self.last = None
 
     def __call__(self, fraction, text):
-        now = time.monotonic()
+        now, left = time.monotonic(), self.clock.left(fraction)
         due = self.last is None or fraction - self.last >= self.fraction_step
         if due or now - self.last_time >= self.seconds_step or fraction >= 1.0 > self.last:
-            left = _remaining(fraction, now - self.started)
             print(f"{self.title}: {fraction:4.0%}, {left} left, {text}", flush=True)
             self.last, self.last_time = fraction, now
 
@@ -55,23 +66,23 @@ class Bar:
     """tqdm's bar where tqdm is installed, else (inside YADE) one line that is written over."""
 
     def __init__(self, title):
-        self.title, self.started = title, time.monotonic()
+        self.title, self.clock = title, Clock()
         try:
             from tqdm import tqdm
         except ImportError:
             self.bar = None
         else:
-            style = "{desc}: {percentage:3.0f}%|{bar}| {elapsed}<{remaining} {postfix}"
+            style = "{desc}: {percentage:3.0f}%|{bar}| {postfix}"
             self.bar = tqdm(total=1.0, desc=title, bar_format=style)
 
     def __call__(self, fraction, text):
+        left = self.clock.left(fraction)
         if self.bar is None:
-            left = _remaining(fraction, time.monotonic() - self.started)
             print(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="", flush=True)
             if fraction >= 1.0:
                 print()
             return
-        self.bar.set_postfix_str(text, refresh=False)
+        self.bar.set_postfix_str(f"{left} left, {text}", refresh=False)
         self.bar.update(fraction - self.bar.n)
         self.bar.refresh()
         if fraction >= 1.0:

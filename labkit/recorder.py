@@ -35,11 +35,12 @@ class Begun:
 class Recorder:
     """Writes one run file, alone while it is open as a context.
 
-    `path` is the loading path, `settings` what else decides the records.
+    `path` is the loading path, `settings` what else decides the records, `specimen` the State it starts from.
     """
 
-    def __init__(self, file, path, settings):
+    def __init__(self, file, path, settings, specimen):
         self.file = Path(file)
+        self.specimen = specimen.digest()
         self.path = path
         self.settings = settings
         self.records = 0  # in the file and in memory
@@ -92,6 +93,7 @@ class Recorder:
     def _create(self, dataset, state):
         dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own
         dataset.path_parameters = self.parameters()
+        dataset.specimen = self.specimen
         create_variables(dataset, RECORD, {}, compression=None)
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
@@ -122,7 +124,7 @@ class Recorder:
     def resume(self):
         """What a Begun run file holds, or None when there is no file yet.
 
-        Raises InputError when the file holds a run with other parameters.
+        Raises InputError when the file holds a run with other parameters or of another specimen.
         """
         if not self.file.exists():
             return None
@@ -133,6 +135,8 @@ class Recorder:
                     f"{self.file} holds another run ({found[0]} with {found[1]}): "
                     "give another -o, or the same options to go on with it"
                 )
+            if getattr(dataset, "specimen", None) != self.specimen:
+                raise InputError(f"{self.file} was begun with another specimen: give another -o")
             self.records = len(dataset.dimensions["time"])
             group = dataset["checkpoint"]
             state = read_group(group, dataset, int(group.contacts))

@@ -17,7 +17,7 @@ LAWS = ("yade",)
 class Scene:
     """An immutable description of the grains and of how they touch. SI units; defaults are Table 1.
 
-    `law = "yade"` is YADE's rolling-resistance law. It departs from the paper's Eqs. 1-3 in three ways:
+    `law = "yade"` is YADE's rolling-resistance law. It departs from the paper's Eqs. 1-3 in three ways that matter:
 
     * no dashpots: energy leaves through Newton's local non-viscous damping, `local_damping`;
     * rolling stiffness kt Ra Rb/4 where the paper has kt (Ra Rb/(Ra + Rb))^2: equal for equal grains,
@@ -25,6 +25,10 @@ class Scene:
     * rolling limit mu_r min(Ra, Rb)/2 where the paper has mu_r Ra Rb/(Ra + Rb): equal for equal grains,
       at most 16.7 % lower at the size ratio 1.5, 6 % lower on average over random pairs.
       `rolling_limit_scale` multiplies it: 1.064 makes the mean over random pairs of +-20 % right.
+
+    Two more are YADE's kinematics: it multiplies the relative shear velocity by 1/(1 - delta/(Ra + Rb)) against
+    ratcheting, and turns forces with their contact to first order, so that over a run they leave the tangent
+    plane by some 1e-3 of their size.
 
     Raises InputError for a value outside its physical range.
     """

@@ -16,9 +16,10 @@ from labkit.measure import measure
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import mean_stress
 from labkit.recorder import Recorder
-from labkit.timestep import critical_time_step
+from labkit.timestep import require_stable
 
 SNAPSHOTS = 20
+LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
 CONSOLIDATED = 2e-3  # of the pressure: nearer than this a specimen is not consolidated again
 LISTEN = 50  # steps between two looks for a signal or for the end of a path
@@ -36,10 +37,19 @@ class Schedule:
 
     @classmethod
     def of(cls, path, time_step, grains, record_strain, snapshots, save_every=None):
-        """Records every `record_strain` of axial strain, about `snapshots` of them with all contacts."""
+        """Records every `record_strain` of axial strain, the first and up to `snapshots` more with all contacts.
+
+        Raises InputError when the rate fits neither the strain nor the time step.
+        """
         step_strain = path.rate * time_step
         legs = np.diff((0.0, *path.turning_points()))
-        steps = np.maximum(1, np.round(np.abs(legs) / step_strain)).astype(int)
+        steps = np.round(np.abs(legs) / step_strain)
+        if steps.min() < LEAST_STEPS or steps.sum() > MOST_STEPS:
+            raise InputError(
+                f"--rate {path.rate:g} makes {steps.min():.3g} steps of the shortest way of the path and "
+                f"{steps.sum():.3g} of the whole: {LEAST_STEPS} to {MOST_STEPS:g} are possible"
+            )
+        steps = steps.astype(int)
         sign = 1.0 if path.direction[2] * legs[0] > 0.0 else -1.0
         per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
         records = -(-int(steps.sum()) // per_record)
@@ -47,7 +57,7 @@ class Schedule:
             turns=tuple(int(x) for x in np.cumsum(steps)),
             signs=tuple(sign * (-1.0) ** k for k in range(len(steps))),
             steps_per_record=per_record,
-            records_per_snapshot=max(1, round(records / snapshots)) if snapshots else records + len(steps),
+            records_per_snapshot=-(-records // snapshots) if snapshots else 0,
             records_per_save=save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
         )
 
@@ -65,7 +75,7 @@ class Schedule:
         return min(turn, (step // self.steps_per_record + 1) * self.steps_per_record)
 
     def is_snapshot(self, record, last):
-        return last or record % self.records_per_snapshot == 0
+        return bool(self.records_per_snapshot) and (last or record % self.records_per_snapshot == 0)
 
     def is_save(self, record, last):
         return last or record % self.records_per_save == 0
@@ -80,13 +90,11 @@ def run(specimen, path, file, engine="yade", threads=1, record_strain=None, snap
     SIGINT or SIGTERM, with a checkpoint written.
     """
     settings = {"record_strain": record_strain or path.record_strain, "snapshots": snapshots, "engine": engine}
-    with Recorder(file, path, settings) as recorder:
+    with Recorder(file, path, settings, specimen) as recorder:
         begun = recorder.resume()
         if begun and begun.complete:
             return False
-        if begun:
-            require_same_specimen(begun.state, specimen, file)
-        else:
+        if not begun:
             specimen = prepare(specimen, path, engine, threads, progress)
         with stop_on_signals() as signals:
             return _Run(recorder, specimen, begun, engine, threads, save_every, progress).go(signals)
@@ -184,24 +192,7 @@ def _status(values):
     return f"strain {values['axial_strain']:.2%}, p {mean_stress(values['stress']) / 1e6:.3f} MPa"
 
 
-def require_stable(state):
-    """Raises PhysicsError when the time step is beyond the stability limit of the state."""
-    limit = critical_time_step(state)
-    if state.time_step > limit:
-        raise PhysicsError(
-            f"the time step {state.time_step:.3g} s is beyond the stable {limit:.3g} s: "
-            f"lower time_step_factor from {state.scene.time_step_factor:g}"
-        )
-
-
 def require_sane(values, state):
     """Raises PhysicsError when a record shows that the integration has run away."""
     if not (np.all(np.isfinite(state.position)) and np.isfinite(values["kinetic_energy"])):
         raise PhysicsError(f"positions are no numbers any more at step {state.step}: the time step is too large")
-
-
-def require_same_specimen(state, specimen, file):
-    """Raises InputError when a run was begun with another specimen."""
-    same = state.scene == specimen.scene and np.array_equal(state.radius, specimen.radius)
-    if not same:
-        raise InputError(f"{file} was begun with another specimen: give another -o")

@@ -13,10 +13,10 @@ from labkit.micro.indicators import elastic_energy, kinetic_energy, overlap_rati
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.state import grains_in_cell
-from labkit.timestep import critical_time_step
+from labkit.timestep import critical_time_step, require_stable
 
 VOID_RATIO_RANGE = (0.3, 1.5)
-MINIMUM_GRAINS = 100
+MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Recipe:
             )
         if not 0.0 < self.side <= 0.1:
             raise InputError(f"--side {self.side:g} m is not possible: give up to 0.1 m, e.g. 4e-3")
-        if self.seed < 0:
-            raise InputError(f"--seed {self.seed} is not possible: give a whole number from 0")
+        if not 0 <= self.seed < 2**31:
+            raise InputError(f"--seed {self.seed} is not possible: give a whole number from 0, below 2^31")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,14 +71,22 @@ RELEASE_LIMIT = 500  # stops
 
 def side_for(grains, void_ratio, scene):
     """Side of a cube that holds about so many grains, m."""
-    if grains < MINIMUM_GRAINS:
-        raise InputError(f"--grains {grains} is too few for a specimen: give {MINIMUM_GRAINS} or more")
+    if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
+        raise InputError(f"--grains {grains} is not possible: give {MINIMUM_GRAINS} to {MAXIMUM_GRAINS}")
     return float((grains * mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
 
 
 def mean_grain_volume(scene):
     """Mean of pi D^3/6 over the uniform distribution, m3."""
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
+
+
+def require_size(recipe, scene):
+    """Raises InputError when the cube would hold too few or too many grains."""
+    grains = recipe.side**3 / (1.0 + recipe.void_ratio) / mean_grain_volume(scene)
+    if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
+        low, high = (side_for(n, recipe.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
+        raise InputError(f"--side {recipe.side:g} m would hold {grains:.3g} grains: give {low:.2g} to {high:.2g} m")
 
 
 def draw_radii(scene, solid_volume, rng):
@@ -104,13 +112,9 @@ def spatial_order(position, side, mean_diameter):
 
 def insert_grains(scene, recipe):
     """A State of grains placed at random, overlaps allowed, at exactly the nominal void ratio."""
+    require_size(recipe, scene)
     rng = np.random.default_rng(recipe.seed)
     radius = draw_radii(scene, recipe.side**3 / (1.0 + recipe.void_ratio), rng)
-    if len(radius) < MINIMUM_GRAINS:
-        raise InputError(
-            f"--side {recipe.side:g} m holds {len(radius)} grains: "
-            f"give at least {side_for(MINIMUM_GRAINS, recipe.void_ratio, scene):.2g} m"
-        )
     position = rng.random((len(radius), 3)) * recipe.side
     order = spatial_order(position, recipe.side, scene.mean_diameter)
     return grains_in_cell(scene, radius[order], position[order], np.eye(3) * recipe.side, recipe.seed)
@@ -126,7 +130,9 @@ def make_specimen(scene, recipe, engine="yade", threads=1, progress=lambda fract
     inserted = inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(machine.state()))
     machine.load(inserted)
     release(machine, lambda f, text: progress(0.3 * f, text))
-    machine.load(machine.state().replace(time_step=scene.time_step))
+    released = machine.state().replace(time_step=scene.time_step)
+    require_stable(released)
+    machine.load(released)
     settle(machine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, "step 1: " + text))
     machine.load(machine.state().at_rest().replace(scene=scene))
     settle(machine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, "step 2: " + text))

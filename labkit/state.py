@@ -8,6 +8,7 @@ the grains first, so that a run through a state file goes on as if nothing had h
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 
 import netCDF4
 import numpy as np
@@ -16,7 +17,7 @@ import labkit
 from labkit.errors import InputError
 from labkit.files import create_variables, open_netcdf, whole_file
 from labkit.scene import Scene
-from labkit.schema import STATE
+from labkit.schema import SIZES, STATE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +56,13 @@ class State:
     def replace(self, **changes):
         return dataclasses.replace(self, **changes)
 
+    def digest(self):
+        """SHA-256 of the scene and of all arrays, hexadecimal: tells one specimen from another."""
+        digest = hashlib.sha256(self.scene.to_json().encode())
+        for name in STATE:
+            digest.update(np.ascontiguousarray(getattr(self, name)).tobytes())
+        return digest.hexdigest()
+
     def at_rest(self):
         """The same state with all velocities zero, the cell held, and the clock at zero."""
         zero = np.zeros_like(self.velocity)
@@ -74,6 +82,8 @@ def grains_in_cell(scene, radius, position, cell, seed=0, history=""):
         time_step=scene.time_step, seed=seed, history=history,
     )  # fmt: skip
 
+
+FAR = 1000  # cells: no grain travels so far
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe")
 
@@ -118,6 +128,28 @@ def read_state(path):
     """Reads a state file. Raises InputError when it is missing, of another kind, or damaged."""
     with open_netcdf(path, "state") as dataset:
         try:
-            return read_group(dataset, dataset)
-        except (IndexError, AttributeError, KeyError, RuntimeError) as error:
+            state = read_group(dataset, dataset)
+            require_valid(state)
+            return state
+        except (IndexError, AttributeError, KeyError, RuntimeError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}): write it again") from None
+
+
+def require_valid(state):
+    """Raises ValueError when the arrays of a state cannot be grains in a cell."""
+    grains, contacts = state.number_of_grains, len(state.contact_grain)
+    for name, variable in STATE.items():
+        values = getattr(state, name)
+        sizes = {**SIZES, "grain": grains, "contact": contacts}
+        if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
+            raise ValueError(f"{name} has the shape {values.shape}")
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} holds values that are no numbers")
+    if not (state.radius > 0.0).all():
+        raise ValueError("radius holds values that are not positive")
+    if not state.volume > 0.0:
+        raise ValueError("cell has no volume")
+    if np.abs(np.linalg.solve(state.cell, state.position.T)).max(initial=0.0) > FAR:
+        raise ValueError(f"position lies more than {FAR} cells away")
+    if contacts and not (0 <= state.contact_grain.min() and state.contact_grain.max() < grains):
+        raise ValueError("contact_grain names grains that are not there")

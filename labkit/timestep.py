@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit.errors import PhysicsError
 from labkit.micro.contacts import contacts_of
 
 
@@ -41,3 +42,13 @@ def critical_time_step(state):
     scaling = 1.0 / np.sqrt(inertia)
     largest = np.linalg.eigvalsh(K * scaling[:, :, None] * scaling[:, None, :])[:, -1].max()
     return float(2.0 / np.sqrt(2.0 * largest))
+
+
+def require_stable(state):
+    """Raises PhysicsError when the time step is beyond the stability limit of the state."""
+    limit = critical_time_step(state)
+    if state.time_step > limit:
+        raise PhysicsError(
+            f"the time step {state.time_step:.3g} s is beyond the stable {limit:.3g} s: "
+            f"lower time_step_factor from {state.scene.time_step_factor:g}"
+        )

@@ -53,6 +53,15 @@ BAD = {
     "folder as output": ("run cv s.state.nc -o .", "directory"),
     "folder that cannot be written": ("run cv s.state.nc -o /proc/new.run.nc", "/proc"),
     "specimen that cannot be written": ("specimen --void-ratio 0.67 --grains 200 -o /proc/s.state.nc", "/proc"),
+    "a run over a state": (f"{SPECIMEN} 0.67 -o r.run.nc", "run file"),
+    "figure over a run": ("verify r.run.nc -o r.run.nc", "ending of a figure"),
+    "csv over a run": ("verify r.run.nc -o f.png --csv r.run.nc", "run file"),
+    "a folder as run": ("verify .", "does not exist"),
+    "a million million grains": ("specimen --void-ratio 0.67 --grains 1000000000000 -o new.state.nc", "grains"),
+    "a seed beyond 31 bits": (f"{SPECIMEN} 0.67 --seed 99999999999999999999", "seed"),
+    "a rate too slow": ("run cv s.state.nc --rate 1e-300 -o new.run.nc", "rate"),
+    "a rate too fast for the strain": ("run cv s.state.nc --rate 1e4 --strain 1e-3 -o new.run.nc", "steps"),
+    "too many threads": ("run cv s.state.nc --threads 100000 -o new.run.nc", "threads"),
     "unknown command": ("dance", "dance"),
     "no command": ("", "COMMAND"),
     "unknown option": ("verify r.run.nc --loud", "--loud"),
@@ -88,6 +97,45 @@ def test_without_yade_the_way_to_get_it_is_told(folder, labkit_command):
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
     assert "YADE is not installed" in done.stderr and "apt-get install yade" in done.stderr
     assert not (folder / "new.run.nc").exists()
+
+
+def damage(file, group, name, index, value):
+    import netCDF4
+
+    with netCDF4.Dataset(file, "a") as dataset:
+        (dataset[group] if group else dataset)[name][index] = value
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value"),
+    [("contact_grain", 0, 99999), ("position", (0, 0), float("nan")), ("position", (0, 0), 1e300),
+     ("radius", 3, -1e-5), ("cell", (2, 2), 0.0)],
+)  # fmt: skip
+def test_a_state_that_cannot_be_is_refused(name, index, value, folder, labkit_command):
+    damage(folder / "s.state.nc", None, name, index, value)
+    for words in (["run", "cv", "s.state.nc", "-o", "new.run.nc"], ["info", "s.state.nc"]):
+        done = labkit_command(*words, cwd=folder)
+        assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+        assert "s.state.nc is damaged" in done.stderr
+
+
+def test_a_run_file_without_its_groups_is_refused(folder, labkit_command):
+    import netCDF4
+
+    with netCDF4.Dataset(folder / "bare.run.nc", "w") as dataset:
+        dataset.labkit_file = "run"
+    for words in (["verify", "bare.run.nc"], ["run", "cv", "s.state.nc", "-o", "bare.run.nc"]):
+        done = labkit_command(*words, cwd=folder)
+        assert done.returncode == 2 and "bare.run.nc is damaged" in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_runs_of_the_same_name_are_told_apart(folder, labkit_command):
+    for name in ("a", "b"):
+        (folder / name).mkdir()
+        shutil.copy(folder / "r.run.nc", folder / name / "t.run.nc")
+    done = labkit_command("verify", "a/t.run.nc", "b/t.run.nc", "-o", "f.png", cwd=folder)
+    assert "a/t.run.nc: path cv" in done.stdout and "b/t.run.nc: path cv" in done.stdout
 
 
 def test_info_tells_what_is_in_a_file(folder, labkit_command):

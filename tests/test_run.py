@@ -89,6 +89,24 @@ def test_a_run_file_with_another_run_is_left_alone(labkit_command, specimen_file
     assert run_file.read_bytes() == before
 
 
+def test_a_selection_of_snapshots_computes_from_its_own_contacts(run):
+    whole = run.lab.love_stress().values
+    np.testing.assert_array_equal(run.isel(snapshot=slice(2, 4)).lab.love_stress(), whole[2:4])
+    np.testing.assert_array_equal(run.isel(time=slice(0, 3)).lab.love_stress(), whole)
+    assert run.lab.contacts(-1).sizes["contact"] == int(run["row_size"][-1])
+    assert run.isel(snapshot=slice(0, 0)).lab.sff_stress().shape == (0, 3, 3)
+
+
+def test_a_run_of_another_specimen_is_left_alone(labkit_command, specimen_file, run_file, tmp_path):
+    from labkit.state import read_state, write_state
+
+    state = read_state(specimen_file)
+    other = tmp_path / "other.state.nc"
+    write_state(other, state.replace(tangential_force=state.tangential_force * 0.5))
+    done = labkit_command("run", "cv", other, "--strain", 0.02, "--snapshots", 5, "-o", run_file)
+    assert done.returncode == 2 and "another specimen" in done.stderr
+
+
 def test_verify_prints_the_table_and_draws_the_figure(labkit_command, run_file, tmp_path):
     figure = tmp_path / "figure.png"
     done = labkit_command("verify", run_file, "-o", figure, "--csv", tmp_path / "findings.csv")

@@ -27,7 +27,7 @@ def test_bad_input_by_hand(tmp_path):
 
 def batch(folder, table, script):
     environment = {**os.environ, "HOME": str(folder)}
-    command = ["yade-batch", "--log", "@.log", "--job-threads", "1", table, SCRIPTS / script]
+    command = ["yade-batch", "--log", "%.log", "--job-threads", "1", table, SCRIPTS / script]
     return subprocess.run(
         [str(c) for c in command], cwd=folder, capture_output=True, text=True, env=environment, timeout=300
     )

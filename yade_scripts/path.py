@@ -1,7 +1,7 @@
 """A loading path on YADE, by hand or from a table:
 
     yade -n -x yade_scripts/path.py cv s.state.nc --strain 0.4 -o r.run.nc
-    yade-batch --log @.log yade_scripts/path.table yade_scripts/path.py
+    yade-batch --log %.log yade_scripts/path.table yade_scripts/path.py
 """
 
 import os

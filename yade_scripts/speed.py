@@ -17,7 +17,7 @@ from labkit.state import read_state  # noqa: E402
 
 state, steps = read_state(sys.argv[1]), int(sys.argv[2])
 gradient = velocity_gradient(ConstantVolume(), 1.0, state.time_step)
-machine = YadeEngine(state)
+machine = YadeEngine(state, O.numThreads)  # noqa: F821
 machine.advance(max(1, steps // 5), gradient)
 begin = time.perf_counter()
 machine.advance(steps, gradient)

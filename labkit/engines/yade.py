@@ -52,12 +52,15 @@ def material(scene):
 
 
 class YadeEngine(Engine):
-    """YADE holding a State. `threads` is that of the running YADE (`yade -jN`)."""
+    """YADE holding a State. Raises InputError when `threads` is not that of the running YADE (`yade -jN`)."""
 
     name = "yade"
 
     def __init__(self, state, threads=1):
         self.version = yade.config.version
+        running = Omega().numThreads
+        if threads != running:
+            raise InputError(f"--threads {threads} in a YADE with {running}: start it as yade -j{threads} -n -x ...")
         self.load(state)
 
     def load(self, state):

@@ -66,6 +66,7 @@ def test_the_scale_that_makes_the_mean_rolling_limit_right():
 def test_no_twist_and_no_tension(two_grains):
     found = two_grains[1]
     assert found["twist_moment"] < 1e-20  # N m; rolling stops at some 1e-7
+    assert found["twist_torque"] < 1e-20
     assert found["contacts_apart"] == 0
     assert found["force_apart"] == 0.0
 
@@ -90,6 +91,17 @@ def test_a_state_written_and_read_goes_on_as_if_nothing_had_happened(specimen):
 def test_a_run_is_bit_for_bit_the_one_resumed_from_its_checkpoint(specimen):
     assert set(specimen["checkpoint"].values()) == {0.0}
     assert set(specimen["repeated"].values()) == {0.0}
+
+
+def test_kinetic_energy_is_yades_own(specimen):
+    """At a CV record the mean field does not turn, and YADE takes the same velocities."""
+    assert np.isclose(specimen["kinetic_energy"], specimen["kinetic_energy_yade"], rtol=1e-5)
+
+
+def test_a_contact_that_yade_holds_the_other_way_round_is_loaded_with_its_sign(in_yade, specimen_file):
+    found = in_yade("reversed.py", specimen_file)
+    assert found["turned"] > 50
+    assert found["difference"] < 1e-12
 
 
 def test_density_and_time_step_are_real_ones(specimen):

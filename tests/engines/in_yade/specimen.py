@@ -11,6 +11,7 @@ from yade import utils  # noqa: E402
 
 from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.micro.contacts import contacts_of  # noqa: E402
+from labkit.micro.indicators import kinetic_energy  # noqa: E402
 from labkit.micro.stress import love_stress  # noqa: E402
 from labkit.paths import ConstantVolume  # noqa: E402
 from labkit.servo import velocity_gradient  # noqa: E402
@@ -24,6 +25,7 @@ half = machine.state()
 ours = love_stress(contacts_of(half), half.radius, half.volume)
 result = {"love": ours.tolist(), "get_stress": np.array(utils.getStress()).reshape(3, 3).tolist()}
 result["engine_stress"] = machine.stress().tolist()
+result["kinetic_energy"] = kinetic_energy(half)
 result["kinetic_energy_yade"] = float(utils.kineticEnergy())
 
 

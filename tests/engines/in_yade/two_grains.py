@@ -74,6 +74,7 @@ result["rolling_limit"] = float(np.linalg.norm(over.rolling_moment[0]) / contact
 # twist about the normal: no moment
 twisted = after(pair(spin=(1e5 * normal, -1e5 * normal)), 20)
 result["twist_moment"] = float(np.linalg.norm(twisted.rolling_moment[0]))
+result["twist_torque"] = float(O.forces.t(0, True).norm())  # noqa: F821
 
 # pulled apart: no contact, no force, no tension
 apart = after(pair(velocity=overlap / (10 * DT) * normal), 20)

@@ -1,0 +1,67 @@
+"""The checks of `labkit verify` must be able to fail."""
+
+import shutil
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit
+from labkit.verify import findings
+
+
+@pytest.fixture
+def spoiled(run_file, tmp_path):
+    """A copy of the run in which `spoil(dataset)` has changed something; its findings by name."""
+
+    def make(spoil):
+        file = tmp_path / "spoiled.run.nc"
+        shutil.copy(run_file, file)
+        with netCDF4.Dataset(file, "a") as dataset:
+            spoil(dataset)
+        return {finding.name.split(",")[0]: finding for finding in findings(labkit.open_run(file))}
+
+    return make
+
+
+def test_contacts_that_are_no_numbers_fail(spoiled):
+    def spoil(dataset):
+        dataset["contacts"]["normal_force"][:] = np.nan
+
+    assert not spoiled(spoil)["stored stress against its contacts"].holds
+
+
+def test_contacts_that_were_changed_fail(spoiled):
+    def spoil(dataset):
+        dataset["contacts"]["normal_force"][7] = 2 * dataset["contacts"]["normal_force"][7]
+
+    assert not spoiled(spoil)["stored stress against its contacts"].holds
+
+
+def test_a_stress_that_is_no_number_fails(spoiled):
+    def spoil(dataset):
+        dataset["stress"][3] = np.nan
+
+    found = spoiled(spoil)
+    assert not found["records whose stress is no number"].holds
+
+
+def test_an_infinite_inertial_number_is_outside(spoiled):
+    def spoil(dataset):
+        dataset["inertial_number"][3] = np.inf
+
+    assert not spoiled(spoil)["largest inertial number"].holds
+
+
+def test_a_volume_that_drifts_fails(spoiled):
+    def spoil(dataset):
+        dataset["volume"][-1] = dataset["volume"][-1] * (1 + 1e-9)
+
+    assert not spoiled(spoil)["held: volume"].holds
+
+
+def test_a_c0_that_is_off_fails(spoiled):
+    def spoil(dataset):
+        dataset["stress_sff"][:] = dataset["stress_sff"][:] * 1.1
+
+    assert not spoiled(spoil)["C0 against Love"].holds
