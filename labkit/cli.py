@@ -134,12 +134,16 @@ def do_verify(options, argv):
 
 def do_critical(options, argv):
     from labkit import plots
-    from labkit.critical import critical_states
+    from labkit.critical import SHEAR, critical_states
 
     runs = open_runs(options.run)
     require_outputs(options.output, options.csv)
+    runs = {name: run for name, run in runs.items() if run.attrs["path"] in SHEAR}
+    if not runs:
+        raise InputError(f"there is no shear test among these runs: give runs of {', '.join(SHEAR)}")
     table = critical_states(runs)
-    print(table.to_string(index=False, float_format="%.4g") if len(table) else "no shear test among these runs")
+    print(table.to_string(index=False, float_format="%.4g"))
+    print(f"M of all: {table['M'].mean():.3f} +- {table['M'].std():.3f} between tests (paper: 0.92)")
     plots.save(plots.e_p_paths(runs), options.output)
     print(f"figure: {options.output}")
     if options.csv:

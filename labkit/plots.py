@@ -44,12 +44,12 @@ def sff_against_love(runs):
 
 
 def e_p_paths(runs):
-    """e against p of many runs in one diagram (Fig. 1), and q against p beside it; a Figure.
+    """e against p of shear tests in one diagram (Fig. 1), and q against p beside it; a Figure.
 
     `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path.
     """
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 5.2), layout="constrained")
-    styles = {"cv": "-", "cr": "--", "cp": ":", "cyclic_cp": (0, (1, 1)), "isoc": "-.", "isod": (0, (5, 1, 1, 1))}
+    styles = {"cv": "-", "cr": "--", "cp": ":"}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale = plt.Normalize(start.min(), start.max() + 1e-9)
     for e, run in zip(start, runs.values()):
