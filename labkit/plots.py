@@ -32,14 +32,15 @@ def sff_against_love(runs):
             for axes, x, y in zip(panels, (strain, strain, p), (q, p, q)):
                 axes.plot(x, y, style, color=color, label=label if style == "-" else None)
     for axes in panels:
-        axes.set(xlabel="axial strain (%)", xlim=(0, None), ylim=(min(0, axes.get_ylim()[0]), None))
+        axes.set(xlabel="axial strain (%)", ylim=(min(0, axes.get_ylim()[0]), None))
         axes.grid(alpha=0.25)
     panels[0].set(ylabel="deviatoric stress q (MPa)")
     panels[1].set(ylabel="mean stress p (MPa)")
     panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
     lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in STYLES.items()]
     runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
-    figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=5, frameon=False, fontsize=8)
+    columns = max(1, min(5, 110 // max(len(label) for label in runs)))
+    figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     return figure
 
 
