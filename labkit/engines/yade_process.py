@@ -39,8 +39,11 @@ def find_script(name):
 
 
 def yade_environment():
-    """The environment of a YADE process: labkit on the path, nothing of a virtual environment."""
-    environment = {**os.environ, "LABKIT_ROOT": str(PACKAGE.parent)}
+    """The environment of a YADE process: labkit on the path, nothing of a virtual environment.
+
+    OpenMP's threads sleep while they wait: on a machine with other work, threads that spin halve YADE's speed.
+    """
+    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "LABKIT_ROOT": str(PACKAGE.parent)}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
         environment.pop(unwanted, None)
     return environment
