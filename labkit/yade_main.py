@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import signal
 import sys
 
 from labkit.arguments import Parser, parse_in_yade
@@ -14,6 +15,7 @@ def main(name, add_options, command):
     """Runs `command(options, progress, history)` inside YADE and exits with labkit's codes."""
     parser = Parser(prog=f"yade -n -x {sys.argv[0]}")
     add_options(parser)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # YADE would ignore it; a run catches it for its checkpoint
     try:
         options = parse_in_yade(parser)
         command(options, reporter(name), "yade -n -x " + shlex.join(sys.argv))

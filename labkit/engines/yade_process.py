@@ -81,6 +81,8 @@ def _raise(code, errors):
         raise Interrupted(said[-1], code)
     if said:
         raise PhysicsError(said[-1])
+    if code in (-signal.SIGINT, -signal.SIGTERM):
+        raise Interrupted(f"stopped by signal {-code}; nothing was written", 128 - code)
     sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))
     raise PhysicsError(f"YADE ended with exit status {code}")
 
