@@ -57,7 +57,7 @@ def add_run_options(parser):
     parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4; isoc 0.1, isod -0.1)")
     parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10; isoc 5, isod 2.5)")
     parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns, the last one ends "
-                        "it, with = if the first is negative (default: 0.01,-0.01,0.02,-0.02,0.03,-0.03,0.04)")  # fmt: skip
+                        "it, with = if the first is negative (default: 0.01,-0.01,0.02,-0.02,0.03,-0.03,0.04)")
     parser.add_argument("--record-strain", type=float, help="strain between records (default: 1e-3; isoc, isod 1e-4)")
     parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts beside "
                         "the first; 0: none (default: 20)")  # fmt: skip
