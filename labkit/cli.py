@@ -10,7 +10,7 @@ from pathlib import Path
 import labkit
 from labkit import arguments, commands
 from labkit.engines.yade_process import find_yade, run_script
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
 from labkit.progress import reporter
 
@@ -34,11 +34,6 @@ def main(argv=None):
         return fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
-
-
-def fail(message, code):
-    print(f"labkit: {message}", file=sys.stderr)
-    return code
 
 
 def build_parser():

@@ -11,6 +11,7 @@ from labkit.micro.contacts import contacts_of
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.stress import love_stress
 from labkit.paths import Consolidation
+from labkit.progress import log_fraction
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
 UNBALANCED = 1e-3
@@ -32,11 +33,10 @@ def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fr
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
         state = machine.state()
         error = pressure_error(state, pressure)
-        done = float(np.clip(np.log(first / error) / np.log(first / TOLERANCE), 0.0, 1.0)) if error > 0.0 else 1.0
-        progress(done, f"consolidation, pressure off by {error:.2%}")
+        progress(log_fraction(first, error, TOLERANCE), f"consolidation, pressure off by {error:.2%}")
         unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))
         if step and error < TOLERANCE and unbalanced < UNBALANCED:
-            return machine.state().at_rest()
+            return state.at_rest()
         stiffness, before = servo.cell_stiffness(state), state.velocity_gradient
         for _ in range(CHECK_INTERVAL // servo.INTERVAL):
             before = servo.velocity_gradient(path, 1.0, state.time_step, machine.stress(), stiffness, before)

@@ -6,6 +6,8 @@ import os
 import sys
 import time
 
+import numpy as np
+
 PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that shows the progress itself
 MARK = "\x1elabkit "
 
@@ -25,6 +27,13 @@ def read_pipe(line):
         return None
     fraction, _, text = line[len(MARK) :].rstrip("\n").partition(" ")
     return float(fraction), text
+
+
+def log_fraction(start, now, end):
+    """How far a quantity that falls exponentially has come from start to end, 0 to 1."""
+    if not 0.0 < end < start or now <= 0.0:
+        return 0.0
+    return float(np.clip(np.log(start / now) / np.log(start / end), 0.0, 1.0))
 
 
 class Clock:

@@ -12,6 +12,7 @@ from labkit.micro.contacts import contacts_of
 from labkit.micro.indicators import elastic_energy, kinetic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
+from labkit.progress import log_fraction
 from labkit.state import grains_in_cell
 from labkit.timestep import critical_time_step, require_stable
 
@@ -150,7 +151,7 @@ def release(machine, progress):
             state = machine.state()
             unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))
             first = first or unbalanced
-            progress(_log_fraction(first, unbalanced, RELEASE_UNBALANCED), f"overlaps out, unbalanced {unbalanced:.2g}")
+            progress(log_fraction(first, unbalanced, RELEASE_UNBALANCED), f"overlaps out, unbalanced {unbalanced:.2g}")
             if unbalanced < RELEASE_UNBALANCED:
                 return
 
@@ -172,7 +173,7 @@ def settle(machine, target, progress):
         elastic = elastic_energy(state.scene, state.radius, contacts)
         energy = kinetic_energy(state) / elastic if elastic > 0.0 else np.inf
         first = first or max(unbalanced, energy)
-        progress(_log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced {unbalanced:.2g}")
+        progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced {unbalanced:.2g}")
         if unbalanced < target.unbalanced_force:
             if energy < target.energy_ratio:
                 return
@@ -183,13 +184,6 @@ def settle(machine, target, progress):
         f"kinetic over elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
         "a lower void ratio or a higher step-1 friction gives it a skeleton that carries load"
     )
-
-
-def _log_fraction(start, now, end):
-    """How far a quantity that falls exponentially has come from start to end, 0 to 1."""
-    if not 0.0 < end < start or now <= 0.0:
-        return 0.0
-    return float(np.clip(np.log(start / now) / np.log(start / end), 0.0, 1.0))
 
 
 def summary(state):

@@ -20,6 +20,7 @@ STRAIN_TOLERANCE = 1e-10
 HELD_RMS, HELD_WORST = 0.005, 0.02  # of the stress that a path holds
 HELD_AFTER = 0.005  # axial strain travelled until then
 
+
 @dataclasses.dataclass(frozen=True)
 class Finding:
     """One line of the report; `decides` tells a check, which fails a verification, from a limit."""

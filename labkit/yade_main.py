@@ -7,7 +7,7 @@ import signal
 import sys
 
 from labkit.arguments import Parser, parse_in_yade
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.progress import reporter
 
 
@@ -28,8 +28,3 @@ def main(name, add_options, command):
     except OSError as error:
         sys.exit(fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1))
     sys.exit(0)
-
-
-def fail(message, code):
-    print(f"labkit: {message}", file=sys.stderr, flush=True)
-    return code
