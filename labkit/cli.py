@@ -100,6 +100,10 @@ def build_parser():
     bench.add_argument("--rounds", type=arguments.positive_int, default=5, help="measurements of each, in turn")
     bench.set_defaults(command=do_bench)
 
+    statistics = commands_.add_parser("bench-statistics", help="speed and memory of the statistics of a run")
+    statistics.add_argument("run", help="run file")
+    statistics.set_defaults(command=do_bench_statistics)
+
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
     demo.set_defaults(command=do_demo)
@@ -258,6 +262,12 @@ def do_bench(options, argv):
     state = read_state(options.specimen)
     found = bench(options.specimen, options.steps, options.rounds, reporter("bench"))
     print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+
+
+def do_bench_statistics(options, argv):
+    from labkit.bench_statistics import bench_statistics
+
+    print(bench_statistics(options.run).to_string(index=False, float_format="%.2f", na_rep=""))
 
 
 def do_demo(options, argv):

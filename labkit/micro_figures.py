@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.ticker import NullFormatter, ScalarFormatter
 from scipy import stats
 
 from labkit import sff_family, stratified
@@ -129,13 +130,15 @@ def directions(run, number=5, snapshot=-1):
             np.einsum("mi,mi->m", pull, along) / mean,
     }  # fmt: skip
     fits = [_directional_fits(vectors, mean, order) for order in (2, 4)]
-    figure = plt.figure(figsize=(WIDTH, 7.4), layout="constrained")
+    figure = plt.figure(figsize=(WIDTH, 6.6), layout="constrained")
     rows = []
     for column, (title, data) in enumerate(values.items()):
         rose = figure.add_subplot(2, 3, column + 1, projection="polar")
         rows += _rose(rose, up, data, [fit[column] for fit in fits], title)
         _hemisphere(figure, figure.add_subplot(2, 3, column + 4), up, data, fits[1][column], title)
-    figure.axes[0].legend(loc="lower left", bbox_to_anchor=(-0.25, -0.2), fontsize=8, frameon=False)
+    figure.legend(
+        *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False
+    )
     figure.suptitle(f"at {_percent(run, snapshot)} axial strain, {len(n)} contacts; z upwards", fontsize=10)
     return figure, pandas.DataFrame(rows)
 
@@ -203,10 +206,10 @@ def _hemisphere(figure, axes, n, data, fit, title):
     total = BANDS * SECTORS
     means = np.bincount(bin_of, minlength=total) / len(n) * total if data is None else bin_means(data, bin_of, total)
     z = np.linspace(0.0, 1.0, BANDS + 1)
-    azimuth = np.linspace(0.0, 2 * np.pi, SECTORS + 1)
+    azimuth = np.linspace(0.0, 2 * np.pi, 4 * SECTORS + 1)  # four to a sector, so that the rim looks round
     r, a = np.meshgrid(np.sqrt(1.0 - z), azimuth, indexing="ij")
-    x, y = r * np.cos(a), r * np.sin(a)
-    mesh = axes.pcolormesh(x, y, means.reshape(BANDS, SECTORS), cmap="viridis")
+    sectors = np.repeat(means.reshape(BANDS, SECTORS), 4, axis=1)
+    mesh = axes.pcolormesh(r * np.cos(a), r * np.sin(a), sectors, cmap="viridis")
     fine_z, fine_a = np.meshgrid(np.linspace(0.0, 1.0, 40), np.linspace(0, 2 * np.pi, 97), indexing="ij")
     rim = np.sqrt(1.0 - fine_z**2)
     directions_ = np.stack([rim * np.cos(fine_a), rim * np.sin(fine_a), fine_z], axis=-1)
@@ -260,8 +263,12 @@ def family(run, number=5, snapshot=-1, rounds=25):
             "cost_over_c0": cost[form] / cost["c0"],
         })  # fmt: skip
     left.set(xlabel="axial strain (%)", ylabel="error against Love (%)")
-    contacts = int(run["row_size"].values[snapshot])
-    right.set(xlabel=f"time for {contacts} contacts (ms)", ylabel="mean error after the start (%)")
+    number_of_contacts = int(run["row_size"].values[snapshot])
+    right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error after the start (%)")
+    right.xaxis.set_major_formatter(ScalarFormatter())
+    right.xaxis.set_minor_formatter(NullFormatter())
+    low, high = 0.7e3 * min(cost.values()), 1.5e3 * max(cost.values())
+    right.set_xticks([x for x in (0.5, 1, 2, 5, 10, 20, 50) if low < x < high])
     for axes in (left, right):
         axes.grid(alpha=0.25, which="both")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8)
@@ -374,8 +381,8 @@ def stratified_layer(state):
         panel.set(xlim=(0, across * 1e3), ylim=(0, up * 1e3), aspect="equal", xlabel="x (mm)", title=title)
     axes[0].set_ylabel("z (mm)")
     said = (
-        f"{s.name}: $\sigma_{{zz}}/\sigma_{{xx}}$ = {s.stress_ratio:.2f}, mean force {s.mean_force * 1e3:.1f} mN, "
-        f"mean $\Lambda_n$ = {s.mean_normalised_force * 1e4:.2f} $\cdot 10^{{-4}}$"
+        rf"{s.name}: $\sigma_{{zz}}/\sigma_{{xx}}$ = {s.stress_ratio:.2f}, mean force {s.mean_force * 1e3:.1f} mN, "
+        rf"mean $\Lambda_n$ = {s.mean_normalised_force * 1e4:.2f} $\cdot 10^{{-4}}$"
         for s in strata
     )
     figure.suptitle("\n".join(said), fontsize=10)
