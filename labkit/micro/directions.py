@@ -49,7 +49,8 @@ class Fit:
         value = 1.0 + np.einsum("mi,mi->m", n @ self.second, n)
         if self.fourth.any():
             products = _products(n)
-            value = value + np.einsum("ma,ma->m", products @ _as_matrix(self.fourth), products)
+            half = np.einsum("ma,ab->mb", products, _as_matrix(self.fourth))  # BLAS would wake its threads for this
+            value = value + np.einsum("ma,ma->m", half, products)
         return value
 
 
