@@ -47,8 +47,8 @@ class Control(NamedTuple):
 
 @compiled
 def outside(y, c):
-    """FINE, or why the equations have no value at y."""
-    for k in range(SIZE):
+    """FINE, or why the equations have no value at e, Z, Lambda, A, F, F^t."""
+    for k in range(STATE):
         if not np.isfinite(y[k]):
             return NOT_FINITE
     if y[2] <= 0.0:
@@ -72,7 +72,6 @@ def strain_driven(y, D, compressing, c, out):
     store(out, 3, A_rate)
     store(out, 9, eq.normal_force_anisotropy_rate(load(y, 9), e, Lam, n, rate, c))
     store(out, 15, eq.mobilisation_rate(load(y, 15), n, rate, c))
-    store(out, 21, D)
 
 
 @compiled
@@ -172,6 +171,7 @@ def rates(y, control, x, c, out):
     if x.size == 0:
         D = _strain_rate(control, x)
         strain_driven(y, D, eq.trace(D) > 0.0, c, out)
+        store(out, STATE, D)
         return FINE
     first = eq.trace(_strain_rate(control, x)) > 0.0
     guess = x.copy()
@@ -179,8 +179,10 @@ def rates(y, control, x, c, out):
         for compressing in (first, not first):
             x[:] = start * guess
             if _newton(y, control, x, compressing, c, out):
-                volumetric = eq.trace(_strain_rate(control, x))
+                D = _strain_rate(control, x)
+                volumetric = eq.trace(D)
                 if compressing == (volumetric > 0.0) or abs(volumetric) < 1e-12:
+                    store(out, STATE, D)
                     return FINE
     x[:] = guess
     return UNREACHABLE

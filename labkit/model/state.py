@@ -123,7 +123,7 @@ def isotropic_force_anisotropy(A, exact=True):
 
     exact: the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), set to zero: five linear equations.
     Otherwise the paper's F0 = -A [I + 4/7 A]^-1, which solves the same without `dev`; its trace is taken off, as
-    F is deviatoric. With a1 = 0.3 the paper's leaves q/p = 0.0013, the exact one 1e-16.
+    F is deviatoric. With a1 = 0.3 the paper's leaves (sigma_1 - sigma_3)/p = 0.0025, the exact one rounding.
     """
     A = require_symmetric("contact anisotropy A", A, deviatoric=True)
     if not exact:
