@@ -20,7 +20,7 @@ from labkit.model.tensors import ROOT2, load, store, trace
 
 FLOOR = np.full(STATE, 0.1)
 FLOOR[2] = 1e-4
-MOST_SUBSTEPS = 1000
+MOST_SUBSTEPS = 100_000
 
 
 @dataclasses.dataclass(frozen=True)
