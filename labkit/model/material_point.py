@@ -14,8 +14,17 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 from labkit.model.compiled import compiled
 from labkit.model.differentials import rates_differentials
-from labkit.model.rates import FINE, NOT_FINITE, STATE, TOO_MANY_STEPS, WORDS, outside, strain_driven, stress_of
-from labkit.model.rates import stress_rate_of
+from labkit.model.rates import (
+    FINE,
+    NOT_FINITE,
+    STATE,
+    TOO_MANY_STEPS,
+    WORDS,
+    outside,
+    strain_driven,
+    stress_of,
+    stress_rate_of,
+)
 from labkit.model.tensors import ROOT2, load, store, trace
 
 FLOOR = np.full(STATE, 0.1)
