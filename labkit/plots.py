@@ -77,6 +77,33 @@ def e_p_paths(runs):
     return figure
 
 
+STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
+
+
+def calibration(observations, predicted):
+    """The five statistics of runs against the model with fitted parameters, over the travelled strain; a Figure.
+
+    `observations`: of labkit.model.calibration; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
+    the model.
+    """
+    figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 6.0), layout="constrained")
+    panels = grid.ravel()
+    for color, o in zip(_colors(len(observations)), observations):
+        steps = np.linalg.norm(o.strain_step, axis=1)
+        travelled = 100 * np.concatenate([[0.0], np.cumsum(steps)])
+        for k, axes in enumerate(panels[:5]):
+            axes.plot(travelled, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
+            axes.plot(travelled, predicted[o.name][:, k], ":", color=color, lw=1.8)
+    for label, axes in zip(STATISTICS, panels):
+        axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
+        axes.grid(alpha=0.25)
+    panels[5].axis("off")
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, style in (("run", "-"), ("model", ":"))]
+    handles = panels[0].get_legend_handles_labels()[0] + lines
+    panels[5].legend(handles=handles, loc="center", frameon=False, fontsize=8, ncols=1 + len(handles) // 14)
+    return figure
+
+
 def _colors(number):
     return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 

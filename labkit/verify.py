@@ -42,8 +42,8 @@ def require_contacts(runs):
     for name, run in runs.items():
         if run.attrs.get("engine") == "model":
             raise InputError(
-                f"{name} is a prediction of the model (engine = model): it has no contacts, its stress is C0 itself and "
-                "there is nothing to verify; give runs of grains, or look at it with labkit watch or critical"
+                f"{name} is a prediction of the model (engine = model): it has no contacts, its stress is C0 itself "
+                "and there is nothing to verify; give runs of grains, or look at it with labkit watch or critical"
             )
 
 

@@ -5,7 +5,7 @@ Two steps. `critical_fit` takes the ends of shear tests and fits the lines Z^c(e
 Z, Lambda, A_zz, F_zz, F^t_zz of all runs agree at once; it refines the critical state too. Stresses are not fitted:
 they are C0 of these five. scipy does the optimising.
 
-Standard errors come from the Jacobian at the solution and from the misfit of each variable in each run, on the
+Standard errors come from the Jacobian at the solution and from the misfit of each variable, on the
 assumption that misfits are independent from record to record. In synthetic runs they are. In simulations the records
 of one test fluctuate together and the equations are not exactly true, so that real errors are larger: the number of
 records is divided by the correlation length of the misfit (`thinning`), which takes the first effect into account.
@@ -34,9 +34,9 @@ CRITICAL = ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam", "A_c", "F_c", "Ft_c")
 AXIS = np.diag([-0.5, -0.5, 1.0])
 MOST_RECORDS = 120  # of one run
 TOLERANCE = 1e-7  # of the integration, well below what the finite differences of the Jacobian resolve
-PRIOR = 3.0  # of a logarithm: keeps a parameter that the runs do not determine within some powers of ten
+PRIOR = 3.0  # width of a weak prior on the unknown of a parameter: keeps what is not determined within reason
 MOST_EVALUATIONS = 100
-DETERMINED = 0.5  # relative standard error above which the data do not determine a parameter
+DETERMINED = 0.5  # relative standard error from which the data do not determine a parameter
 CORRELATED = 0.95
 SHEAR = ("cv", "cr", "cp")
 WINDOW = 0.25  # the last quarter of the strain of a shear test counts as critical ...
@@ -64,13 +64,15 @@ def observe(name, run):
     e = run["void_ratio_nominal"].values
     zz = [_zz(run[variable].values) if run[variable].ndim == 3 else run[variable].values for variable in VARIABLES]
     values = np.stack(zz, axis=1)
-    good = np.isfinite(values).all(axis=1) & (values[:, 0] > 0.0) & (values[:, 1] > 0.0)
+    good = np.isfinite(values).all(axis=1) & (values[:, 0] > 0.0)
     if not good.all():  # contacts were lost: what comes later has no A, F, F^t
         last = int(np.argmin(good))
         strain, e, values = strain[:last], e[:last], values[:last]
     if len(e) < 10:
-        raise InputError(f"{name} has {len(e)} records with contacts: a calibration needs at least 10, give another run")
+        raise InputError(f"{name} has {len(e)} records with contacts: give a run with at least 10")
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(strain, axis=0), axis=(1, 2)))])
+    if travelled[-1] == 0.0:
+        raise InputError(f"{name} has no strain: a calibration needs runs that go somewhere, give another run")
     kept = np.unique(np.searchsorted(travelled, np.linspace(0.0, travelled[-1], min(MOST_RECORDS, len(e))) - 1e-15))
     kept = np.union1d(kept, _turns(strain[:, 2, 2]))  # a reversal belongs to the path
     return Observation(name, run.attrs["path"], to_six(np.diff(strain[kept], axis=0)), e[kept], values[kept])
@@ -137,9 +139,9 @@ def _end(observation):
 @dataclasses.dataclass(frozen=True)
 class Fit:
     """A calibration: `model` with the fitted parameters, `table` (pandas: parameter, fitted, standard_error, low, high,
-    table_2, determined), `correlation` (pandas), `misfit` (pandas: RMS per run and variable), `warnings`.
+    table_2, determined), `correlation` (pandas), `misfit` (pandas: RMS per run and variable), `warnings`, `predicted`.
 
-    low and high bound the 95 % interval of the logarithm, which is where the parameters are fitted.
+    low and high bound the 95 % interval. Exponents (gamma, beta) are fitted as they are, the others as logarithms.
     """
 
     model: Model
@@ -147,22 +149,26 @@ class Fit:
     correlation: pandas.DataFrame
     misfit: pandas.DataFrame
     warnings: list[str]
+    predicted: dict  # name of the run -> (n, 5)
 
     def report(self):
         """All of it as text."""
         shown = self.table.drop(columns=["low", "high"])
         pairs = _strongest(self.correlation, 8)
-        lines = [shown.to_string(index=False, float_format="%.4g"), "", "strongest correlations: " + "; ".join(pairs), "",
-                 "misfit, RMS:", self.misfit.to_string(index=False, float_format="%.3g")]  # fmt: skip
-        return "\n".join([*lines, "", *(f"warning: {words}" for words in self.warnings)]).rstrip()
+        lines = [
+            shown.to_string(index=False, float_format="%.4g"), "", "strongest correlations: " + "; ".join(pairs), "",
+            "misfit, RMS:", self.misfit.to_string(index=False, float_format="%.3g"), "",
+            *(f"warning: {words}" for words in self.warnings),
+        ]  # fmt: skip
+        return "\n".join(lines).rstrip()
 
 
 def fit(observations, model=Model(), names=None, thinning=True):
     """Fits `names` (default: all of Table 2) to the observations of several runs at once; a Fit.
 
-    Every parameter is varied in its logarithm; each run has five more unknowns, its start (Z, Lambda, A_zz, F_zz,
-    F^t_zz), since the first record is as noisy as any. Two passes: NATURAL weighs the variables in the first, the
-    misfit found in the second. Parameters on which no record depends keep the model's value. Raises InputError.
+    Each run has five more unknowns, its start (Z, Lambda, A_zz, F_zz,
+    F^t_zz), since the first record is as noisy as any. Two passes: NATURAL weighs the variables in the first, their
+    misfit over all runs in the second. Parameters on which no record depends keep the model's value. Raises InputError.
     """
     if not observations:
         raise InputError("there are no runs to calibrate with: give run files")
@@ -175,19 +181,36 @@ def fit(observations, model=Model(), names=None, thinning=True):
         pass  # no end of a shear test: the fit starts at the model's critical state
     problem = _Problem(observations, model, names, begin)
     free, untouched = problem.sensitive()
-    problem = dataclasses.replace(problem, names=free, begin=begin)
-    weight = np.tile(NATURAL, (len(observations), 1))
+    problem = dataclasses.replace(problem, names=free)
+    weight = NATURAL
     x = problem.start()
     for _ in range(2):
         solved = problem.solve(x, weight)
         x = solved.x
-        weight = np.maximum(problem.misfit(x), 1e-3 * NATURAL)
+        weight = np.maximum(np.sqrt(np.mean(problem.misfit(x) ** 2, axis=0)), 1e-3 * NATURAL)
     return _judge(problem, solved, x, weight, untouched, model, thinning)
+
+
+def _exponent(name):
+    return name.startswith(("gamma", "beta"))
+
+
+def _value(name, begin, u):
+    """The parameter at its unknown u: begin exp(u); for an exponent, which may be zero, begin (1 + u)."""
+    if _exponent(name):
+        return float(max(begin * (1.0 + u), 0.0))
+    return float(begin * np.exp(np.clip(u, -20.0, 20.0)))
+
+
+def _interval(name, begin, u, s):
+    """(standard error, low, high) of a parameter, the last two of 95 %, from the standard error s of its unknown."""
+    slope = begin if _exponent(name) else _value(name, begin, u)
+    return slope * s, _value(name, begin, u - 1.96 * s), _value(name, begin, u + 1.96 * s)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Problem:
-    """The unknowns are the logarithms of the parameters, then five numbers per run in units of NATURAL."""
+    """The unknowns are one number per parameter, zero at its first value (`_value`), then five per run, in NATURAL."""
 
     observations: list
     model: Model
@@ -195,13 +218,14 @@ class _Problem:
     begin: dict
 
     def start(self):
-        logarithms = np.log([self.begin[name] for name in self.names])
-        return np.concatenate([logarithms, np.zeros(5 * len(self.observations))])
+        return np.zeros(len(self.names) + 5 * len(self.observations))
+
+    def values(self, x):
+        """name -> value of every parameter at the unknowns x."""
+        return self.begin | {name: _value(name, self.begin[name], u) for name, u in zip(self.names, x)}
 
     def constants(self, x):
-        values = self.begin | dict(zip(self.names, np.exp(np.clip(x[: len(self.names)], -50.0, 50.0))))
-        c = self.model.constants
-        return c._replace(**{name: float(value) for name, value in values.items()})
+        return self.model.constants._replace(**self.values(x))
 
     def predicted(self, x, k, constants=None):
         """(n, 5) of run k."""
@@ -214,9 +238,9 @@ class _Problem:
     def residuals(self, x, weight):
         constants = self.constants(x)
         blocks = [
-            ((self.predicted(x, k, constants) - o.values) / weight[k]).ravel() for k, o in enumerate(self.observations)
+            ((self.predicted(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)
         ]
-        return np.concatenate([*blocks, (x - self.start())[: len(self.names)] / PRIOR])
+        return np.concatenate([*blocks, x[: len(self.names)] / PRIOR])
 
     def jacobian(self, x, weight):
         """Forward differences; the start of a run moves that run alone."""
@@ -232,13 +256,13 @@ class _Problem:
             constants = self.constants(moved)
             runs = range(len(base)) if j < n else [(j - n) // 5]
             for k in runs:
-                change = (self.predicted(moved, k, constants) - base[k]) / (step * weight[k])
+                change = (self.predicted(moved, k, constants) - base[k]) / (step * weight)
                 J[rows[k] : rows[k + 1], j] = change.ravel()
         return J
 
     def solve(self, x, weight):
         return scipy.optimize.least_squares(
-            self.residuals, x, self.jacobian, method="lm", args=(weight,), x_scale="jac", xtol=1e-6, ftol=1e-8,
+            self.residuals, x, self.jacobian, method="lm", args=(weight,), x_scale="jac", xtol=1e-5, ftol=1e-6,
             max_nfev=MOST_EVALUATIONS,
         )
 
@@ -250,9 +274,10 @@ class _Problem:
 
     def sensitive(self):
         """(names that some record depends on, the others)."""
-        J = self.jacobian(self.start(), np.tile(NATURAL, (len(self.observations), 1)))
-        size = np.sqrt((J[:, : len(self.names)] ** 2).sum(axis=0))
-        free = tuple(name for name, s in zip(self.names, size) if s > 1e-3 and self.begin[name] > 0.0)
+        n = len(self.names)
+        J = self.jacobian(self.start(), NATURAL)[:-n, :n]
+        size = np.sqrt((J**2).sum(axis=0))
+        free = tuple(name for name, s in zip(self.names, size) if s > 1.0 / PRIOR and self.begin[name] > 0.0)
         return free, tuple(name for name in self.names if name not in free)
 
 
@@ -265,29 +290,35 @@ def _judge(problem, solved, x, weight, untouched, model, thinning):
     covariance = np.linalg.pinv(J.T @ J, rcond=1e-14)[:n, :n] * r.size / max(r.size - x.size, 1)
     error = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(error, error)
-    fitted = np.exp(x[:n])
+    values, begin = problem.values(x), problem.begin
     table_2 = dataclasses.asdict(Parameters())
-    rows = [
-        {"parameter": name, "fitted": value, "standard_error": value * s, "low": value * np.exp(-1.96 * s),
-         "high": value * np.exp(1.96 * s), "table_2": table_2[name], "determined": bool(s < DETERMINED)}
-        for name, value, s in zip(problem.names, fitted, error)
-    ]  # fmt: skip
-    kept = problem.begin
-    rows += [{"parameter": name, "fitted": kept[name], "standard_error": np.nan, "low": np.nan, "high": np.nan,
-              "table_2": table_2[name], "determined": False} for name in untouched]  # fmt: skip
+    bounds = {name: _interval(name, begin[name], u, s) for name, u, s in zip(problem.names, x, error)}
+    bounds |= {name: (np.nan, np.nan, np.nan) for name in untouched}
+    relative = {name: bounds[name][0] / max(values[name], begin[name] * _exponent(name)) for name in problem.names}
+    determined = {name for name, s in relative.items() if s < DETERMINED}
+    rows = [(name, values[name], *bounds[name], table_2[name], name in determined) for name in bounds]
     order = list(table_2)
-    table = pandas.DataFrame(sorted(rows, key=lambda row: order.index(row["parameter"])))
-    warnings = [f"{name} changes no record of these runs and keeps {kept[name]:g}" for name in untouched]
-    warnings += [f"{name} = {v:.3g} is not determined by these runs (standard error {s:.0%})"
-                 for name, v, s in zip(problem.names, fitted, error) if not s < DETERMINED]  # fmt: skip
+    table = pandas.DataFrame(sorted(rows, key=lambda row: order.index(row[0])), columns=COLUMNS)
+    warnings = []
+    if untouched:
+        warnings.append("no record of these runs depends on " + ", ".join(untouched) + ": not fitted")
+    loose = [f"{name} ({s:.0%})" for name, s in relative.items() if name not in determined]
+    if loose:
+        warnings.append("not determined by these runs (standard error): " + ", ".join(loose))
     correlation = pandas.DataFrame(correlation, index=problem.names, columns=problem.names)
-    warnings += [f"{pair} can hardly be told apart by these runs" for pair in _strongest(correlation, 99, CORRELATED)]
+    together = _strongest(correlation, 99, CORRELATED)
+    if together:
+        warnings.append("hardly told apart by these runs (correlation): " + "; ".join(together))
     if not solved.success:
         warnings.append(f"the fit stopped before it converged ({solved.message})")
     rms = pandas.DataFrame(problem.misfit(x), columns=SHORT)
     rms.insert(0, "run", [o.name for o in problem.observations])
-    values = kept | dict(zip(problem.names, fitted.tolist()))
-    return Fit(dataclasses.replace(model, parameters=Parameters(**values)), table, correlation, rms, warnings)
+    predicted = {o.name: problem.predicted(x, k) for k, o in enumerate(problem.observations)}
+    fitted = dataclasses.replace(model, parameters=Parameters(**values))
+    return Fit(fitted, table, correlation, rms, warnings, predicted)
+
+
+COLUMNS = ("parameter", "fitted", "standard_error", "low", "high", "table_2", "determined")
 
 
 def _correlation_lengths(problem, residuals):

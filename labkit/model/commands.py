@@ -1,4 +1,4 @@
-"""What `labkit model` does: options to a state and a path, a Result, and its run file."""
+"""What `labkit model` and `labkit calibrate` do: options to values, values to files."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from labkit import plots
 from labkit.arguments import require
 from labkit.errors import InputError, PhysicsError
-from labkit.files import labkit_kind, open_netcdf, require_writable
+from labkit.files import labkit_kind, open_netcdf, require_writable, whole_file
+from labkit.model.calibration import fit, observe
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive
@@ -42,6 +44,33 @@ def model_command(options, history):
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
     print(f"{output}: {path.name} complete, {len(result)} records, axial strain {result.axial_strain[-1]:.2%}, "
           f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}")  # fmt: skip
+
+
+def calibrate_command(options, runs):
+    """Fits the parameters to runs (name -> run), prints the report and writes what was asked for. Raises InputError."""
+    outputs = [file for file in (options.output, options.csv, options.figure) if file]
+    if len({Path(file).resolve() for file in outputs}) < len(outputs):
+        raise InputError("two outputs have one name: give each file its own")
+    if options.figure and Path(options.figure).suffix.lower() not in plots.FORMATS:
+        raise InputError(f"{options.figure} has no ending of a figure: use one of {', '.join(plots.FORMATS)}")
+    for file in outputs:
+        require_writable(file)
+    observations = [observe(name, run) for name, run in runs.items()]
+    found = fit(observations)
+    print(found.report())
+    if options.output:
+        _write(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n")
+    if options.csv:
+        _write(options.csv, found.table.to_csv(index=False, float_format="%.6g"))
+    if options.figure:
+        plots.save(plots.calibration(observations, found.predicted), options.figure)
+    for file in outputs:
+        print(f"written: {file}")
+
+
+def _write(file, text):
+    with whole_file(file) as temporary:
+        temporary.write_text(text)
 
 
 def with_inherent_anisotropy(model, state, a1, angle):

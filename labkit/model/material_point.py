@@ -24,7 +24,7 @@ from labkit.model.rates import (
     strain_driven,
     stress_of,
     stress_rate_of,
-)
+)  # fmt: skip
 from labkit.model.tensors import ROOT2, load, store, trace
 
 FLOOR = np.full(STATE, 0.1)
@@ -72,7 +72,7 @@ def update(model, state, increment, tangent=True, tolerance=1e-4):
     """
     state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
     if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
-        raise InputError(f"state {state.shape} and increment {increment.shape} do not fit: give (n, {STATE}) and (n, 6)")
+        raise InputError(f"state {state.shape} and increment {increment.shape}: give (n, {STATE}) and (n, 6)")
     if not np.isfinite(increment).all():
         raise InputError("the strain increment holds what is no number: give finite strains")
     if not 1e-12 <= tolerance <= 1.0:

@@ -23,11 +23,11 @@ def add_model_options(parser):
                         "isod -0.1)")  # fmt: skip
     parser.add_argument("--rate", type=float, help="axial strain rate in 1/s: the scale of `time` alone")
     parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns")
-    parser.add_argument("--stop-pressure", type=float, help="mean stress in Pa at which isoc (3e6) and isod (20e3) stop")
+    parser.add_argument("--stop-pressure", type=float, help="mean stress in Pa where isoc (3e6), isod (20e3) stop")
     parser.add_argument("--record-strain", type=float, help="strain between records (default: 1e-3; isoc, isod 1e-4)")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="error of an integration step (default: 1e-6)")
     parser.add_argument("--beyond-e-cmax", choices=READINGS["beyond_e_cmax"], default="error", help="what holds for "
-                        "void ratios above e_cmax: an error, or flat: Z^c = 4, Lambda^c = 0 (default: error)")  # fmt: skip
+                        "void ratios above e_cmax: error (default), or flat: Z^c = 4, Lambda^c = 0")  # fmt: skip
     parser.add_argument("--parameters", help="JSON file of labkit calibrate (default: Table 2)")
     parser.add_argument("-o", "--output", help="run file to write")
 

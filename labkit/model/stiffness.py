@@ -68,8 +68,8 @@ def hypoplastic_form(model, state, compressing=True, directions=500, seed=0):
     Ls and N are the least-squares fit to sigma' over random directions of the deviatoric unit sphere. What is found:
 
     * sigma' is the sum of a volumetric and a deviatoric part, exactly, on each branch of Eqs. 31, 32.
-    * The volumetric part is along sigma: Lv = sigma (f^{v,Z}/Z + f^{v,L}/Lambda + 1), where Eq. 34 prints L^v I. The two
-      agree in isotropic stress only.
+    * The volumetric part is along sigma: Lv = sigma (f^{v,Z}/Z + f^{v,L}/Lambda + 1), where Eq. 34 prints L^v I. The
+      two agree in isotropic stress only.
     * The deviatoric part is Ls : dev D + N |dev D| exactly if gamma_A = gamma_F = c_Z = 0, and where A = F = 0.
       Elsewhere, with Table 2, the factors |f A^c - A|^gamma and |dA/dt| depend on the angle between the strain
       rate and A: Eq. 34 is then an approximation whose error is `misfit`, as the paper's "conceptually" says.

@@ -50,7 +50,9 @@ def test_cv_ends_at_the_critical_state_from_any_start(e, Z, Lam, seed):
 
 
 @settings(max_examples=12, deadline=None)
-@given(e=st.floats(0.59, 0.79), pressure=st.floats(0.1e6, 2e6), Z=st.floats(4.2, 6.0), name=st.sampled_from(["cr", "cp"]))
+@given(
+    e=st.floats(0.59, 0.79), pressure=st.floats(0.1e6, 2e6), Z=st.floats(4.2, 6.0), name=st.sampled_from(["cr", "cp"])
+)
 def test_cr_and_cp_end_at_the_critical_state_from_any_start(e, pressure, Z, name):
     result = drive(FLAT, model_path(name, pressure, strain=LONG), isotropic_state(FLAT, e, pressure, Z=Z), 0.02)
     assert_critical(result)
