@@ -9,11 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit import plots
 from labkit.arguments import require
 from labkit.errors import InputError, PhysicsError
 from labkit.files import labkit_kind, open_netcdf, require_writable, whole_file
-from labkit.model.calibration import fit, observe
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive
@@ -48,6 +46,9 @@ def model_command(options, history):
 
 def calibrate_command(options, runs):
     """Fits the parameters to runs (name -> run), prints the report and writes what was asked for. Raises InputError."""
+    from labkit import plots  # not for labkit model, which starts faster without them
+    from labkit.model.calibration import fit, observe
+
     outputs = [file for file in (options.output, options.csv, options.figure) if file]
     if len({Path(file).resolve() for file in outputs}) < len(outputs):
         raise InputError("two outputs have one name: give each file its own")

@@ -12,8 +12,10 @@ import json
 
 import netCDF4
 import numpy as np
+import xarray as xr
 
 import labkit
+import labkit.dataset  # gives the accessor .lab to as_run
 from labkit.files import create_variables, whole_file
 from labkit.model.parameters import Model
 from labkit.scene import Scene
@@ -49,6 +51,17 @@ def records(result):
         for name, variable in RECORD.items() if name not in known
     }  # fmt: skip
     return {**known, **absent}
+
+
+def as_run(result):
+    """The Result as labkit.open_run would give its run file, without the file: an xarray.Dataset for labkit.plots."""
+    values = records(result)
+    attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in RECORD.items()}
+    run = xr.Dataset(
+        {name: (v.dimensions, values[name], attributes[name]) for name, v in RECORD.items()},
+        attrs={"engine": ENGINE, "path": result.path.name, "complete": int(result.failure is None)},
+    )
+    return run.set_coords(["time", "axial_strain"])
 
 
 def write_result(file, result, history="", wall_time=0.0, parameters=None):
