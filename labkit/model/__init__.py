@@ -10,5 +10,25 @@
     calibration  parameters from run files
     run_file     a result as a run file
 
+`from labkit.model import Model, isotropic_state, drive` and the like load what they need and no more.
 Compression is positive, z axial, SI units.
 """
+
+_LAZY = {
+    "Model": "parameters", "Parameters": "parameters", "Readings": "parameters",
+    "ModelState": "state", "isotropic_state": "state",
+    "drive": "driver", "model_path": "controls", "Mixed": "controls", "Oedometer": "controls",
+    "Adaptive": "integrators",
+    "state_rate": "stiffness", "stress_rate": "stiffness", "rate_tangent": "stiffness", "hypoplastic_form": "stiffness",
+    "states": "material_point", "update": "material_point",
+    "fit": "calibration", "observe": "calibration",
+}  # fmt: skip
+__all__ = list(_LAZY)
+
+
+def __getattr__(name):
+    if name in _LAZY:
+        import importlib
+
+        return getattr(importlib.import_module(f"labkit.model.{_LAZY[name]}"), name)
+    raise AttributeError(f"module 'labkit.model' has no attribute {name!r}")

@@ -39,6 +39,8 @@ def model_command(options, history):
     write_result(output, result, history, time.perf_counter() - begin, {"tolerance": options.tolerance})
     if result.failure:
         raise PhysicsError(f"{result.failure}; the {len(result)} records until there are in {output} (complete = 0)")
+    if path.stops_early and not path.stops(result.p[-1]):
+        print(f"{output}: the strain of {path.strain:g} ended {path.name} before --stop-pressure {path.pressure:g} Pa")
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
     print(f"{output}: {path.name} complete, {len(result)} records, axial strain {result.axial_strain[-1]:.2%}, "
           f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}")  # fmt: skip

@@ -47,7 +47,12 @@ class Control(NamedTuple):
 
 @compiled
 def outside(y, c):
-    """FINE, or why the equations have no value at e, Z, Lambda, A, F, F^t."""
+    """FINE, or why the equations have no value at e, Z, Lambda, A, F, F^t.
+
+    1/Lambda^gamma and c_vZ/Lambda end at Lambda = 0, Z^c and Z^com at e_cmax, and C0 makes no stress of Z = 0. Z = 4 is
+    no end: the lines reach it at e_cmax, where dZ^com/de is infinite, and C2 goes through it. In dilation Eqs. 31
+    and 32 take Z to zero before Lambda, as dZ/dLambda is proportional to 1/Lambda.
+    """
     for k in range(STATE):
         if not np.isfinite(y[k]):
             return NOT_FINITE

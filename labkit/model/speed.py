@@ -64,13 +64,13 @@ def _curve(model, path, start, make, settings, exact):
         seconds, error = np.inf, None
         for _ in range(REPEATS):
             integrator = make(setting)
-            begin = time.perf_counter()
+            begin = time.thread_time()
             try:
                 result = drive(model, path, start, RECORD, integrator).require()
                 error = _error(result.stress, exact)
             except (PhysicsError, FloatingPointError):
                 error = None
-            seconds = min(seconds, time.perf_counter() - begin)
+            seconds = min(seconds, time.thread_time() - begin)
             if seconds > BUDGET:
                 break
         points.append((setting, seconds, error))
@@ -106,9 +106,9 @@ def one_path(model):
     exact = drive(model, path, start, integrator=Adaptive(1e-12)).stress
     times = []
     for _ in range(10):
-        begin = time.perf_counter()
+        begin = time.thread_time()
         result = drive(model, path, start)
-        times.append(time.perf_counter() - begin)
+        times.append(time.thread_time() - begin)
     return (f"one CV path to 60 %, {len(result)} records, default tolerance: {np.median(times) * 1e3:.2f} ms, "
             f"stress error {_error(result.stress, exact):.1e}")  # fmt: skip
 
@@ -126,9 +126,9 @@ def material_points(model):
         for tangent in (False, True):
             times = []
             for _ in range(5):
-                begin = time.perf_counter()
+                begin = time.thread_time()
                 found = update(model, y, d, tangent).require()
-                times.append(time.perf_counter() - begin)
+                times.append(time.thread_time() - begin)
             rates.append(POINTS / min(times) / 1e6)
         substeps = found.substeps.mean()
         lines.append(f"  |strain increment| {size:g}: {rates[0]:.2f} state and stress, {rates[1]:.2f} with consistent "
