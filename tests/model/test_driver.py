@@ -5,6 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_states import AXIS, deviator, rotation
+from scalar_formulas import scalar_rates, scalar_stress
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from labkit.errors import InputError, PhysicsError
 from labkit.model.controls import Mixed, Oedometer, model_path, strain_control
@@ -72,6 +75,29 @@ def test_the_critical_state_is_a_fixed_point(model, name, e):
     scale = np.maximum(np.abs(start.vector()[:21]), 1e-3)
     assert (np.abs(result.vector[:, :21] - start.vector()[:21]) / scale).max() < 1e-6
     assert np.allclose(result.q / result.p, 0.9295, atol=5e-5)  # with C0's coupled terms; 0.934 without
+
+
+@pytest.mark.parametrize("name", ["cv", "oedometer", "isoc", "cp"])
+def test_a_whole_run_equals_the_scalar_formulas(model, name):
+    """Integrated by scipy, the free radial rate of CP by a root of dp/dt = 0; down to the stress."""
+    start = isotropic_state(model, 0.67, 0.5e6)
+    result = drive(model, model_path(name, 0.5e6, strain=0.02), start, 0.005, Adaptive(1e-10)).require()
+
+    def pressure_rate(radial, y):
+        h = 1e-6
+        v = scalar_rates(*y, 1.0, radial)
+        return (scalar_stress(*(y + h * v))[0] - scalar_stress(*(y - h * v))[0]) / (2 * h)
+
+    def rate(t, y):
+        radial = {"cv": -0.5, "oedometer": 0.0, "isoc": 1.0}.get(name)
+        return scalar_rates(*y, 1.0, brentq(pressure_rate, -1.5, 0.5, (y,)) if radial is None else radial)
+
+    y0 = [start.e, start.Z, start.Lam, 0.0, 0.0, 0.0]
+    found = solve_ivp(rate, (0.0, 0.02), y0, "DOP853", t_eval=result.axial_strain, rtol=1e-10, atol=1e-12).y
+    np.testing.assert_allclose(result.vector[:, [0, 1, 2, 5, 11, 17]].T, found, rtol=1e-6, atol=1e-7)
+    p, q = scalar_stress(*found)
+    np.testing.assert_allclose(result.p, p, rtol=1e-6)
+    np.testing.assert_allclose(result.q, q, rtol=1e-6, atol=1.0)
 
 
 def test_extension_ends_at_the_mirrored_critical_state(model):

@@ -1,10 +1,11 @@
-"""C1 to C5 against formulas written down a second time for coaxial triaxial states, and what must hold for all."""
+"""C1 to C5 against the scalar formulas of coaxial triaxial states, and what must hold for all states."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_states import AXIS, deviator, random_state, rotation, symmetric
+from scalar_formulas import scalar_rates
 
 from labkit.errors import InputError
 from labkit.model.parameters import Model, Parameters
@@ -14,29 +15,6 @@ from labkit.model.tensors import to_six, to_tensor
 from labkit.sff import sff_stress
 
 SEEDS = st.integers(0, 10_000)
-
-
-def scalar_rates(e, Z, Lam, a, f, t, axial, radial):
-    """Table 2's numbers and the zz components alone: d(e, Z, Lambda, A_zz, F_zz, F^t_zz)/dt."""
-    s = 2 / 3 * (axial - radial)  # deviatoric strain rate, zz
-    v = axial + 2 * radial
-    rate = np.sqrt(1.5) * abs(s)
-    way = np.sign(s)
-    Lc, Zc = 0.098 * (0.76 - e), 4 + 5.57 * (0.76 - e) ** 0.7
-    fd = np.exp(35 * (Lc - Lam))
-    XA, XF = way * fd * 0.45 - a, way * fd * 0.77 - f
-    a_rate = 1.0 / Lam**0.65 * (np.sqrt(1.5) * abs(XA)) ** 0.4 * XA * rate
-    f_rate = 0.77 / 0.45 * 1.0 / Lam**0.65 * (np.sqrt(1.5) * abs(XF)) ** 0.2 * XF * rate
-    feZ = 4.96 * np.exp(70 * (Lc - Lam))
-    if v > 0:
-        Zcom = 4 + 7.2 * (0.76 - e) ** 0.7
-        fvZ = np.exp(3 * (Zcom - Z)) * 7.2 * 0.7 * (0.76 - e) ** -0.3 * (1 + e)
-    else:
-        fvZ = 0.3 / Lam
-    Z_rate = feZ * (Zc - Z) * rate + fvZ * v - 0.125 * feZ * np.sqrt(1.5) * abs(a_rate)
-    L_rate = 100 * Lam**0.65 * feZ * (Lc - Lam) * rate + (0.098 if v > 0 else 0.075) * (1 + e) * v
-    t_rate = 100 * (way * 0.045 - t) * rate
-    return np.array([-(1 + e) * v, Z_rate, L_rate, a_rate, f_rate, t_rate])
 
 
 @settings(max_examples=60, deadline=None)
