@@ -12,11 +12,12 @@ import numpy as np
 from labkit.arguments import require
 from labkit.errors import InputError, PhysicsError
 from labkit.files import labkit_kind, open_netcdf, require_writable, whole_file
+from labkit.limits import exceeded
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive
 from labkit.model.parameters import Model
-from labkit.model.run_file import ENGINE, write_result
+from labkit.model.run_file import ENGINE, records, write_result
 from labkit.model.state import contact_anisotropy, isotropic_force_anisotropy, isotropic_state
 
 
@@ -41,6 +42,8 @@ def model_command(options, history):
         raise PhysicsError(f"{result.failure}; the {len(result)} records until there are in {output} (complete = 0)")
     if path.stops_early and not path.stops(result.p[-1]):
         print(f"{output}: the strain of {path.strain:g} ended {path.name} before --stop-pressure {path.pressure:g} Pa")
+    for sentence in exceeded(records(result)):
+        print(f"{output}: {sentence}")
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
     print(f"{output}: {path.name} complete, {len(result)} records, axial strain {result.axial_strain[-1]:.2%}, "
           f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}")  # fmt: skip

@@ -17,13 +17,14 @@ from labkit.model.tensors import load, store
 STATE = 21  # e, Z, Lambda, A, F, F^t
 SIZE = 27  # and the strain
 # Why a rate has no value. The first is no failure; WORDS are for people.
-FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE = range(8)
+FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE = range(9)
 WORDS = {
     NOT_FINITE: "the state is no number any more",
     NO_FORCE: "Lambda falls to zero: the contacts have lost their forces",
     NO_CONTACTS: "Z falls to zero: there are no contacts left",
     TOO_LOOSE: "the void ratio reaches e_cmax, beyond which Z^c has no value: "
                "end the path before, or choose the reading beyond_e_cmax = flat (--beyond-e-cmax flat)",
+    NO_VOIDS: "the void ratio falls to zero: the grains fill all space, end the path before",
     UNREACHABLE: "no strain rate brings the stress where the control wants it: the control asks for more than the "
                  "material bears, hold other stresses or give more of the strain rates",
     TOO_MANY_STEPS: "too many steps: the equations are too stiff here for this integrator",
@@ -60,6 +61,8 @@ def outside(y, c):
         return NO_FORCE
     if y[1] <= 0.0:
         return NO_CONTACTS
+    if y[0] <= 0.0:
+        return NO_VOIDS
     if y[0] >= c.e_cmax and not c.flat:
         return TOO_LOOSE
     return FINE

@@ -195,6 +195,11 @@ def test_contacts_that_vanish_end_the_path_with_their_name(model):
         result.require()
 
 
+def test_compression_until_no_void_is_left_is_said(model):
+    result = drive(model, model_path("isoc", 0.1e6, strain=0.1), isotropic_state(model, 0.05, 0.1e6))
+    assert "void ratio falls to zero" in result.failure and 0.0 < result.e[-1] < 1e-6
+
+
 def test_a_stress_out_of_reach_is_said(model):
     """Far denser than the specimens of the paper, no radial strain keeps the mean stress under axial shear: Lambda
     grows faster with |rate| than dilation takes it down."""
