@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import sys
@@ -16,6 +17,8 @@ from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
 from labkit.model import options as model_options
 from labkit.progress import reporter
+
+FIGURES = ("groups", "densities", "directions", "shares", "family", "budget", "contacts")  # of labkit.micro_figures
 
 
 def main(argv=None):
@@ -85,6 +88,21 @@ def build_parser():
         results.add_argument("-o", "--output", default="results", help="folder that is there (default: results)")
         results.set_defaults(command=command)
 
+    figure = commands_.add_parser("figure", help="grains, contacts and forces of a run: a figure and its table")
+    figure.add_argument("figure", metavar="FIGURE", choices=FIGURES, help=", ".join(FIGURES))
+    figure.add_argument("run", help="run file")
+    figure.add_argument("--groups", type=arguments.positive_int, default=5, help="size groups (default: 5)")
+    figure.add_argument("--snapshot", type=int, default=-1, help="which one, from the end if negative (default: -1)")
+    figure.add_argument("-o", "--output", help="figure (default: beside the run file)")
+    figure.add_argument("--csv", help="file for the table as CSV")
+    figure.set_defaults(command=do_figure)
+
+    stratified = commands_.add_parser("stratified", help="Fig. 3: coarse grains above fine ones, forces and strata")
+    arguments.add_layer_options(stratified)
+    stratified.add_argument("--figure", help="figure (default: beside the state file)")
+    stratified.add_argument("--csv", help="file for the table as CSV")
+    stratified.set_defaults(command=do_stratified)
+
     watch = commands_.add_parser("watch", help="draw runs in the terminal while they go on")
     watch.add_argument("run", nargs="+", help="run files")
     watch.add_argument("--interval", type=arguments.positive_int, default=5, help="seconds between two drawings")
@@ -100,6 +118,10 @@ def build_parser():
     bench.add_argument("--steps", type=arguments.positive_int, default=500, help="steps of one measurement")
     bench.add_argument("--rounds", type=arguments.positive_int, default=5, help="measurements of each, in turn")
     bench.set_defaults(command=do_bench)
+
+    statistics = commands_.add_parser("bench-statistics", help="speed and memory of the statistics of a run")
+    statistics.add_argument("run", help="run file")
+    statistics.set_defaults(command=do_bench_statistics)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -200,6 +222,52 @@ def history_of(argv):
     return shlex.join(["labkit", *argv])
 
 
+def do_figure(options, argv):
+    from labkit import micro_figures, plots
+
+    run = labkit.open_run(options.run)
+    output = options.output or str(Path(options.run.removesuffix(".run.nc") + f".{options.figure}.png"))
+    require_outputs(output, options.csv)
+    snapshots = run.sizes["snapshot"]
+    if not -snapshots <= options.snapshot < snapshots:
+        raise InputError(
+            f"--snapshot {options.snapshot} is not in {options.run}: it has {snapshots}, count from 0, or from the "
+            "end with negative numbers"
+        )
+    figure, table = getattr(micro_figures, options.figure)(run, options.groups, options.snapshot)
+    plots.save(figure, output)
+    print(f"figure: {output}")
+    if options.csv:
+        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+    else:
+        print(table.to_string(index=False, float_format="%.4g", max_rows=30))
+
+
+def do_stratified(options, argv):
+    import dataclasses
+
+    import pandas
+
+    from labkit import micro_figures, plots, stratified
+    from labkit.state import read_state
+
+    layer = commands.check_layer(options)
+    figure = options.figure or options.output.removesuffix(".state.nc") + ".png"
+    require_outputs(figure, options.csv)
+    made = json.dumps(dataclasses.asdict(layer))
+    if not (Path(options.output).exists() and read_state(options.output).recipe == made):
+        shown = {"figure", "csv", "command"}
+        words = [f"--{name.replace('_', '-')}={value}" for name, value in vars(options).items() if name not in shown]
+        in_yade("stratified.py", words, options.threads, "layer")
+    state = read_state(options.output)
+    table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in stratified.strata(state)])
+    plots.save(micro_figures.stratified_layer(state), figure)
+    print(table.T.to_string(header=False))
+    print(f"figure: {figure}")
+    if options.csv:
+        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+
+
 def open_runs(files):
     """Name -> run, in the order of the command line; the name is as short as tells the files apart."""
     short = [Path(file).name.removesuffix(".run.nc") for file in files]
@@ -249,6 +317,12 @@ def do_bench(options, argv):
     state = read_state(options.specimen)
     found = bench(options.specimen, options.steps, options.rounds, reporter("bench"))
     print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+
+
+def do_bench_statistics(options, argv):
+    from labkit.bench_statistics import bench_statistics
+
+    print(bench_statistics(options.run).to_string(index=False, float_format="%.2f", na_rep=""))
 
 
 def do_demo(options, argv):

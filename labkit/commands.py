@@ -19,6 +19,7 @@ from labkit.scene import Scene
 from labkit.simulation import Schedule, run
 from labkit.specimen import Recipe, make_specimen, require_size, side_for, summary
 from labkit.state import read_state, write_state
+from labkit.stratified import Layer, make_layer
 
 
 def check_specimen(options):
@@ -70,6 +71,24 @@ def consolidation(options, progress, history):
     state = consolidate(state, path.pressure, options.engine, options.threads, progress)
     write_state(options.output, state.replace(history=state.history + "\n" + history))
     print(f"{options.output}: {describe(summary(state))}, pressure off by {pressure_error(state, path.pressure):.2%}")
+
+
+def check_layer(options):
+    """The Layer of the options. Raises InputError for anything that cannot work."""
+    layer = Layer(**{name: getattr(options, name) for name in LAYER_OPTIONS})
+    require_writable(options.output, "state")
+    return layer
+
+
+def stratified(options, progress, history):
+    """Makes the stratified layer of Fig. 3 and writes its state file."""
+    layer = check_layer(options)
+    state = make_layer(layer, options.engine, options.threads, progress)
+    write_state(options.output, state.replace(history=history, recipe=json.dumps(dataclasses.asdict(layer))))
+    print(f"{options.output}: {state.number_of_grains} grains")
+
+
+LAYER_OPTIONS = ("size_ratio", "width", "height", "pressure", "ratio", "seed")
 
 
 def check_run(options):

@@ -1,4 +1,4 @@
-"""Isotropic consolidation: brings a specimen at rest to a pressure before CR and CP."""
+"""Consolidation: brings a specimen at rest to a pressure before CR and CP, or to other stresses."""
 
 from __future__ import annotations
 
@@ -27,13 +27,24 @@ def pressure_error(state, pressure):
 
 def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fraction, text: None):
     """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit."""
-    path = Consolidation(pressure)
+    return bring_to(specimen, Consolidation(pressure), engine, threads, progress)
+
+
+def stress_error(state, control):
+    """Largest deviation of the stresses that a Control holds from their targets, over these."""
+    stress = np.diag(love_stress(contacts_of(state), state.radius, state.volume))
+    return float(np.abs(control.measure @ stress / control.target - 1.0).max())
+
+
+def bring_to(specimen, path, engine="yade", threads=1, progress=lambda fraction, text: None):
+    """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit."""
     machine = start_engine(engine, specimen.at_rest().replace(time_step=specimen.scene.time_step), threads)
-    first = max(pressure_error(specimen, pressure), 2 * TOLERANCE)
+    control = path.control()
+    first = max(stress_error(specimen, control), 2 * TOLERANCE)
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
         state = machine.state()
-        error = pressure_error(state, pressure)
-        progress(log_fraction(first, error, TOLERANCE), f"consolidation, pressure off by {error:.2%}")
+        error = stress_error(state, control)
+        progress(log_fraction(first, error, TOLERANCE), f"consolidation, stress off by {error:.2%}")
         unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))
         if step and error < TOLERANCE and unbalanced < UNBALANCED:
             return state.at_rest()
@@ -42,6 +53,6 @@ def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fr
             before = servo.velocity_gradient(path, 1.0, state.time_step, machine.stress(), stiffness, before)
             machine.advance(servo.INTERVAL, before)
     raise PhysicsError(
-        f"the specimen does not reach {pressure:g} Pa in {STEP_LIMIT} steps (off by {error:.1%}, "
-        f"unbalanced force {unbalanced:.2g}): choose a pressure nearer to its own"
+        f"the specimen does not reach {np.array2string(control.target, precision=4)} Pa in {STEP_LIMIT} steps "
+        f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress nearer to its own"
     )

@@ -11,10 +11,15 @@ import xarray as xr
 from labkit.files import open_netcdf
 from labkit.micro.contacts import Contacts
 from labkit.micro.fabric import Statistics, statistics
+from labkit.micro.networks import follow, network_stress
+from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
+from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.scene import Scene
-from labkit.sff import sff_stress
+from labkit.sff import TERMS, sff_stress, strength_shares
+from labkit.sff_budget import PARTS, error_budget
+from labkit.sff_family import FORMS, stress
 
 
 def open_run(path):
@@ -87,31 +92,161 @@ class Lab:
             found["normal_force"].values, found["tangential_force"].values, found["rolling_moment"].values,
         )  # fmt: skip
 
-    def statistics(self):
-        """Z, A, Lambda, F, F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`."""
+    def normalised_contacts(self, snapshot):
+        """The contacts of one snapshot with Lambda_n (contact, side) and whether a side is strong, either way."""
+        contacts = self.contact_arrays(snapshot)
+        both = ("contact", "side")
+        normalised = normalised_normal_force(self._radius, contacts, self.scene.young_modulus)
+        return self.contacts(snapshot).assign(
+            normalised_normal_force=(both, normalised, {"units": "1", "long_name": "normalised force Lambda_n"}),
+            strong_by_force=(both, strong_by_force(contacts), {"long_name": "normal force above its mean"}),
+            strong_by_normalised_force=(
+                both, strong_by_normalised_force(self._radius, contacts), {"long_name": "Lambda_n above its mean"},
+            ),
+        )  # fmt: skip
+
+    def over_snapshots(self, function, attributes=None, coords=None):
+        """Any function of contacts over the whole run, a Dataset along `snapshot`. Holds one snapshot at a time.
+
+        `function(contacts, radius, volume, young_modulus)` returns name -> (dimensions, values);
+        `attributes`: name -> attributes; `coords` as in xarray.Dataset.
+        """
+        volume = self._run["snapshot_volume"].values
         found = [
-            statistics(self.contact_arrays(k), self._radius, self.scene.young_modulus)
+            function(self.contact_arrays(k), self._radius, float(volume[k]), self.scene.young_modulus)
             for k in range(self.number_of_snapshots)
         ]
         columns = {
-            field.name: np.array([getattr(s, field.name) for s in found]).reshape(
-                (-1, 3, 3) if "ndarray" in str(field.type) else -1
-            )
-            for field in dataclasses.fields(Statistics)
+            name: (("snapshot", *dimensions), np.array([one[name][1] for one in found]), (attributes or {}).get(name))
+            for name, (dimensions, _) in (found[0] if found else {}).items()
         }
-        tensor = ("snapshot", "i", "j")
-        return xr.Dataset(
-            {name: (tensor[: values.ndim], values, {"units": "1"}) for name, values in columns.items()},
-            coords=self._snapshot_coordinates(),
-        )
+        return xr.Dataset(columns, coords={**self._snapshot_coordinates(), **(coords or {})})
+
+    def statistics(self):
+        """Z, A, Lambda, F, F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`."""
+
+        def of(contacts, radius, volume, young_modulus):
+            values = vars(statistics(contacts, radius, young_modulus))
+            return {name: (("i", "j")[: 2 * bool(np.ndim(value))], value) for name, value in values.items()}
+
+        return self.over_snapshots(of, {f.name: {"units": "1"} for f in dataclasses.fields(Statistics)})
 
     def love_stress(self):
         """Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
-        volume = self._run["snapshot_volume"].values
-        values = [
-            love_stress(self.contact_arrays(k), self._radius, volume[k]) for k in range(self.number_of_snapshots)
-        ]
-        return self._stress_array(values, "stress after Love from the contacts")
+
+        def of(contacts, radius, volume, young_modulus):
+            return {"stress": (("i", "j"), love_stress(contacts, radius, volume))}
+
+        name = {"units": "Pa", "long_name": "stress after Love from the contacts"}
+        return self.over_snapshots(of, {"stress": name})["stress"].rename(None)
+
+    def sff_family(self, forms=tuple(FORMS)):
+        """Stress after each of labkit.sff_family.FORMS, DataArray (snapshot, form, i, j), Pa."""
+
+        def of(contacts, radius, volume, young_modulus):
+            values = [stress(form, contacts, radius, volume, young_modulus) for form in forms]
+            return {"stress": (("form", "i", "j"), np.reshape(values, (-1, 3, 3)))}
+
+        name = {"units": "Pa", "long_name": "stress after a stress-force-fabric relationship"}
+        return self.over_snapshots(of, {"stress": name}, {"form": list(forms)})["stress"].rename(None)
+
+    def error_budget(self, **choices):
+        """The parts of C0 - Love (labkit.sff_budget), DataArray (snapshot, part, i, j), Pa; they add up to it."""
+
+        def of(contacts, radius, volume, young_modulus):
+            parts = error_budget(contacts, radius, volume, young_modulus, **choices)
+            return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}
+
+        name = {"units": "Pa", "long_name": "part of C0 - Love"}
+        return self.over_snapshots(of, {"error": name}, {"part": list(PARTS)})["error"].rename(None)
+
+    def size_groups(self, groups=5, edges=None):
+        """Stresses by grain size (Eqs. 13-18), a Dataset along `snapshot` and `group`, as GroupStresses.
+
+        `groups`: number of equal intervals of the diameter; or their `edges`, m. Coordinate `diameter`: the middle
+        of each interval, m.
+        """
+        edges = diameter_edges(self._radius, groups) if edges is None else np.asarray(edges, dtype=float)
+        group = groups_by_diameter(self._radius, edges)
+
+        def of(contacts, radius, volume, young_modulus):
+            found = group_stresses(contacts, radius, volume, group, len(edges) - 1)
+            names = [*vars(found), "by_volume"]
+            return {name: (("group", "i", "j")[: getattr(found, name).ndim], getattr(found, name)) for name in names}
+
+        units = {name: {"units": "Pa"} for name in ("per_contact", "per_volume")}
+        middle = ("group", 0.5 * (edges[1:] + edges[:-1]), {"units": "m", "long_name": "grain diameter"})
+        return self.over_snapshots(of, units, {"diameter": middle})
+
+    def strong_networks(self):
+        """Share of the strong contact sides, and of q and p that they carry, a Dataset (snapshot, definition)."""
+
+        def of(contacts, radius, volume, young_modulus):
+            masks = strong_by_force(contacts), strong_by_normalised_force(radius, contacts)
+            whole = network_stress(contacts, radius, volume, np.ones((len(contacts), 2), dtype=bool))
+            parts = [network_stress(contacts, radius, volume, mask) for mask in masks]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return {
+                    "fraction": (("definition",), [mask.mean() if mask.size else np.nan for mask in masks]),
+                    "share_of_q": (
+                        ("definition",), np.array([deviatoric_stress(x) for x in parts]) / deviatoric_stress(whole)
+                    ),
+                    "share_of_p": (("definition",), np.array([mean_stress(x) for x in parts]) / mean_stress(whole)),
+                }  # fmt: skip
+
+        units = {name: {"units": "1"} for name in ("fraction", "share_of_q", "share_of_p")}
+        return self.over_snapshots(of, units, {"definition": ["force", "normalised force"]})
+
+    def contact_lives(self):
+        """Each contact from its birth to its death, as seen at the snapshots: a Dataset along `life`.
+
+        `pair` (life, side): grains; `birth` and `death`: snapshots, `death` the first one without it; `alive`: it is
+        there at the last snapshot, and its death is not known; `birth_strain`, `lifetime` (axial strain travelled
+        until the last snapshot with it is past).
+        """
+        lives, travelled = self._lives, self._travelled()
+        alive = lives.death == self.number_of_snapshots
+        end = travelled[np.minimum(lives.death, len(travelled) - 1)] if len(travelled) else np.zeros(0)
+        return xr.Dataset({
+            "pair": (("life", "side"), lives.pair), "birth": ("life", lives.birth), "death": ("life", lives.death),
+            "alive": ("life", alive), "birth_strain": ("life", travelled[lives.birth], {"units": "1"}),
+            "lifetime": ("life", end - travelled[lives.birth], {"units": "1"}),
+        })  # fmt: skip
+
+    def contact_changes(self):
+        """Contacts gained, lost and kept since the snapshot before, and their mean age, a Dataset along `snapshot`.
+
+        `mean_age`: axial strain travelled since the birth of a contact, mean over the contacts.
+        """
+        lives, travelled = self._lives, self._travelled()
+        with np.errstate(invalid="ignore", divide="ignore"):
+            age = lives.age_sum(travelled) / lives.contacts
+        columns = {name: ("snapshot", getattr(lives, name)) for name in ("contacts", "gained", "lost", "kept")}
+        return xr.Dataset(
+            {**columns, "mean_age": ("snapshot", age, {"units": "1"})},
+            coords={**self._snapshot_coordinates(), "travelled": ("snapshot", travelled, {"units": "1"})},
+        )
+
+    @functools.cached_property
+    def _lives(self):
+        pairs = (self.contacts(k)["contact_grain"].values for k in range(self.number_of_snapshots))
+        return follow(pairs, len(self._radius))
+
+    def _travelled(self):
+        """Axial strain travelled until each snapshot; it grows through reversals."""
+        strain = self._run["axial_strain"].values
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(strain)))])
+        return way[self._run["record"].values]
+
+    def strength_shares(self):
+        """What A, F, F^t and the product of A and F add to q/p of C0, DataArray (term, time)."""
+        names = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
+        shares = strength_shares(*(self._run[name].values for name in names))
+        return xr.DataArray(
+            np.array([shares[term] for term in TERMS]), dims=("term", "time"),
+            coords={"term": list(TERMS), "axial_strain": ("time", self._run["axial_strain"].values)},
+            attrs={"units": "1", "long_name": "share of q/p after C0"},
+        )  # fmt: skip
 
     def sff_stress(self):
         """Stress after C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""

@@ -167,6 +167,21 @@ class Consolidation:
         return Control(np.eye(3), np.eye(3), np.full(3, self.pressure))
 
 
+@dataclasses.dataclass(frozen=True)
+class Biaxial:
+    """Not a test: brings a plane layer to sigma_x and sigma_z (Pa), its thickness held."""
+
+    stress_x: float
+    stress_z: float
+    rate: float = 5.0
+
+    direction = (0.0, 0.0, 0.0)
+
+    def control(self):
+        plane = np.eye(3)[[0, 2]]
+        return Control(plane, plane.T, np.array([self.stress_x, self.stress_z]))
+
+
 PATHS = {
     path.name: path
     for path in (

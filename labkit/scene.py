@@ -30,6 +30,9 @@ class Scene:
     ratcheting, and turns forces with their contact to first order, so that over a run they leave the tangent
     plane by some 1e-3 of their size.
 
+    A `planar` scene has grains that move in planes y = const and turn about y only. They stand for discs: kn does not
+    depend on their size and is that of two mean grains, so that coarse and fine layers differ in scale alone.
+
     Raises InputError for a value outside its physical range.
     """
 
@@ -44,6 +47,7 @@ class Scene:
     local_damping: float = 0.2  # Newton's non-viscous damping
     time_step_factor: float = 0.2  # of sqrt(m/kn) of the mean grain
     law: str = "yade"
+    planar: bool = False  # discs in a plane, see below
 
     def __post_init__(self):
         for field, low, high in _RANGES:
@@ -55,6 +59,8 @@ class Scene:
 
     def normal_stiffness(self, radius_a, radius_b):
         """kn = (pi/2) E D*, D* = Da Db/(Da + Db) (paper, below Eq. 3). Radii in m, any shape; N/m."""
+        if self.planar:
+            return np.pi / 4 * self.young_modulus * self.mean_diameter * np.ones_like(radius_a + radius_b)
         return np.pi * self.young_modulus * radius_a * radius_b / (radius_a + radius_b)
 
     def tangential_stiffness(self, radius_a, radius_b):

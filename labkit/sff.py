@@ -30,3 +30,19 @@ def sff_stress(young_modulus, Z, Lam, e, A, F, Ft):
     )
     scale = young_modulus * Z * Lam / (1.0 + e)
     return np.where(scale == 0.0, 0.0, scale * bracket)
+
+
+TERMS = ("A", "F", "Ft", "coupled")
+
+
+def strength_shares(A, F, Ft):
+    """What each term of C0 adds to q/p: name of TERMS -> shape (...), q = sigma_zz - (sigma_xx + sigma_yy)/2.
+
+    2/15 A, 2/15 F, F^t and 8/105 sym(FA), over the mean stress of the bracket, 1/3 + 2/45 tr(FA): they add up
+    to the q/p of C0. A, F, Ft (..., 3, 3); NaN where these are undefined.
+    """
+    FA = symmetric_product(np.asarray(F), np.asarray(A))
+    trace = np.trace(FA, axis1=-2, axis2=-1)
+    mean = 1 / 3 + 2 / 105 * trace + 8 / 315 * trace + np.trace(Ft, axis1=-2, axis2=-1) / 3
+    parts = dict(zip(TERMS, (2 / 15 * np.asarray(A), 2 / 15 * np.asarray(F), np.asarray(Ft), 8 / 105 * FA)))
+    return {name: (part[..., 2, 2] - 0.5 * (part[..., 0, 0] + part[..., 1, 1])) / mean for name, part in parts.items()}

@@ -34,13 +34,14 @@ from labkit.errors import InputError
 VERLET_DISTANCE = 0.1  # of the mean radius: how far a grain may move before neighbours are sought again
 
 
-def material(scene):
-    """YADE's material for a scene (physics of Scene's docstring): no cohesion, no twist.
+def material(scene, radius):
+    """YADE's material for a grain of a scene (physics of Scene's docstring): no cohesion, no twist.
 
-    A negative cohesion or moment limit, YADE's default, would mean an unlimited one.
+    YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): `young` = kn/R of two equal grains makes it the scene's. For spheres
+    that is (pi/2) E whatever the radius. A negative cohesion or moment limit, YADE's default, would be unlimited.
     """
     return CohFrictMat(
-        young=np.pi / 2 * scene.young_modulus,  # makes kn = (pi/2) E D* exactly
+        young=float(scene.normal_stiffness(radius, radius)) / radius,
         poisson=1.0 / scene.stiffness_ratio,  # makes kt = kn/kappa exactly
         density=scene.density,
         frictionAngle=float(np.arctan(scene.friction)),
@@ -73,7 +74,6 @@ class YadeEngine(Engine):
         omega.periodic = True
         omega.cell.setBox(1, 1, 1)
         omega.cell.hSize = _matrix(state.cell)
-        omega.materials.append(material(state.scene))
         self._add_grains(state)
         gradient = _matrix(state.velocity_gradient)
         omega.cell.updateAttrs({"velGrad": gradient, "prevVelGrad": gradient})
@@ -101,12 +101,15 @@ class YadeEngine(Engine):
 
     def _add_grains(self, state):
         """Bodies in the order of the state. Grains near in space are near in the state, and so in memory."""
-        bodies = self._omega.bodies
+        bodies, planar = self._omega.bodies, state.scene.planar
+        common = material(state.scene, float(state.radius[0])) if len(state.radius) else None
         columns = (state.position, state.velocity, state.angular_velocity)
         for radius, position, velocity, spin in zip(state.radius.tolist(), *(c.tolist() for c in columns)):
-            grain = yade_utils.sphere(position, radius, material=0)
+            grain = yade_utils.sphere(position, radius, material=material(state.scene, radius) if planar else common)
             grain.state.vel = velocity
             grain.state.angVel = spin
+            if planar:
+                grain.state.blockedDOFs = "yXZ"
             bodies.append(grain)
 
     def _set_history(self, state):

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.micro.contacts import grain_diameters
+from labkit.micro.normalised import vectors_of_contacts
 
 IDENTITY = np.eye(3)
 
@@ -29,17 +29,6 @@ class Statistics:
     mobilisation: np.ndarray
 
 
-def overlap_correction(radius, contacts):
-    """lambda' = 1 - delta/D of the contact vector l = lambda' (D/2) n (below Eq. 18), shape (n, 2)."""
-    return 1.0 - contacts.overlap[:, None] / grain_diameters(radius, contacts)
-
-
-def normalisation(radius, contacts, young_modulus):
-    """Lambda/f = 3 lambda'/(pi D^2 E) of each side (below Eq. 18), shape (n, 2), 1/N."""
-    diameter = grain_diameters(radius, contacts)
-    return 3.0 * overlap_correction(radius, contacts) / (np.pi * diameter**2 * young_modulus)
-
-
 def contact_anisotropy(normal):
     """A = 15/2 (<n n> - I/3) (Eq. 10), shape (3, 3). `normal` (n, 3) unit vectors; NaN for n = 0."""
     if len(normal) == 0:
@@ -52,18 +41,22 @@ def statistics(contacts, radius, young_modulus):
 
     `radius` (grain,) m of all grains, those without contacts included; `young_modulus` E in Pa.
     """
-    sides = 2 * len(contacts)
-    if sides == 0:
+    if len(contacts) == 0:
         nothing = np.full((3, 3), np.nan)
         return Statistics(0.0, nothing, 0.0, nothing, nothing)
-    normal = contacts.normal
-    A = contact_anisotropy(normal)
-    weight = normalisation(radius, contacts, young_modulus).sum(axis=1)
-    density = 1.0 + np.einsum("ci,ci->c", normal @ A, normal)  # 1 + n.A n
+    A, Lam, F, Ft = fabric_of(vectors_of_contacts(radius, contacts, young_modulus))
+    return Statistics(2 * len(contacts) / len(radius), A, Lam, F, Ft)
+
+
+def fabric_of(vectors):
+    """A, Lambda, F, F^t of Vectors (Eqs. 10, 24, 25, 27); not for an empty set."""
+    n, rows = vectors.normal, len(vectors)
+    A = contact_anisotropy(n)
+    density = 1.0 + np.einsum("ci,ci->c", n @ A, n)  # 1 + n.A n
     with np.errstate(divide="ignore", invalid="ignore"):
-        Lambda_n = weight * contacts.normal_force / density
-        Lambda_t = (weight / density)[:, None] * contacts.tangential_force
-        Lam = Lambda_n.sum() / sides  # Eq. 24
-        F = 7.5 * ((normal * Lambda_n[:, None]).T @ normal / sides / Lam - IDENTITY / 3.0)  # Eq. 25
-        Ft = -(normal.T @ Lambda_t) / sides / Lam  # Eq. 27
-    return Statistics(sides / len(radius), A, float(Lam), F, Ft)
+        Lambda_n = vectors.normal_component / density
+        Lambda_t = vectors.tangential / density[:, None]
+        Lam = Lambda_n.sum() / rows  # Eq. 24
+        F = 7.5 * ((n * Lambda_n[:, None]).T @ n / rows / Lam - IDENTITY / 3.0)  # Eq. 25
+        Ft = -(n.T @ Lambda_t) / rows / Lam  # Eq. 27
+    return A, float(Lam), F, Ft

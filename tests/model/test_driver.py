@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_states import AXIS, deviator, rotation
-from scalar_formulas import scalar_rates, scalar_stress
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -20,6 +18,8 @@ from labkit.model.state import (
     isotropic_force_anisotropy,
     isotropic_state,
 )
+from tests.model.random_states import AXIS, deviator, rotation
+from tests.model.scalar_formulas import scalar_rates, scalar_stress
 
 FLAT = Model().reading(beyond_e_cmax="flat")
 LONG = 2.0  # axial strain: Z relaxes over a fifth of it

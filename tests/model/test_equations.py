@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_states import AXIS, deviator, random_state, rotation, symmetric
-from scalar_formulas import scalar_rates
 
 from labkit.errors import InputError
 from labkit.model.parameters import Model, Parameters
@@ -13,6 +11,8 @@ from labkit.model.state import ModelState
 from labkit.model.stiffness import state_rate, stress_rate
 from labkit.model.tensors import to_six, to_tensor
 from labkit.sff import sff_stress
+from tests.model.random_states import AXIS, deviator, random_state, rotation, symmetric
+from tests.model.scalar_formulas import scalar_rates
 
 SEEDS = st.integers(0, 10_000)
 

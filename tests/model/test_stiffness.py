@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from random_states import AXIS, random_state, rotation, symmetric
 
 from labkit.errors import InputError, PhysicsError
 from labkit.model.controls import strain_control
@@ -14,6 +13,7 @@ from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
 from labkit.model.tensors import to_six, to_tensor
+from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)
 

@@ -1,0 +1,176 @@
+"""Directional functions of contacts: fits of order 0, 2 and 4 on the sphere (Eqs. 9, 23 and beyond), and bins.
+
+An even function of the direction n is written f(n) = f0 [1 + n.B n + B4::nnnn] with B deviatoric and B4 symmetric
+and without trace (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+IDENTITY = np.eye(3)
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+_PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # of the pair ij in a row of six products
+
+
+def _symmetric_with_identity(B):
+    """sym(I (x) B) over all 24 orders of the indices, for symmetric B (3, 3); shape (3, 3, 3, 3)."""
+    IB = np.einsum("ij,kl->ijkl", IDENTITY, B)
+    BI = np.einsum("ij,kl->ijkl", B, IDENTITY)
+    both = IB + BI
+    return (both + both.transpose(0, 2, 1, 3) + both.transpose(0, 3, 2, 1)) / 6.0
+
+
+_IDENTITY4 = _symmetric_with_identity(IDENTITY)
+
+
+def traceless(S):
+    """S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I) of a fully symmetric S (3, 3, 3, 3): nothing of it has a trace."""
+    second = np.einsum("iikl->kl", S)
+    return S - 6.0 / 7.0 * _symmetric_with_identity(second) + 3.0 / 35.0 * np.trace(second) * _IDENTITY4
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """mean: f0; second (3, 3): B; fourth (3, 3, 3, 3): B4, zero for a fit of second order."""
+
+    mean: float
+    second: np.ndarray
+    fourth: np.ndarray
+
+    def at(self, n):
+        """f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
+        return self.mean * self.shape(n)
+
+    def shape(self, n):
+        """1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
+        value = 1.0 + np.einsum("mi,mi->m", n @ self.second, n)
+        if self.fourth.any():
+            products = _products(n)
+            value = value + np.einsum("ma,ma->m", products @ _as_matrix(self.fourth), products)
+        return value
+
+
+def fit(n, values, order=2):
+    """The Fit to the directional function whose sum over directions is the sum over the rows.
+
+    f0 = <v>, B = 15/2 (<v nn>/f0 - I/3), B4 = 315/8 times the traceless part of <v nnnn>/f0
+
+    with <> the mean over the m rows, `n` (m, 3) unit vectors, `values` (m,). With v = 1 it is the density of the
+    normals over 1/(4 pi) (Eqs. 9, 10); with v = Lambda_n/(1 + n.A n) it is the mean of Lambda_n in the direction n
+    (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises ValueError for an order other than 2 or 4.
+    """
+    if order not in (2, 4):
+        raise ValueError(f"order {order} is not possible: use 2 or 4")
+    zero4 = np.zeros((3, 3, 3, 3))
+    if len(n) == 0:
+        return Fit(np.nan, np.full((3, 3), np.nan), zero4 * np.nan if order == 4 else zero4)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = float(values.mean())
+        second = (n * values[:, None]).T @ n / len(n) / mean
+        B = 7.5 * (second - IDENTITY / 3.0)
+        if order == 2:
+            return Fit(mean, B, zero4)
+        products = _products(n)
+        fourth = _as_tensor((products * values[:, None]).T @ products / len(n) / mean)
+        B4 = 315.0 / 8.0 * traceless(fourth)
+    return Fit(mean, B, B4)
+
+
+def normal_density(n, order=2):
+    """The Fit to E_PDF(n), f0 = 1/(4 pi) (Eqs. 9 and 10). `n` (m, 3) unit vectors; NaN for m = 0."""
+    found = fit(n, np.ones(len(n)), order)
+    return dataclasses.replace(found, mean=0.25 / np.pi)
+
+
+def directional_mean(n, values, density):
+    """The Fit to the mean of `values` (m,) in the direction n, of the order of `density`, the Fit of E_PDF.
+
+    Rows count 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
+    """
+    order = 4 if density.fourth.any() else 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return fit(n, values / density.shape(n), order)
+
+
+@dataclasses.dataclass(frozen=True)
+class TangentialFit:
+    """t(n) = G n - (n.G n) n + W n + B4:nnn - (B4::nnnn) n, which has no component along n.
+
+    second (3, 3): G, symmetric; skew (3, 3): W; fourth (3, 3, 3, 3): B4, zero for a fit of second order.
+    """
+
+    second: np.ndarray
+    skew: np.ndarray
+    fourth: np.ndarray
+
+    def at(self, n):
+        """t at unit vectors n (m, 3), shape (m, 3)."""
+        pull = n @ self.second + n @ self.skew.T
+        if self.fourth.any():
+            pull = pull + np.einsum("jklq,mk,ml,mq->mj", self.fourth, n, n, n, optimize=True)
+        return pull - np.einsum("mi,mi->m", pull, n)[:, None] * n
+
+
+def tangential_mean(n, values, density):
+    """The TangentialFit to the mean of vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
+
+    Rows count 1/(1 + n.A n + ...) and the fit has the order of `density`, the Fit of E_PDF. G = 5 sym<n (x) t>,
+    W = 3 skew<n (x) t>^T, B4 = 63/2 times the symmetric, traceless part of <nnn (x) t>. With t = -Lambda_t/Lambda,
+    <n (x) t> is F^t.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weighted = values / density.shape(n)[:, None]
+    nt = n.T @ weighted / max(len(n), 1)
+    fourth = np.zeros((3, 3, 3, 3))
+    if density.fourth.any():
+        both = np.stack([0.5 * (n[:, i] * weighted[:, j] + n[:, j] * weighted[:, i]) for i, j in _PAIRS], axis=1)
+        nnnt = _as_tensor(_products(n).T @ both / len(n))
+        half = nnnt + nnnt.transpose(2, 3, 0, 1)
+        fourth = 63.0 / 2.0 * traceless((half + half.transpose(0, 2, 1, 3) + half.transpose(0, 3, 2, 1)) / 6.0)
+    return TangentialFit(2.5 * (nt + nt.T), 1.5 * (nt.T - nt), fourth)
+
+
+def _products(n):
+    """xx, yy, zz, xy, yz, zx of vectors (m, 3), shape (m, 6)."""
+    return np.stack([n[:, i] * n[:, j] for i, j in _PAIRS], axis=1)
+
+
+def _as_tensor(matrix):
+    """Tensor (3, 3, 3, 3) from the (6, 6) of its products."""
+    return matrix[_PLACE[:, :, None, None], _PLACE[None, None, :, :]]
+
+
+def _as_matrix(tensor):
+    """The (6, 6) whose form in the products is tensor::nnnn."""
+    matrix = np.array([[tensor[first + second] for second in _PAIRS] for first in _PAIRS])
+    twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # xy stands for xy and yx
+    return matrix * twice[:, None] * twice
+
+
+def polar_bins(n, bins, axis=2):
+    """Equal solid angles about an axis: (cosines of the edges (bins + 1,), bin of each row (m,)).
+
+    n and -n are the same direction: the angle from the axis runs from 0 to 90 degrees. `n` (m, 3).
+    """
+    edges = np.linspace(0.0, 1.0, bins + 1)
+    return edges, np.clip((np.abs(n[:, axis]) * bins).astype(int), 0, bins - 1)
+
+
+def bin_means(values, bin_of, bins):
+    """Mean of `values` (m,) in each bin, shape (bins,); NaN where a bin is empty."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.bincount(bin_of, values, bins) / np.bincount(bin_of, minlength=bins)
+
+
+def hemisphere_bins(n, bands, sectors):
+    """Equal solid angles of the hemisphere z > 0: bin of each row (m,), band * sectors + sector.
+
+    `n` (m, 3), turned into the hemisphere; bands are of equal height in z, sectors of equal azimuth.
+    """
+    up = np.where(n[:, 2:] < 0.0, -n, n)
+    band = np.clip((up[:, 2] * bands).astype(int), 0, bands - 1)
+    azimuth = np.mod(np.arctan2(up[:, 1], up[:, 0]), 2.0 * np.pi)
+    return band * sectors + np.clip((azimuth / (2.0 * np.pi) * sectors).astype(int), 0, sectors - 1)

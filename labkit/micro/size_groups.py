@@ -1,0 +1,107 @@
+"""Stress of grains by size (Eqs. 13-18): every partition of the grains adds up to Love's stress."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.void_ratio import grain_volume
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupStresses:
+    """Stresses and weights of K groups of grains. Where a group has no contacts its stresses are NaN (undefined).
+
+    grains (K,): N_g(k); contacts (K,): N_c(k), sides; by_contacts (K,): N_c(k)/N_c, the weights of Eq. 15;
+    coordination_ratio (K,): Z(k)/Z; volume_fraction (K,): V_g(k)/V_g, their product is the weight of Eq. 17;
+    per_contact (K, 3, 3): sigma^N(k) of Eq. 15, Pa; per_volume (K, 3, 3): sigma^V(k) of Eq. 17, Pa.
+    """
+
+    grains: np.ndarray
+    contacts: np.ndarray
+    by_contacts: np.ndarray
+    coordination_ratio: np.ndarray
+    volume_fraction: np.ndarray
+    per_contact: np.ndarray
+    per_volume: np.ndarray
+
+    @property
+    def by_volume(self):
+        """Z(k)/Z V_g(k)/V_g, the weights of Eq. 17, shape (K,)."""
+        return self.coordination_ratio * self.volume_fraction
+
+    def sum_by_contacts(self):
+        """sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
+        return _weighted_sum(self.by_contacts, self.per_contact)
+
+    def sum_by_volume(self):
+        """sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
+        return _weighted_sum(self.by_volume, self.per_volume)
+
+
+def _weighted_sum(weights, stresses):
+    """Groups of weight zero do not count, whatever their stress."""
+    counted = weights > 0.0
+    return np.einsum("k,kij->ij", weights[counted], stresses[counted])
+
+
+def diameter_edges(radius, groups):
+    """Edges of `groups` equal intervals of the diameter, shape (groups + 1,), m. `radius` (grain,) m."""
+    low, high = 2.0 * radius.min(), 2.0 * radius.max()
+    return np.linspace(low, high, groups + 1)
+
+
+def groups_by_diameter(radius, edges):
+    """Index k of the interval edges[k] <= D < edges[k + 1] of each grain, shape (grain,); the last one is closed.
+
+    Raises InputError when the edges do not ascend or a grain lies outside them.
+    """
+    edges, diameter = np.asarray(edges, dtype=float), 2.0 * np.asarray(radius)
+    if len(edges) < 2 or not (np.diff(edges) >= 0.0).all():
+        raise InputError("the edges of size groups must ascend: give at least two diameters in m")
+    if len(diameter) and (diameter.min() < edges[0] or diameter.max() > edges[-1]):
+        raise InputError(
+            f"the edges of the size groups leave grains out: cover {diameter.min():.6g} to {diameter.max():.6g} m"
+        )
+    return np.clip(np.searchsorted(edges, diameter, side="right") - 1, 0, len(edges) - 2)
+
+
+def group_stresses(contacts, radius, volume, group, groups):
+    """The GroupStresses of a partition of the grains, by size or by anything else.
+
+    `group` (grain,) int from 0 to `groups` - 1; `volume` of the cell, m3. sigma^V(k) has for pi D_k^3/6 of Eq. 18
+    the mean grain volume V_g(k)/N_g(k) of its group: only so does Eq. 17 add up to Love exactly when diameters
+    differ within a group.
+    """
+    group = np.asarray(group)
+    lf = _outer_products(contacts, radius)
+    side_group = group[contacts.grain]  # (n, 2)
+    moment = np.stack([
+        sum(np.bincount(side_group[:, s], lf[:, s, ij], groups) for s in (0, 1)) for ij in range(9)
+    ], axis=1).reshape(groups, 3, 3)  # fmt: skip
+    grains = np.bincount(group, minlength=groups)
+    sides = np.bincount(side_group.ravel(), minlength=groups)
+    solid = np.bincount(group, 4.0 / 3.0 * np.pi * radius**3, groups)
+    total = 2 * len(contacts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        per_contact = -(total / volume) * moment / sides[:, None, None]  # Eq. 15
+        mean_volume = solid / grains
+        Z = total / len(radius)
+        e1 = volume / grain_volume(radius)  # 1 + e, nominal
+        per_volume = -(Z / e1) * moment / (sides * mean_volume)[:, None, None]  # Eq. 18
+        coordination = np.where(grains > 0, sides / grains / Z, 0.0) if total else np.zeros(groups)
+    undefined = (sides == 0)[:, None, None]
+    return GroupStresses(
+        grains=grains, contacts=sides, by_contacts=sides / total if total else np.zeros(groups),
+        coordination_ratio=coordination, volume_fraction=solid / solid.sum(),
+        per_contact=np.where(undefined, np.nan, per_contact), per_volume=np.where(undefined, np.nan, per_volume),
+    )  # fmt: skip
+
+
+def _outer_products(contacts, radius):
+    """l (x) f of each side, shape (n, 2, 9), N m."""
+    arm = radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
+    nf = (contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]).reshape(-1, 1, 9)
+    return arm[:, :, None] * nf

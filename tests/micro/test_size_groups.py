@@ -1,0 +1,63 @@
+"""Eqs. 13-18: whatever the groups, they add up to Love."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from labkit.errors import InputError
+from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
+from labkit.micro.stress import love_stress
+from tests.contact_sets import contact_sets, make
+
+
+@settings(max_examples=80, deadline=None)
+@given(drawn=contact_sets, groups=st.integers(1, 12), seed=st.integers(0, 1000), by_size=st.booleans())
+def test_both_sums_are_love(drawn, groups, seed, by_size):
+    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
+    if by_size:
+        group = groups_by_diameter(radius, diameter_edges(radius, groups))
+    else:  # any partition, with groups that are empty
+        group = np.random.default_rng(seed).integers(0, groups, len(radius))
+    love = love_stress(contacts, radius, volume)
+    found = group_stresses(contacts, radius, volume, group, groups)
+    size = np.abs(love).max()
+    np.testing.assert_allclose(found.sum_by_contacts(), love, rtol=1e-12, atol=1e-12 * size)
+    np.testing.assert_allclose(found.sum_by_volume(), love, rtol=1e-12, atol=1e-12 * size)
+    assert np.isclose(found.volume_fraction.sum(), 1.0, rtol=1e-12)
+    if len(contacts):
+        assert np.isclose(found.by_contacts.sum(), 1.0, rtol=1e-12)
+    assert np.isnan(found.per_volume[found.contacts == 0]).all()
+    assert np.isfinite(found.per_volume[found.contacts > 0]).all()
+
+
+def test_grains_of_one_size_have_eq_18_as_printed():
+    """-Z/(1+e) 1/N_c(k) sum of n (x) 3 lambda'/(pi D^2) f for a group of one diameter."""
+    drawn = make(3, 60, 12, 1.0, 0.3)
+    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
+    group = np.arange(12) % 3
+    found = group_stresses(contacts, radius, volume, group, 3)
+    Z, e = 2 * 60 / 12, volume / np.sum(4 / 3 * np.pi * radius**3) - 1
+    for k in range(3):
+        total, sides = np.zeros((3, 3)), 0
+        for c in range(60):
+            force = -contacts.normal_force[c] * contacts.normal[c] + contacts.tangential_force[c]
+            for side, sign in ((0, 1), (1, -1)):
+                if group[contacts.grain[c, side]] == k:
+                    D = 2 * radius[contacts.grain[c, side]]
+                    total += np.outer(sign * contacts.normal[c], sign * force) * 3 * (1 - contacts.overlap[c] / D) / (
+                        np.pi * D**2)  # fmt: skip
+                    sides += 1
+        np.testing.assert_allclose(found.per_volume[k], -Z / (1 + e) / sides * total, rtol=1e-12)
+        assert found.contacts[k] == sides
+
+
+def test_the_largest_grain_is_in_the_last_group():
+    radius = np.linspace(1.0, 2.0, 11)
+    assert np.bincount(groups_by_diameter(radius, diameter_edges(radius, 5))).tolist() == [2, 2, 2, 2, 3]
+
+
+@pytest.mark.parametrize(("edges", "said"), [([1.0], "ascend"), ([3.0, 1.0], "ascend"), ([1.0, 2.5], "leave grains")])
+def test_edges_that_cannot_be(edges, said):
+    with pytest.raises(InputError, match=said):
+        groups_by_diameter(np.array([0.6, 1.4]), edges)

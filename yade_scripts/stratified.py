@@ -1,0 +1,13 @@
+"""The stratified layer of Fig. 3 on YADE, by hand or from a table:
+
+    yade -n -x yade_scripts/stratified.py --size-ratio 2 -o stratified.state.nc
+"""
+
+import os
+import sys
+
+sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+
+from labkit import arguments, commands, yade_main  # noqa: E402
+
+yade_main.main("layer", arguments.add_layer_options, commands.stratified)
