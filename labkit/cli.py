@@ -1,4 +1,6 @@
-"""The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`."""
+"""The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
+`model`, `calibrate`, `model-figures`, `model-speed`.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +15,7 @@ from labkit import arguments, commands
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
+from labkit.model import options as model_options
 from labkit.progress import reporter
 
 FIGURES = ("groups", "densities", "directions", "shares", "family", "budget", "contacts")  # of labkit.micro_figures
@@ -68,6 +71,22 @@ def build_parser():
     critical.add_argument("-o", "--output", default="critical.png", help="figure (default: critical.png)")
     critical.add_argument("--csv", help="file for the table as CSV")
     critical.set_defaults(command=do_critical)
+
+    model = commands_.add_parser("model", help="C0 to C5 along a loading path, no grains: a run file")
+    model_options.add_model_options(model)
+    model.set_defaults(command=do_model)
+
+    calibrate = commands_.add_parser("calibrate", help="parameters of the model from run files")
+    model_options.add_calibrate_options(calibrate)
+    calibrate.set_defaults(command=do_calibrate)
+
+    for name, words, command in (
+        ("model-figures", "Figs. 4 to 10 of the model alone, from Table 2", do_model_figures),
+        ("model-speed", "speed against error of the model's integrators: a table and a figure", do_model_speed),
+    ):
+        results = commands_.add_parser(name, help=words)
+        results.add_argument("-o", "--output", default="results", help="folder that is there (default: results)")
+        results.set_defaults(command=command)
 
     figure = commands_.add_parser("figure", help="grains, contacts and forces of a run: a figure and its table")
     figure.add_argument("figure", metavar="FIGURE", choices=FIGURES, help=", ".join(FIGURES))
@@ -134,6 +153,7 @@ def do_verify(options, argv):
     from labkit import plots, verify
 
     runs = open_runs(options.run)
+    verify.require_contacts(runs)
     figure = options.output or figure_name(options.run[0])
     require_outputs(figure, options.csv)
     found = {name: verify.findings(run) for name, run in runs.items()}
@@ -165,6 +185,41 @@ def do_critical(options, argv):
     print(f"figure: {options.output}")
     if options.csv:
         write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+
+
+def do_model(options, argv):
+    from labkit.model.commands import model_command
+
+    model_command(options, history_of(argv))
+
+
+def do_calibrate(options, argv):
+    from labkit.model.commands import calibrate_command
+
+    calibrate_command(options, open_runs(options.run))
+
+
+def do_model_figures(options, argv):
+    from labkit.model.figures import draw_all
+
+    for file in draw_all(results_folder(options.output)):
+        print(f"figure: {file}")
+
+
+def do_model_speed(options, argv):
+    from labkit.model.speed import measure_all
+
+    print(measure_all(results_folder(options.output)))
+
+
+def results_folder(folder):
+    """The folder as a Path. Raises InputError unless files can be written there."""
+    require_writable(Path(folder) / "labkit")
+    return Path(folder)
+
+
+def history_of(argv):
+    return shlex.join(["labkit", *argv])
 
 
 def do_figure(options, argv):

@@ -77,6 +77,89 @@ def e_p_paths(runs):
     return figure
 
 
+CURVES = {
+    "q-strain": ("axial strain (%)", "q (MPa)", lambda r: (_percent(r), r.lab.deviatoric_stress().values / 1e6)),
+    "p-strain": ("axial strain (%)", "p (MPa)", lambda r: (_percent(r), r.lab.mean_stress().values / 1e6)),
+    "q-p": ("p (MPa)", "q (MPa)", lambda r: (r.lab.mean_stress().values / 1e6, r.lab.deviatoric_stress().values / 1e6)),
+    "e-strain": ("axial strain (%)", "void ratio e", lambda r: (_percent(r), r["void_ratio"].values)),
+    "e-p": ("p (MPa)", "void ratio e", lambda r: (r.lab.mean_stress().values / 1e6, r["void_ratio"].values)),
+    "Z-strain": ("axial strain (%)", "Z", lambda r: (_percent(r), r["coordination_number"].values)),
+}
+
+
+def _percent(run):
+    return run["axial_strain"].values * 100
+
+
+def curves(rows, names):
+    """Runs of simulations and of the model in the diagrams `names` (CURVES), a row of panels for each group; a Figure.
+
+    `rows`: title of the row -> (label -> run). Where a figure has both kinds, the model is dotted.
+    """
+    figure, grid = plt.subplots(
+        len(rows), len(names), figsize=(WIDTH, 3.1 * len(rows)), layout="constrained", squeeze=False
+    )
+    both = len({run.attrs.get("engine") == "model" for runs in rows.values() for run in runs.values()}) > 1
+    for panels, (title, runs) in zip(grid, rows.items()):
+        for color, (label, run) in zip(_colors(len(runs)), runs.items()):
+            style = ":" if both and run.attrs.get("engine") == "model" else "-"
+            for axes, name in zip(panels, names):
+                axes.plot(*CURVES[name][2](run), style, color=color, lw=1.4, label=label)
+        for axes, name in zip(panels, names):
+            axes.set(xlabel=CURVES[name][0], ylabel=CURVES[name][1])
+            axes.grid(alpha=0.25)
+        panels[0].set_title(title, loc="left", fontsize=10)
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    return figure
+
+
+STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
+
+
+def calibration(observations, predicted):
+    """The five statistics of runs against the model with fitted parameters, over the travelled strain; a Figure.
+
+    `observations`: of labkit.model.calibration; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
+    the model.
+    """
+    figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 6.0), layout="constrained")
+    panels = grid.ravel()
+    for color, o in zip(_colors(len(observations)), observations):
+        steps = np.linalg.norm(o.strain_step, axis=1)
+        travelled = 100 * np.concatenate([[0.0], np.cumsum(steps)])
+        for k, axes in enumerate(panels[:5]):
+            axes.plot(travelled, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
+            axes.plot(travelled, predicted[o.name][:, k], ":", color=color, lw=1.8)
+    for label, axes in zip(STATISTICS, panels):
+        axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
+        axes.grid(alpha=0.25)
+    panels[5].axis("off")
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, style in (("run", "-"), ("model", ":"))]
+    handles = panels[0].get_legend_handles_labels()[0] + lines
+    panels[5].legend(handles=handles, loc="center", frameon=False, fontsize=8, ncols=1 + len(handles) // 14)
+    return figure
+
+
+def work_precision(panels):
+    """Time against error of integrators; a Figure. `panels`: title -> (label -> list of (setting, seconds, error)).
+
+    Settings at which an integrator gave up have no error and no point.
+    """
+    figure, grid = plt.subplots(1, len(panels), figsize=(WIDTH * 1.3, 4.6), layout="constrained", squeeze=False)
+    for axes, (title, curves_) in zip(grid[0], panels.items()):
+        for number, (label, points) in enumerate(curves_.items()):
+            kept = [(error, 1e3 * seconds) for _, seconds, error in points if error]
+            color, marker = plt.get_cmap("tab20").colors[number % 20], "osD^v<>*PXhp"[number % 12]
+            axes.loglog(*zip(*kept), marker=marker, ms=4, lw=1.2, color=color, label=label) if kept else None
+        axes.set(xlabel="relative error of the stress", ylabel="time (ms)", title=title)
+        axes.title.set_fontsize(10)
+        axes.invert_xaxis()
+        axes.grid(alpha=0.25)
+    handles = {h.get_label(): h for axes in grid[0] for h in axes.get_legend_handles_labels()[0]}
+    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    return figure
+
+
 def _colors(number):
     return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pandas
 
+from labkit.errors import InputError
 from labkit.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
 from labkit.micro.void_ratio import grain_volume
 from labkit.specimen import mean_grain_volume
@@ -34,6 +35,16 @@ class Finding:
     def __str__(self):
         verdict = "ok" if self.holds else ("FAILED" if self.decides else "outside")
         return f"{self.name:<52} {self.value:>11.4g}   {self.limit:<22} {verdict}"
+
+
+def require_contacts(runs):
+    """Raises InputError for a run without grains, a prediction of the model. `runs`: name -> run."""
+    for name, run in runs.items():
+        if run.attrs.get("engine") == "model":
+            raise InputError(
+                f"{name} is a prediction of the model (engine = model): it has no contacts, its stress is C0 itself "
+                "and there is nothing to verify; give runs of grains, or look at it with labkit watch or critical"
+            )
 
 
 def findings(run):

@@ -1,0 +1,34 @@
+"""The constitutive model: the stress from C0, its five statistics from the evolution equations C1 to C5.
+
+    parameters   Table 2, the readings of ambiguous equations, and both with E as a Model
+    equations    C0 to C5, 31 and 32, each a function that stands next to its number
+    state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic starts
+    driver       takes a state along a loading path of labkit.paths, or any mixed control
+    integrators  adaptive and fixed-step, explicit and implicit
+    stiffness    d sigma/d epsilon, and the hypoplastic form
+    material_point   the finite-element interface: many points at once
+    calibration  parameters from run files
+    run_file     a result as a run file
+
+`from labkit.model import Model, isotropic_state, drive` and the like load what they need and no more.
+Compression is positive, z axial, SI units.
+"""
+
+_LAZY = {
+    "Model": "parameters", "Parameters": "parameters", "Readings": "parameters",
+    "ModelState": "state", "isotropic_state": "state",
+    "drive": "driver", "model_path": "controls", "Mixed": "controls", "Oedometer": "controls",
+    "Adaptive": "integrators",
+    "state_rate": "stiffness", "stress_rate": "stiffness", "rate_tangent": "stiffness", "hypoplastic_form": "stiffness",
+    "states": "material_point", "update": "material_point",
+    "fit": "calibration", "observe": "calibration",
+}  # fmt: skip
+__all__ = list(_LAZY)
+
+
+def __getattr__(name):
+    if name in _LAZY:
+        import importlib
+
+        return getattr(importlib.import_module(f"labkit.model.{_LAZY[name]}"), name)
+    raise AttributeError(f"module 'labkit.model' has no attribute {name!r}")

@@ -1,0 +1,111 @@
+"""From the paths of labkit.paths to Controls, and paths that have no simulation: oedometer and mixed control."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.model.rates import Control
+from labkit.model.tensors import require_symmetric, to_six
+from labkit.paths import PATHS, ConstantVolume, IsotropicCompression, make_path
+
+GAIN = 100.0  # 1 per unit of strain: drift of a held stress falls to 1/e within 1 % of strain
+
+
+@dataclasses.dataclass(frozen=True)
+class Oedometer(ConstantVolume):
+    """One-dimensional compression: eps_x = eps_y = 0."""
+
+    strain: float = 0.1
+
+    name = "oedometer"
+    direction = (0.0, 0.0, 1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Mixed:
+    """Any mixed control: six conditions on strain rates and stresses, with constant coefficients.
+
+    `strain_rate` (3, 3) per unit of travelled strain is what is given; along `free`, k symmetric tensors (k, 3, 3),
+    the strain rate is found such that `measured` : sigma, k tensors (k, 3, 3), are at `target` (k,), Pa. Then
+
+        D = strain_rate + sum_j x_j free_j      measured_i : sigma = target_i
+
+    travels `strain`. Raises InputError for tensors that are not symmetric, or shapes that do not fit.
+    """
+
+    strain_rate: np.ndarray
+    free: np.ndarray
+    measured: np.ndarray
+    target: np.ndarray
+    strain: float = 0.1
+    record_strain: float = 1e-3
+    rate: float = 1.0
+
+    name = "mixed"
+    stops_early = False
+
+    def __post_init__(self):
+        require_symmetric("strain_rate", self.strain_rate)
+        target = np.atleast_1d(np.asarray(self.target, dtype=float))
+        for name in ("free", "measured"):
+            tensors = np.asarray(getattr(self, name), dtype=float).reshape(-1, 3, 3)
+            object.__setattr__(self, name, require_symmetric(name, tensors))
+            if len(tensors) != target.size:
+                raise InputError(f"{name} has {len(tensors)} tensors for {target.size} targets: give as many")
+        if not np.isfinite(target).all():
+            raise InputError("target holds what is no number: give stresses in Pa")
+        object.__setattr__(self, "target", target)
+        if not (np.isfinite(self.strain) and self.strain > 0.0 and self.record_strain > 0.0):
+            raise InputError(f"strain {self.strain:g} is not possible: give a positive number")
+
+    def turning_points(self):
+        return (self.strain,)
+
+    def stops(self, pressure):
+        return False
+
+
+MODEL_PATHS = {**PATHS, Oedometer.name: Oedometer}
+
+
+def model_path(name, pressure, stop_pressure=None, **parameters):
+    """The path of that name for a state at `pressure`, Pa; as labkit.paths.make_path, with the oedometer.
+
+    Paths that hold a stress hold `pressure`; isoc and isod stop at `stop_pressure`. Raises InputError.
+    """
+    if name not in MODEL_PATHS:
+        raise InputError(f"path {name!r} is unknown: use one of {', '.join(MODEL_PATHS)}")
+    kind = MODEL_PATHS[name]
+    if stop_pressure is not None and not issubclass(kind, IsotropicCompression):
+        raise InputError(f"--stop-pressure is not a parameter of {name}: leave it out")
+    if kind is Oedometer:
+        for key, value in parameters.items():
+            if value is not None and key not in ("strain", "rate"):
+                raise InputError(f"--{key} is not a parameter of {name}: leave it out")
+        return Oedometer(**{key: value for key, value in parameters.items() if value is not None})
+    return make_path(name, pressure, pressure=stop_pressure, **parameters)
+
+
+def control_of(path, sign=1.0):
+    """The Control of a path, per unit of its axial strain (of travelled strain for Mixed), turned round by `sign`."""
+    if isinstance(path, Mixed):
+        return Control(
+            sign * to_six(path.strain_rate), np.ascontiguousarray(to_six(path.free).T), to_six(path.measured),
+            path.target, GAIN,
+        )  # fmt: skip
+    given = np.zeros(6)
+    given[:3] = sign * np.array(path.direction)
+    held = path.control()
+    k = 0 if held is None else len(held.target)
+    free, measure, target = np.zeros((6, k)), np.zeros((k, 6)), np.zeros(k)
+    if held is not None:
+        free[:3], measure[:, :3], target[:] = held.free, held.measure, held.target
+    return Control(given, free, measure, target, GAIN)
+
+
+def strain_control(strain_rate):
+    """The Control of a strain rate (3, 3), compression positive."""
+    return Control(to_six(strain_rate), np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)

@@ -1,0 +1,106 @@
+"""The differentials of C1 to C5: how their right-hand sides change with the state and with the strain rate.
+
+Each block is the differential of the equation whose number it bears, for one direction (dy, dD) at a time; what
+does not depend on the direction is computed once. Compiled. C0's differential is equations.stress_rate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.model import equations as eq
+from labkit.model.compiled import compiled
+from labkit.model.rates import STATE, strain_driven
+from labkit.model.tensors import deviator, dot, load, minus, norm, plus, store, times, trace
+
+ISOTROPIC = 1e-10  # deviatoric over whole strain rate: below it the direction is rounding
+
+
+@compiled
+def _divided(a, b):
+    return a / b if b > 0.0 else 0.0
+
+
+@compiled
+def rates_differentials(y, D, compressing, c, dy, dD, out):
+    """d(dy/dt) into `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6).
+
+    Where D is isotropic, |rate| has no derivative: there the mean of the two one-sided ones is taken, so that the
+    part of |rate| that does not change its sign with the direction falls away.
+    """
+    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
+    n, rate, volumetric = eq.split_rate(D, c)
+    size = norm(deviator(D))
+    isotropic = size <= ISOTROPIC * norm(D)
+    if isotropic:
+        n, rate = times(0.0, n), (rate if c.total_rate else 0.0)
+    distance = eq.density_distance(e, c)
+    below = distance > 0.0
+    Zc, Lamc = eq.critical_coordination_number(e, c), eq.critical_force(e, c)
+    slope = eq.compression_slope(e, c)
+    curvature = c.c_com * c.gamma_cZ * (c.gamma_cZ - 1.0) * distance ** (c.gamma_cZ - 2.0) if below else 0.0
+    Zc_slope = -c.c_cZ * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if below else 0.0
+    Lamc_slope = -c.c_cLam if below else 0.0
+    fd, feA, feF, feZ = eq.f_dA(e, Lam, c), eq.f_eA(Lam, c), eq.f_eF(Lam, c), eq.f_eZ(e, Lam, c)
+    feLam, fvZ, fvLam = eq.f_eLam(e, Lam, c), eq.f_vZ(e, Z, Lam, compressing, c), eq.f_vLam(e, compressing, c)
+    XA, XF = minus(times(fd * c.A_c, n), A), minus(times(fd * c.F_c, n), F)
+    mA, mF = norm(XA), norm(XF)
+    gA, gF = feA * mA**c.gamma_A, feF * mF**c.gamma_F
+    A_rate = times(gA * rate, XA)
+    A_size = norm(A_rate)
+    force = Lam if c.with_force else 1.0
+    for k in range(dD.shape[0]):
+        de, dZ, dLam = dy[k, 0], dy[k, 1], dy[k, 2]
+        dA, dF, dFt, dDk = load(dy[k], 3), load(dy[k], 9), load(dy[k], 15), load(dD[k], 0)
+        dev, dvol = deviator(dDk), trace(dDk)
+        along = 0.0 if isotropic else dot(n, dev)
+        dn = times(0.0 if isotropic else 1.0 / size, minus(dev, times(along, n)))
+        drate = _divided(dot(D, dDk), norm(D)) if c.total_rate else along
+        dLamc, dZc = Lamc_slope * de, Zc_slope * de
+        dfd = c.beta_dA * fd * (dLamc - dLam)
+        dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
+        # C1
+        dX = minus(plus(times(dfd * c.A_c, n), times(fd * c.A_c, dn)), dA)
+        dg = gA * (c.gamma_A * _divided(dot(XA, dX), mA * mA) - c.gamma_eA * dLam / Lam)
+        dA_rate = plus(times(dg * rate + gA * drate, XA), times(gA * rate, dX))
+        # C3
+        dX = minus(plus(times(dfd * c.F_c, n), times(fd * c.F_c, dn)), dF)
+        dg = gF * (c.gamma_F * _divided(dot(XF, dX), mF * mF) - c.gamma_eA * dLam / Lam)
+        dF_rate = plus(times(dg * rate + gF * drate, XF), times(gF * rate, dX))
+        # C5
+        missing = minus(times(c.Ft_c, n), Ft)
+        dFt_rate = times(c.c_M, plus(times(drate, missing), times(rate, minus(times(c.Ft_c, dn), dFt))))
+        # 31, 32
+        if not compressing:
+            dfvZ = -fvZ / Lam * dLam
+        elif below:
+            dfvZ = fvZ * (c.beta_vZ * (slope * de - dZ) + curvature / slope * de + de / (1.0 + e))
+        else:
+            dfvZ = 0.0
+        dfvLam = fvLam / (1.0 + e) * de
+        # C2
+        dA_size = _divided(dot(A_rate, dA_rate), A_size)
+        dZ_rate = (
+            dfeZ * ((Zc - Z) * rate - c.c_Z * A_size)
+            + feZ * ((dZc - dZ) * rate + (Zc - Z) * drate - c.c_Z * dA_size)
+            + dfvZ * volumetric + fvZ * dvol
+        )  # fmt: skip
+        # C4
+        dfeLam = feLam * (c.gamma_eLam * dLam / Lam + dfeZ / feZ)
+        dforce = dLam if c.with_force else 0.0
+        dLam_rate = (
+            (dfeLam * force + feLam * dforce) * (Lamc - Lam) * rate
+            + feLam * force * ((dLamc - dLam) * rate + (Lamc - Lam) * drate)
+            + dfvLam * volumetric + fvLam * dvol
+        )  # fmt: skip
+        row = out[k]
+        row[0], row[1], row[2] = -(1.0 + e) * dvol - de * volumetric, dZ_rate, dLam_rate
+        store(row, 3, dA_rate)
+        store(row, 9, dF_rate)
+        store(row, 15, dFt_rate)
+        if isotropic and not c.total_rate:
+            forward, backward = np.empty(STATE + 6), np.empty(STATE + 6)
+            strain_driven(y, dev, compressing, c, forward)
+            strain_driven(y, times(-1.0, dev), compressing, c, backward)
+            for i in range(1, STATE):
+                row[i] += 0.5 * (forward[i] - backward[i])

@@ -1,0 +1,177 @@
+"""The driver: takes a state of the model along a path and records what a simulation records."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError, PhysicsError
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.model.controls import control_of
+from labkit.model.integrators import Adaptive, Failure, Problem
+from labkit.model.parameters import Model
+from labkit.model.rates import stress_of
+from labkit.model.state import ModelState, require_density
+from labkit.model.tensors import to_six, to_tensor
+
+HELD_AT_START = 0.01  # of the mean stress: how far a held stress may be off at the start
+STOP_TOLERANCE = 1e-10  # strain to which the end of a path that stops at a stress is found
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """A test of the model: `vector` (n, 27) as ModelState.vector with the strain behind, `stress` (n, 3, 3) Pa.
+
+    `failure` says in words why the path ended before its end, or is None. `calls`: evaluations of the equations.
+    """
+
+    model: Model
+    path: object
+    vector: np.ndarray
+    stress: np.ndarray
+    failure: str | None
+    calls: int
+
+    def __len__(self):
+        return len(self.vector)
+
+    @property
+    def e(self):
+        return self.vector[:, 0]
+
+    @property
+    def Z(self):
+        return self.vector[:, 1]
+
+    @property
+    def Lam(self):
+        return self.vector[:, 2]
+
+    @property
+    def A(self):
+        return to_tensor(self.vector[:, 3:9])
+
+    @property
+    def F(self):
+        return to_tensor(self.vector[:, 9:15])
+
+    @property
+    def Ft(self):
+        return to_tensor(self.vector[:, 15:21])
+
+    @property
+    def strain(self):
+        return to_tensor(self.vector[:, 21:27])
+
+    @property
+    def axial_strain(self):
+        return self.vector[:, 23]
+
+    @property
+    def p(self):
+        return mean_stress(self.stress)
+
+    @property
+    def q(self):
+        return deviatoric_stress(self.stress)
+
+    def state(self, record=-1):
+        """The ModelState of a record."""
+        return ModelState.from_vector(self.vector[record])
+
+    def require(self):
+        """The result itself. Raises PhysicsError when the path could not be gone to its end."""
+        if self.failure:
+            raise PhysicsError(self.failure)
+        return self
+
+
+def drive(model, path, state, record_strain=None, integrator=None):
+    """Takes `state` along `path` (labkit.paths, or Oedometer and Mixed of labkit.model.controls); a Result.
+
+    record_strain: axial strain between two records (default: the path's). integrator: default Adaptive(). Each
+    piece between two reversals is integrated for itself, as the rates jump there. Where the equations end, the
+    result ends there too and `failure` says why. Raises InputError for a start that is not possible.
+    """
+    integrator = integrator or Adaptive()
+    interval = path.record_strain if record_strain is None else record_strain
+    if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
+        raise InputError(f"--record-strain {interval:g} is not possible: give e.g. 1e-3")
+    _require_start(model, path, state)
+    y, travelled, failure, stopped, calls = state.vector(), 0.0, None, False, 0
+    vectors = [y]
+    for sign, spans in _pieces(path, interval):
+        problem = Problem(model, control_of(path, sign))
+        for span in spans:
+            try:
+                new, gone, stopped = _advance(integrator, problem, y, span, path)
+            except Failure as error:
+                travelled += error.travelled
+                failure = f"{error}, after {travelled:.4%} of strain"
+                if error.travelled > 0.0:
+                    vectors.append(error.y)
+                break
+            y, travelled = new, travelled + gone
+            vectors.append(y)
+            if stopped:
+                break
+        calls += problem.calls
+        if failure or stopped:
+            break
+    vector = np.array(vectors)
+    stress = to_tensor(np.array([stress_of(row, model.constants) for row in vector]))
+    return Result(model, path, vector, stress, failure, calls)
+
+
+def _pieces(path, interval):
+    """(sign, spans between records) of each piece between two reversals."""
+    axial = 0.0
+    for turn in path.turning_points():
+        length = abs(turn - axial)
+        records = max(1, int(np.ceil(length / interval * (1.0 - 1e-9))))
+        spans = np.full(records, interval)
+        spans[-1] = length - interval * (records - 1)
+        yield (1.0 if turn > axial else -1.0), spans
+        axial = turn
+
+
+def _advance(integrator, problem, y, span, path):
+    """(y after the span, strain gone, whether the path stops there)."""
+    new = integrator.advance(problem, y, span)
+    if not path.stops_early or not path.stops(_pressure(problem, new)):
+        return new, span, False
+    low, high = 0.0, span
+    while high - low > STOP_TOLERANCE:
+        middle = 0.5 * (low + high)
+        tried = integrator.advance(problem, y, middle)
+        if path.stops(_pressure(problem, tried)):
+            new, high = tried, middle
+        else:
+            low = middle
+    return new, high, True
+
+
+def _pressure(problem, y):
+    return float(mean_stress(problem.stress(y)))
+
+
+def _require_start(model, path, state):
+    require_density(model, state.e)
+    for value, words in ((state.Z, "coordination number"), (state.Lam, "mean normalised force")):
+        if value <= 0.0:
+            raise InputError(f"the {words} at the start is 0: a path needs contacts with forces, give more")
+    control = control_of(path)
+    stress = state.stress(model)
+    held = control.measure @ to_six(stress)
+    if control.target.size:
+        off = np.abs(held - control.target).max() / max(float(mean_stress(stress)), 1e-300)
+        if off > HELD_AT_START:
+            raise InputError(
+                f"the stress at the start is off the stress that {path.name} holds by {off:.1%} of the mean stress: "
+                "bring the state there first (isoc, isod), or hold the stress that it has"
+            )
+    if path.stops_early and path.stops(float(mean_stress(stress))):
+        raise InputError(f"{path.name} would stop at once: the start has {mean_stress(stress):g} Pa, "
+                         f"--stop-pressure is {path.pressure:g} Pa")  # fmt: skip
+

@@ -1,0 +1,180 @@
+"""C0 to C5 and Eqs. 31, 32: each a function that stands next to its number.
+
+Compiled; tensors are the six-tuples of labkit.model.tensors, `c` is labkit.model.parameters.Constants. `n` is the
+direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the volumetric
+strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
+They take any e below e_cmax and any Lambda > 0: see `outside` in labkit.model.rates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.model.compiled import compiled
+from labkit.model.tensors import IDENTITY, deviator, dot, minus, norm, plus, symmetric_product, times, trace
+
+
+@compiled
+def density_distance(e, c):
+    """e_cmax - e; zero beyond e_cmax, which only the reading beyond_e_cmax = flat reaches."""
+    return max(c.e_cmax - e, 0.0)
+
+
+@compiled
+def critical_coordination_number(e, c):
+    """Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ."""
+    return 4.0 + c.c_cZ * density_distance(e, c) ** c.gamma_cZ
+
+
+@compiled
+def critical_force(e, c):
+    """Lambda^c = c_cLambda (e_cmax - e)."""
+    return c.c_cLam * density_distance(e, c)
+
+
+@compiled
+def compression_coordination_number(e, c):
+    """Z^com = 4 + c_com (e_cmax - e)^gamma_cZ, the compression line."""
+    return 4.0 + c.c_com * density_distance(e, c) ** c.gamma_cZ
+
+
+@compiled
+def compression_slope(e, c):
+    """dZ^com/de = -c_com gamma_cZ (e_cmax - e)^(gamma_cZ - 1); zero beyond e_cmax."""
+    distance = density_distance(e, c)
+    return -c.c_com * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if distance > 0.0 else 0.0
+
+
+@compiled
+def f_dA(e, Lam, c):
+    """f^{d,A} = f^{d,F} = exp(beta_dA [Lambda^c - Lambda])."""
+    return np.exp(c.beta_dA * (critical_force(e, c) - Lam))
+
+
+@compiled
+def f_eA(Lam, c):
+    """f^{e,A} = c_eA/Lambda^gamma_eA."""
+    return c.c_eA / Lam**c.gamma_eA
+
+
+@compiled
+def f_eF(Lam, c):
+    """f^{e,F} = [|F^c|/|A^c|] f^{e,A}."""
+    return c.F_c / c.A_c * f_eA(Lam, c)
+
+
+@compiled
+def f_eZ(e, Lam, c):
+    """f^{e,Z} = c_eZ exp(beta_eZ [Lambda^c - Lambda])."""
+    return c.c_eZ * np.exp(c.beta_eZ * (critical_force(e, c) - Lam))
+
+
+@compiled
+def f_eLam(e, Lam, c):
+    """f^{e,L} = c_eL Lambda^gamma_eL f^{e,Z}."""
+    return c.c_eLam * Lam**c.gamma_eLam * f_eZ(e, Lam, c)
+
+
+@compiled
+def f_vZ(e, Z, Lam, compressing, c):
+    """f^{v,Z} of Eq. 31: -exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), or c_vZ/Lambda in dilation.
+
+    Both are positive: contacts are gained in compression and lost in dilation.
+    """
+    if compressing:
+        slope = compression_slope(e, c)
+        gain = np.exp(c.beta_vZ * (compression_coordination_number(e, c) - Z)) * slope * (1.0 + e)
+        return gain if c.as_printed else -gain
+    return c.c_vZ / Lam
+
+
+@compiled
+def f_vLam(e, compressing, c):
+    """f^{v,L} of Eq. 32: c_cL (1 + e), or c_vLd (1 + e) in dilation."""
+    return (c.c_cLam if compressing else c.c_vLamd) * (1.0 + e)
+
+
+@compiled
+def relaxation(stiffness, exponent, target, T):
+    """f |T^c - T|^gamma (T^c - T), the right-hand side that C1 and C3 share."""
+    missing = minus(target, T)
+    return times(stiffness * norm(missing) ** exponent, missing)
+
+
+@compiled
+def contact_anisotropy_rate(A, e, Lam, n, rate, c):
+    """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate|   (C1)"""
+    target = times(f_dA(e, Lam, c) * c.A_c, n)
+    return times(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
+
+
+@compiled
+def coordination_number_rate(Z, e, Lam, A_rate, rate, volumetric, compressing, c):
+    """dZ/dt = f^{e,Z} (Z^c - Z) |rate| + f^{v,Z} rate_v - c_Z f^{e,Z} |dA/dt|   (C2)"""
+    shear = critical_coordination_number(e, c) - Z
+    return (
+        f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate))
+        + f_vZ(e, Z, Lam, compressing, c) * volumetric
+    )  # fmt: skip
+
+
+@compiled
+def normal_force_anisotropy_rate(F, e, Lam, n, rate, c):
+    """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate|   (C3)"""
+    target = times(f_dA(e, Lam, c) * c.F_c, n)
+    return times(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
+
+
+@compiled
+def mean_force_rate(e, Lam, rate, volumetric, compressing, c):
+    """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v   (C4)"""
+    factor = Lam if c.with_force else 1.0
+    shear = f_eLam(e, Lam, c) * factor * (critical_force(e, c) - Lam) * rate
+    return shear + f_vLam(e, compressing, c) * volumetric
+
+
+@compiled
+def mobilisation_rate(Ft, n, rate, c):
+    """dF^t/dt = c_M (F^tc - F^t) |rate|   (C5)"""
+    return times(c.c_M * rate, minus(times(c.Ft_c, n), Ft))
+
+
+@compiled
+def void_ratio_rate(e, volumetric):
+    """de/dt = -(1 + e) rate_v: grains keep their volume."""
+    return -(1.0 + e) * volumetric
+
+
+@compiled
+def bracket(A, F, Ft):
+    """I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, the bracket of C0."""
+    isotropic = times(1.0 / 3.0 + 2.0 / 105.0 * dot(F, A), IDENTITY)
+    linear = plus(times(2.0 / 15.0, plus(A, F)), Ft)
+    return plus(isotropic, plus(linear, times(8.0 / 105.0, symmetric_product(F, A))))
+
+
+@compiled
+def stress(e, Z, Lam, A, F, Ft, c):
+    """sigma = E Z Lambda/(1+e) [...]   (C0)"""
+    return times(c.E * Z * Lam / (1.0 + e), bracket(A, F, Ft))
+
+
+@compiled
+def stress_rate(e, Z, Lam, A, F, Ft, e_rate, Z_rate, Lam_rate, A_rate, F_rate, Ft_rate, c):
+    """Total differential of C0: Eq. 33 with the coupled terms of A and F, which the paper leaves out."""
+    scale = c.E * Z * Lam / (1.0 + e)
+    scale_rate = c.E * (Z_rate * Lam + Z * Lam_rate) / (1.0 + e) - scale * e_rate / (1.0 + e)
+    isotropic = times(2.0 / 105.0 * (dot(F_rate, A) + dot(F, A_rate)), IDENTITY)
+    linear = plus(times(2.0 / 15.0, plus(A_rate, F_rate)), Ft_rate)
+    coupled = plus(symmetric_product(F_rate, A), symmetric_product(F, A_rate))
+    bracket_rate = plus(isotropic, plus(linear, times(8.0 / 105.0, coupled)))
+    return plus(times(scale_rate, bracket(A, F, Ft)), times(scale, bracket_rate))
+
+
+@compiled
+def split_rate(D, c):
+    """Strain rate -> (direction n, norm, volumetric rate). n is zero where the deviatoric rate is."""
+    deviatoric = deviator(D)
+    size = norm(deviatoric)
+    n = times(1.0 / size if size > 0.0 else 0.0, deviatoric)
+    return n, (norm(D) if c.total_rate else size), trace(D)

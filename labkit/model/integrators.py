@@ -1,0 +1,255 @@
+"""Integrators behind one small base. `Adaptive` is what a user gets; the others step with a fixed length.
+
+An integrator takes a Problem and a state vector over a piece of a path without reversal, where the rates are
+smooth but for the change of branch in Eqs. 31 and 32. A step that leaves the region of the equations, or that does
+not converge, raises PhysicsError with the place; nothing is clipped.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+
+import numpy as np
+import scipy.integrate
+import scipy.linalg
+
+from labkit.errors import InputError, PhysicsError
+from labkit.model import rates as compiled_rates
+from labkit.model.adaptive import FLOOR, advance
+from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORDS
+from labkit.model.tensors import to_tensor
+
+
+class Failure(PhysicsError):
+    """A step that cannot be taken: its status in labkit.model.rates, and the last y, `travelled` into the piece."""
+
+    def __init__(self, status, y, travelled=0.0):
+        super().__init__(
+            f"{WORDS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)"
+        )
+        self.status = status
+        self.y = y
+        self.travelled = travelled
+
+
+class Problem:
+    """dy/dt = f(y) for a model and a control; `t` is the path's own measure of strain.
+
+    Keeps the free rates x as the guess for the next call and counts the calls.
+    """
+
+    def __init__(self, model, control):
+        self.constants = model.constants
+        self.control = control
+        self.x = np.zeros(control.free.shape[1])
+        self.calls = 0
+
+    def rates(self, y):
+        """f(y), shape (27,). Raises Failure where it has no value."""
+        out = np.empty(SIZE)
+        self.calls += 1
+        self._require(compiled_rates.rates(y, self.control, self.x, self.constants, out), y)
+        return out
+
+    def jacobian(self, y):
+        """df/dy, shape (27, 27), by central differences. Raises Failure."""
+        out = np.empty((SIZE, SIZE))
+        self.calls += 2 * SIZE
+        self._require(compiled_rates.jacobian(y, self.control, self.x, self.constants, out), y)
+        return out
+
+    def stress(self, y):
+        """C0 at y, shape (3, 3), Pa."""
+        return to_tensor(np.array(compiled_rates.stress_of(y, self.constants)))
+
+    def outside(self, y):
+        """FINE, or why the equations have no value at y."""
+        return compiled_rates.outside(y, self.constants)
+
+    def _require(self, status, y):
+        if status != FINE:
+            raise Failure(status, y)
+
+
+class Integrator(abc.ABC):
+    """Takes a state vector over a piece of a path."""
+
+    @abc.abstractmethod
+    def advance(self, problem, y, span):
+        """The state vector after `span` of strain; `y` stays as it is. Raises Failure."""
+
+
+class Adaptive(Integrator):
+    """Dormand and Prince 5(4), compiled, with error control and steps that are kept from piece to piece.
+
+    tolerance: error of one step, of each component or of its natural size (labkit.model.adaptive.FLOOR).
+    """
+
+    def __init__(self, tolerance=1e-6, most_steps=100_000):
+        if not 1e-13 <= tolerance <= 1e-1:
+            raise InputError(f"--tolerance {tolerance:g} is not possible: give a number from 1e-13 to 0.1")
+        self.tolerance = tolerance
+        self.most_steps = most_steps
+        self.step = 1e-4
+
+    def advance(self, problem, y, span):
+        new = y.copy()
+        status, step, steps, travelled = advance(
+            new, float(span), self.step, problem.control, problem.x, problem.constants, self.tolerance, self.most_steps
+        )
+        problem.calls += 6 * steps + 1
+        if status != FINE:
+            raise Failure(status, new, travelled)
+        self.step = step
+        return new
+
+
+class Scipy(Integrator):
+    """A method of scipy.integrate.solve_ivp: RK45, DOP853, LSODA, Radau, BDF."""
+
+    def __init__(self, method, tolerance=1e-6):
+        self.method = method
+        self.tolerance = tolerance
+
+    def advance(self, problem, y, span):
+        jacobian = {"jac": lambda t, y: problem.jacobian(y)} if self.method in ("LSODA", "Radau", "BDF") else {}
+        found = scipy.integrate.solve_ivp(
+            lambda t, y: problem.rates(y), (0.0, span), y, self.method, rtol=self.tolerance,
+            atol=self.tolerance * FLOOR, t_eval=(span,), **jacobian,
+        )  # fmt: skip
+        if not found.success:
+            raise Failure(TOO_MANY_STEPS, y, found.t[-1] if len(found.t) else 0.0)
+        return found.y[:, -1]
+
+
+@dataclasses.dataclass
+class FixedStep(Integrator):
+    """Steps of one length, at most `length` of strain, that fit into a piece. `order` is the one in theory."""
+
+    length: float
+
+    order = None
+
+    def __post_init__(self):
+        if not (np.isfinite(self.length) and self.length > 0.0):
+            raise InputError(f"step {self.length:g} is not possible: give a positive strain")
+
+    def advance(self, problem, y, span):
+        steps = max(1, int(np.ceil(span / self.length * (1.0 - 1e-9))))
+        h = span / steps
+        for number in range(steps):
+            y = self.step(problem, y, h)
+            status = problem.outside(y)
+            if status != FINE:
+                raise Failure(status, y, number * h)
+        return y
+
+    @abc.abstractmethod
+    def step(self, problem, y, h):
+        """The state vector one step of strain `h` later."""
+
+
+class ForwardEuler(FixedStep):
+    """y + h f(y)."""
+
+    order = 1
+
+    def step(self, problem, y, h):
+        return y + h * problem.rates(y)
+
+
+class Heun(FixedStep):
+    """The explicit trapezium rule."""
+
+    order = 2
+
+    def step(self, problem, y, h):
+        k1 = problem.rates(y)
+        return y + 0.5 * h * (k1 + problem.rates(y + h * k1))
+
+
+class RungeKutta4(FixedStep):
+    """The classical method of order four."""
+
+    order = 4
+
+    def step(self, problem, y, h):
+        k1 = problem.rates(y)
+        k2 = problem.rates(y + 0.5 * h * k1)
+        k3 = problem.rates(y + 0.5 * h * k2)
+        k4 = problem.rates(y + h * k3)
+        return y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+class BackwardEuler(FixedStep):
+    """y1 = y + h f(y1): damps what is stiff. Newton with one Jacobian per step, renewed where it stalls."""
+
+    order = 1
+    theta = 1.0  # weight of the end of the step
+    iterations = 12
+
+    def step(self, problem, y, h):
+        known = y + (1.0 - self.theta) * h * problem.rates(y) if self.theta < 1.0 else y
+        new, before = y.copy(), np.inf
+        factors = self._factors(problem, new, h)
+        for _ in range(self.iterations):
+            missing = known + self.theta * h * problem.rates(new) - new
+            change = scipy.linalg.lu_solve(factors, missing)
+            new = new + self._within(new, change)
+            size = np.max(np.abs(change) / np.maximum(np.abs(new), FLOOR))
+            if size < 1e-12:
+                return new
+            if size > 0.1 * before:
+                factors = self._factors(problem, new, h)
+            before = size
+        if size < 1e-9:  # rounding
+            return new
+        raise Failure(NO_CONVERGENCE, y)
+
+    def _factors(self, problem, y, h):
+        return scipy.linalg.lu_factor(np.eye(SIZE) - self.theta * h * problem.jacobian(y))
+
+    @staticmethod
+    def _within(y, change):
+        """Newton's correction, shortened where it would take Z or Lambda to zero: the iterate, not the solution."""
+        shrink = max((-change[k] / (0.9 * y[k]) for k in (1, 2)), default=0.0)
+        return change / max(1.0, shrink)
+
+
+class Trapezium(BackwardEuler):
+    """The implicit trapezium rule."""
+
+    order = 2
+    theta = 0.5
+
+
+class Rosenbrock(FixedStep):
+    """ROS3P's simpler sibling of two stages and order two, L-stable: one Jacobian and no iteration per step.
+
+    (I - g h J) k1 = f(y);  (I - g h J) k2 = f(y + h k1) - 2 k1;  y1 = y + h (3/2 k1 + 1/2 k2);  g = 1 - 1/sqrt 2.
+    """
+
+    order = 2
+
+    def step(self, problem, y, h):
+        gamma = 1.0 - np.sqrt(0.5)
+        factors = scipy.linalg.lu_factor(np.eye(SIZE) - gamma * h * problem.jacobian(y))
+        k1 = scipy.linalg.lu_solve(factors, problem.rates(y))
+        k2 = scipy.linalg.lu_solve(factors, problem.rates(y + h * k1) - 2.0 * k1)
+        return y + h * (1.5 * k1 + 0.5 * k2)
+
+
+class ExponentialEuler(FixedStep):
+    """y + h phi(h J) f(y), phi(z) = (exp z - 1)/z: exact for linear equations, order two, stable however stiff."""
+
+    order = 2
+
+    def step(self, problem, y, h):
+        J, f = problem.jacobian(y), problem.rates(y)
+        block = np.zeros((SIZE + 1, SIZE + 1))
+        block[:SIZE, :SIZE], block[:SIZE, SIZE] = h * J, h * f
+        return y + scipy.linalg.expm(block)[:SIZE, SIZE]
+
+
+FIXED = (ForwardEuler, Heun, RungeKutta4, BackwardEuler, Trapezium, Rosenbrock, ExponentialEuler)

@@ -1,0 +1,173 @@
+"""The finite-element interface: states and strain increments in, states, stresses and consistent tangents out.
+
+Many points at once, each for itself. A symmetric tensor is six numbers in Mandel's order (xx, yy, zz, sqrt2 yz,
+sqrt2 xz, sqrt2 xy; labkit.model.tensors.to_six and to_tensor), compression positive. A finite-element code that
+counts tension positive changes the sign of strain and stress; the tangent is the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError, PhysicsError
+from labkit.model.compiled import compiled
+from labkit.model.differentials import rates_differentials
+from labkit.model.rates import (
+    FINE,
+    NOT_FINITE,
+    STATE,
+    TOO_MANY_STEPS,
+    WORDS,
+    outside,
+    strain_driven,
+    stress_of,
+    stress_rate_of,
+)  # fmt: skip
+from labkit.model.tensors import ROOT2, load, store, trace
+
+FLOOR = np.full(STATE, 0.1)
+FLOOR[2] = 1e-4
+MOST_SUBSTEPS = 100_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Update:
+    """state (n, 21), stress (n, 6) Pa, tangent (n, 6, 6) Pa or None, status (n,), substeps (n,).
+
+    The status of a point is 0, or why its increment could not be taken (labkit.model.rates.WORDS): then its state
+    is the one before, its stress and tangent are NaN, and the calling code should halve its increment.
+    """
+
+    state: np.ndarray
+    stress: np.ndarray
+    tangent: np.ndarray | None
+    status: np.ndarray
+    substeps: np.ndarray
+
+    def require(self):
+        """The update itself. Raises PhysicsError when a point failed."""
+        failed = np.flatnonzero(self.status)
+        if failed.size:
+            point = failed[0]
+            raise PhysicsError(f"{failed.size} of {len(self.status)} points failed, point {point}: "
+                               f"{WORDS[int(self.status[point])]}")  # fmt: skip
+        return self
+
+
+def states(state, number):
+    """The state (a ModelState) at `number` points: an array (number, 21)."""
+    return np.tile(state.vector()[:STATE], (number, 1))
+
+
+def update(model, state, increment, tangent=True, tolerance=1e-4):
+    """One increment of strain at every point; an Update.
+
+    state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Every point takes as many substeps of Heun's method as
+    keep the error of each below `tolerance` (Sloan's modified Euler with error control), and the tangent is
+    the derivative of just these substeps: it belongs to the numbers that come out, not to the equations alone.
+    Where the increment is isotropic see labkit.model.differentials. Raises InputError for shapes that do not fit
+    and for numbers that are none.
+    """
+    state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
+    if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
+        raise InputError(f"state {state.shape} and increment {increment.shape}: give (n, {STATE}) and (n, 6)")
+    if not np.isfinite(increment).all():
+        raise InputError("the strain increment holds what is no number: give finite strains")
+    if not 1e-12 <= tolerance <= 1.0:
+        raise InputError(f"tolerance {tolerance:g} is not possible: give a number from 1e-12 to 1")
+    n = len(state)
+    new, stress = state.copy(), np.empty((n, 6))
+    tangents = np.empty((n, 6, 6)) if tangent else np.empty((0, 6, 6))
+    status, substeps = np.empty(n, np.int64), np.empty(n, np.int64)
+    _update_all(new, increment, model.constants, tolerance, tangent, stress, tangents, status, substeps)
+    return Update(new, stress, tangents if tangent else None, status, substeps)
+
+
+def voigt(tangent):
+    """The tangent for engineering shear strains and plain shear stresses, order xx, yy, zz, yz, xz, xy; (n, 6, 6)."""
+    weight = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
+    return tangent / (weight[:, None] * weight)
+
+
+@compiled
+def _update_all(state, increment, c, tolerance, with_tangent, stress, tangent, status, substeps):
+    work = np.empty((5, STATE + 6))
+    sensitivity = np.empty((4, 6, STATE))
+    identity = np.eye(6)
+    for point in range(state.shape[0]):
+        status[point], substeps[point] = _update_one(
+            state[point], load(increment[point], 0), c, tolerance, with_tangent, work, sensitivity, identity
+        )
+        if status[point] != FINE:
+            stress[point] = np.nan
+            if with_tangent:
+                tangent[point] = np.nan
+            continue
+        y = state[point]
+        store(stress[point], 0, stress_of(y, c))
+        if with_tangent:
+            S = sensitivity[0]
+            for k in range(6):
+                column = stress_rate_of(y, S[k], c)
+                for i in range(6):
+                    tangent[point, i, k] = column[i]
+
+
+@compiled
+def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
+    """Heun with error control over the increment D; `y` is changed only when all of it was possible.
+
+    Its derivative with respect to D is left in sensitivity[0].
+    """
+    now, k1, k2, trial, new = work[0], work[1], work[2], work[3], work[4]
+    S, S1, dk1, dk2 = sensitivity[0], sensitivity[1], sensitivity[2], sensitivity[3]
+    now[:STATE] = y
+    S[:] = 0.0
+    found = outside(now, c)
+    if found != FINE:
+        return found, 0
+    compressing = trace(D) > 0.0
+    done, h, substeps, tries = 0.0, 1.0, 0, 0
+    while done < 1.0:
+        if tries >= MOST_SUBSTEPS:
+            return (found if found != FINE else TOO_MANY_STEPS), substeps
+        tries += 1
+        h = min(h, 1.0 - done)
+        strain_driven(now, D, compressing, c, k1)
+        for i in range(STATE):
+            trial[i] = now[i] + h * k1[i]
+        found = outside(trial, c)
+        if found == FINE:
+            strain_driven(trial, D, compressing, c, k2)
+            error = 0.0
+            for i in range(STATE):
+                new[i] = now[i] + 0.5 * h * (k1[i] + k2[i])
+                error = max(error, abs(0.5 * h * (k2[i] - k1[i])) / max(abs(new[i]), FLOOR[i]))
+            found = outside(new, c)
+        if found != FINE:
+            if found == NOT_FINITE and h < 1e-9:
+                return found, substeps
+            h *= 0.25
+            continue
+        if error > tolerance:
+            h *= max(0.1, 0.9 * np.sqrt(tolerance / error))
+            continue
+        if with_tangent:
+            rates_differentials(now, D, compressing, c, S, identity, dk1)
+            for k in range(6):
+                for i in range(STATE):
+                    S1[k, i] = S[k, i] + h * dk1[k, i]
+            rates_differentials(trial, D, compressing, c, S1, identity, dk2)
+            for k in range(6):
+                for i in range(STATE):
+                    S[k, i] += 0.5 * h * (dk1[k, i] + dk2[k, i])
+        now[:STATE] = new[:STATE]
+        done += h
+        substeps += 1
+        if 1.0 - done < 1e-14:
+            break
+        h *= min(5.0, max(0.1, 0.9 * np.sqrt(tolerance / error) if error > 0.0 else 5.0))
+    y[:] = now[:STATE]
+    return FINE, substeps

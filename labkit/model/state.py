@@ -1,0 +1,144 @@
+"""ModelState: the internal state of the model at a point, and the starts of a test."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.model.equations import compression_coordination_number
+from labkit.model.parameters import Model
+from labkit.model.tensors import require_symmetric, to_six, to_tensor
+from labkit.sff import sff_stress, symmetric_product
+
+
+def _zero():
+    return np.zeros((3, 3))
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelState:
+    """e, Z, Lambda (scalars) and A, F, F^t (3, 3), symmetric and deviatoric, compression positive.
+
+    Raises InputError for a state that cannot be: e not positive, Z or Lambda negative, a tensor that is not
+    symmetric or not deviatoric, or an A whose density of contact normals (Eq. 9) is negative somewhere.
+    """
+
+    e: float
+    Z: float
+    Lam: float
+    A: np.ndarray = dataclasses.field(default_factory=_zero)
+    F: np.ndarray = dataclasses.field(default_factory=_zero)
+    Ft: np.ndarray = dataclasses.field(default_factory=_zero)
+
+    def __post_init__(self):
+        for name, words, least in (("e", "void ratio", "above 0"), ("Z", "coordination number", "0 or more"),
+                                   ("Lam", "mean normalised force", "0 or more")):  # fmt: skip
+            value = float(getattr(self, name))
+            if not np.isfinite(value) or value < 0.0 or (name == "e" and value == 0.0):
+                raise InputError(f"{words} {value:g} is not possible: give a number {least}")
+            object.__setattr__(self, name, value)
+        for name, words in (("A", "contact anisotropy A"), ("F", "force anisotropy F"), ("Ft", "mobilisation F^t")):
+            tensor = require_symmetric(words, getattr(self, name), deviatoric=True)
+            object.__setattr__(self, name, tensor)
+        if np.linalg.eigvalsh(self.A)[0] < -1.0:
+            raise InputError("contact anisotropy A has an eigenvalue below -1: it would make the density of contact "
+                             "normals 1 + n.A n negative, give a smaller A")  # fmt: skip
+
+    def vector(self):
+        """(27,): e, Z, Lambda, the tensors in Mandel's order, and no strain."""
+        six = (to_six(self.A), to_six(self.F), to_six(self.Ft), np.zeros(6))
+        return np.concatenate([[self.e, self.Z, self.Lam], *six])
+
+    @classmethod
+    def from_vector(cls, y):
+        """The state of a vector (27,)."""
+        return cls(float(y[0]), float(y[1]), float(y[2]), to_tensor(y[3:9]), to_tensor(y[9:15]), to_tensor(y[15:21]))
+
+    def stress(self, model=Model()):
+        """C0, shape (3, 3), Pa, compression positive. Zero without contacts or without forces."""
+        return sff_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
+
+    def rotated(self, Q):
+        """The state seen in axes turned by the orthogonal Q (3, 3): T -> Q T Q^T."""
+        turn = {name: Q @ getattr(self, name) @ Q.T for name in ("A", "F", "Ft")}
+        symmetric = {name: _clean(tensor) for name, tensor in turn.items()}
+        return dataclasses.replace(self, **symmetric)
+
+
+def _clean(tensor):
+    tensor = 0.5 * (tensor + tensor.T)
+    return tensor - np.trace(tensor) / 3 * np.eye(3)
+
+
+def isotropic_state(model, void_ratio, pressure, Z=None, Lam=None):
+    """An isotropic start: C0 with A = F = F^t = 0 ties e, p, Z and Lambda, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
+
+    `pressure`, Pa. Without Z and Lam, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings any
+    isotropically compressed specimen, and Lambda follows from p. One of Z and Lam may be given, then the other
+    follows; the reading of beyond_e_cmax says what Z^com is there. Raises InputError.
+    """
+    if not (np.isfinite(void_ratio) and 0.0 < void_ratio):
+        raise InputError(f"--void-ratio {void_ratio:g} is not possible: give a positive number, e.g. 0.67")
+    if not (np.isfinite(pressure) and pressure > 0.0):
+        raise InputError(f"--pressure {pressure:g} is not possible: give a positive number in Pa, e.g. 0.5e6")
+    require_density(model, void_ratio)
+    product = 3.0 * pressure * (1.0 + void_ratio) / model.young_modulus  # Z Lambda
+    for name, value in (("--coordination-number", Z), ("--mean-normalised-force", Lam)):
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} {value:g} is not possible: give a positive number")
+    if Z is not None and Lam is not None:
+        if abs(Z * Lam / product - 1.0) > 1e-6:
+            raise InputError(
+                f"Z Lambda = {Z * Lam:g} does not make {pressure:g} Pa at e = {void_ratio:g}, where C0 wants "
+                f"{product:g}: give --coordination-number or --mean-normalised-force, not both"
+            )
+    elif Lam is not None:
+        Z = product / Lam
+    else:
+        Z = compression_coordination_number(void_ratio, model.constants) if Z is None else Z
+        Lam = product / Z
+    return ModelState(void_ratio, Z, Lam)
+
+
+def require_density(model, void_ratio):
+    """Raises InputError where the equations have no value at this void ratio."""
+    limit = model.parameters.e_cmax
+    if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
+        raise InputError(
+            f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state has no value: give "
+            "a denser state, or --beyond-e-cmax flat, which goes on with Z^c = 4 and Lambda^c = 0 as Fig. 8 must"
+        )
+
+
+def contact_anisotropy(a1, angle):
+    """A0 = a1 (n1 n1 - n2 n2/2 - n3 n3/2), n1 at `angle` (rad) from z in the x-z plane (section 5.3); (3, 3)."""
+    axis = np.array([np.sin(angle), 0.0, np.cos(angle)])
+    return a1 * (1.5 * np.outer(axis, axis) - 0.5 * np.eye(3))
+
+
+def isotropic_force_anisotropy(A, exact=True):
+    """The F0 that makes the stress of C0 isotropic when the contacts are anisotropic and F^t = 0; (3, 3).
+
+    exact: the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), set to zero: five linear equations.
+    Otherwise the paper's F0 = -A [I + 4/7 A]^-1, which solves the same without `dev`; its trace is taken off, as
+    F is deviatoric. With a1 = 0.3 the paper's leaves (sigma_1 - sigma_3)/p = 0.0025, the exact one rounding.
+    """
+    A = require_symmetric("contact anisotropy A", A, deviatoric=True)
+    if not exact:
+        return _clean(-A @ np.linalg.inv(np.eye(3) + 4 / 7 * A))
+    basis = deviatoric_basis()
+    columns = [to_six(B + 4 / 7 * _clean(symmetric_product(B, A))) for B in basis]
+    weights = np.linalg.lstsq(np.stack(columns, axis=1), to_six(-A), rcond=None)[0]
+    return np.tensordot(weights, basis, axes=1)
+
+
+def deviatoric_basis():
+    """Five orthonormal symmetric tensors without trace, (5, 3, 3)."""
+    basis = np.zeros((5, 3, 3))
+    basis[0] = np.diag([-1.0, -1.0, 2.0]) / np.sqrt(6.0)
+    basis[1] = np.diag([1.0, -1.0, 0.0]) / np.sqrt(2.0)
+    for k, (i, j) in enumerate(((1, 2), (0, 2), (0, 1)), start=2):
+        basis[k, i, j] = basis[k, j, i] = np.sqrt(0.5)
+    return basis

@@ -1,0 +1,116 @@
+"""Incremental stiffness: d sigma/d epsilon of the equations (Eq. 33), and the hypoplastic form (Eq. 34).
+
+sigma' = d sigma/dt is homogeneous of degree one in the strain rate D, and depends on its direction: there is no
+stiffness but for a direction. The consistent tangent of a finite increment is in labkit.model.material_point.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.model.compiled import compiled
+from labkit.model.differentials import rates_differentials
+from labkit.model.rates import SIZE, STATE, strain_driven, stress_rate_of
+from labkit.model.state import deviatoric_basis
+from labkit.model.tensors import load, require_symmetric, store, to_six, to_tensor, trace
+
+
+def state_rate(model, state, D):
+    """C1 to C5 for the strain rates D (..., 3, 3), 1/s: (..., 21), e, Z, Lambda, A, F, F^t in Mandel's order.
+
+    Raises InputError unless D is symmetric and finite.
+    """
+    return _evaluate(model, state, D)[0]
+
+
+def stress_rate(model, state, D):
+    """d sigma/dt (..., 3, 3), Pa/s, for the strain rates D (..., 3, 3), 1/s: Eq. 33 with C0's coupled terms."""
+    return to_tensor(_evaluate(model, state, D)[1])
+
+
+def rate_tangent(model, state, D):
+    """d(sigma')/dD at the strain rate D (3, 3): (6, 6) in Mandel's order, Pa.
+
+    sigma' = tangent : D, as for any function that is homogeneous of degree one (Euler).
+    """
+    D = to_six(require_symmetric("the strain rate", D))
+    tangent = np.empty((6, 6))
+    _rate_tangent(state.vector(), D, model.constants, tangent)
+    return tangent
+
+
+@dataclasses.dataclass(frozen=True)
+class HypoplasticForm:
+    """sigma' = Lv rate_v + Ls : dev D + N |dev D| on one branch of Eqs. 31 and 32 (Eq. 34).
+
+    Lv (3, 3), Ls (3, 3, 3, 3), N (3, 3), Pa. `misfit`: RMS of what this form leaves of sigma' under deviatoric
+    strain rates, over the RMS of sigma' itself.
+    """
+
+    Lv: np.ndarray
+    Ls: np.ndarray
+    N: np.ndarray
+    misfit: float
+
+    def stress_rate(self, D):
+        """The form at the strain rates D (..., 3, 3)."""
+        volumetric = np.trace(D, axis1=-2, axis2=-1)[..., None, None]
+        deviator = D - volumetric / 3 * np.eye(3)
+        size = np.linalg.norm(deviator, axis=(-2, -1))[..., None, None]
+        return self.Lv * volumetric + np.einsum("ijkl,...kl->...ij", self.Ls, deviator) + self.N * size
+
+
+def hypoplastic_form(model, state, compressing=True, directions=500, seed=0):
+    """Extracts Lv, Ls and N from the equations by evaluating them; a HypoplasticForm.
+
+    Ls and N are the least-squares fit to sigma' over random directions of the deviatoric unit sphere. What is found:
+
+    * sigma' is the sum of a volumetric and a deviatoric part, exactly, on each branch of Eqs. 31, 32.
+    * The volumetric part is along sigma: Lv = sigma (f^{v,Z}/Z + f^{v,L}/Lambda + 1), where Eq. 34 prints L^v I. The
+      two agree in isotropic stress only.
+    * The deviatoric part is Ls : dev D + N |dev D| exactly if gamma_A = gamma_F = c_Z = 0, and where A = F = 0.
+      Elsewhere, with Table 2, the factors |f A^c - A|^gamma and |dA/dt| depend on the angle between the strain
+      rate and A: Eq. 34 is then an approximation whose error is `misfit`, as the paper's "conceptually" says.
+    """
+    sign = 1.0 if compressing else -1.0
+    Lv = sign * stress_rate(model, state, sign * np.eye(3) / 3)
+    basis = deviatoric_basis()
+    weights = np.random.default_rng(seed).normal(size=(directions, 5))
+    weights /= np.linalg.norm(weights, axis=1)[:, None]
+    found = to_six(stress_rate(model, state, np.einsum("dk,kij->dij", weights, basis)))
+    design = np.column_stack([weights, np.ones(directions)])
+    columns = np.linalg.lstsq(design, found, rcond=None)[0]
+    misfit = np.linalg.norm(design @ columns - found) / np.linalg.norm(found)
+    Ls = np.einsum("kij,kmn->ijmn", to_tensor(columns[:5]), basis)
+    return HypoplasticForm(Lv, Ls, to_tensor(columns[5]), float(misfit))
+
+
+def _evaluate(model, state, D):
+    D = to_six(require_symmetric("the strain rate", D))
+    flat = np.ascontiguousarray(D.reshape(-1, 6))
+    rates, stresses = np.empty((len(flat), STATE)), np.empty((len(flat), 6))
+    _rates(state.vector(), flat, model.constants, rates, stresses)
+    return rates.reshape(D.shape[:-1] + (STATE,)), stresses.reshape(D.shape)
+
+
+@compiled
+def _rates(y, D, c, rates, stresses):
+    out = np.empty(SIZE)
+    for k in range(D.shape[0]):
+        one = load(D[k], 0)
+        strain_driven(y, one, trace(one) > 0.0, c, out)
+        rates[k] = out[:STATE]
+        store(stresses[k], 0, stress_rate_of(y, out, c))
+
+
+@compiled
+def _rate_tangent(y, D, c, tangent):
+    one = load(D, 0)
+    rows = np.empty((6, STATE))
+    rates_differentials(y, one, trace(one) > 0.0, c, np.zeros((6, STATE)), np.eye(6), rows)
+    for k in range(6):
+        column = stress_rate_of(y, rows[k], c)
+        for i in range(6):
+            tangent[i, k] = column[i]

@@ -1,0 +1,107 @@
+"""Symmetric tensors in compiled code: six numbers (xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy), Mandel's order.
+
+With the roots the sum of squares is the Euclidean norm of the tensor, and A:B is a dot product. In compiled code
+a tensor is a tuple, which costs no memory; outside it is a (..., 3, 3) array.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.model.compiled import compiled
+
+ROOT2 = float(np.sqrt(2.0))
+IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_WEIGHT = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
+_ROW, _COLUMN = np.array([0, 1, 2, 1, 0, 0]), np.array([0, 1, 2, 2, 2, 1])
+_PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
+
+
+def to_six(tensor):
+    """(..., 3, 3) symmetric -> (..., 6). The antisymmetric part is not looked at: see require_symmetric."""
+    return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
+
+
+def to_tensor(six):
+    """(..., 6) -> (..., 3, 3)."""
+    return (np.asarray(six, dtype=float) / _WEIGHT)[..., _PLACE]
+
+
+def require_symmetric(name, tensor, deviatoric=False):
+    """The tensor as a float array (..., 3, 3). Raises InputError unless it is finite, symmetric and, if asked,
+    deviatoric, within rounding."""
+    tensor = np.asarray(tensor, dtype=float)
+    if tensor.shape[-2:] != (3, 3):
+        raise InputError(f"{name} has the shape {tensor.shape}: give 3 x 3 tensors")
+    if not np.isfinite(tensor).all():
+        raise InputError(f"{name} holds what is no number: give finite components")
+    size = 1e-9 * np.linalg.norm(tensor, axis=(-2, -1)).max(initial=0.0) + 1e-300
+    if np.abs(tensor - np.swapaxes(tensor, -1, -2)).max(initial=0.0) > size:
+        raise InputError(f"{name} is not symmetric: give its symmetric part, (T + T^T)/2")
+    if deviatoric and np.abs(np.trace(tensor, axis1=-2, axis2=-1)).max(initial=0.0) > size:
+        raise InputError(f"{name} is not deviatoric: give it without its trace, T - tr(T)/3 I")
+    return tensor
+
+
+@compiled
+def load(array, start):
+    return (array[start], array[start + 1], array[start + 2], array[start + 3], array[start + 4], array[start + 5])
+
+
+@compiled
+def store(array, start, T):
+    array[start], array[start + 1], array[start + 2] = T[0], T[1], T[2]
+    array[start + 3], array[start + 4], array[start + 5] = T[3], T[4], T[5]
+
+
+@compiled
+def times(s, T):
+    return (s * T[0], s * T[1], s * T[2], s * T[3], s * T[4], s * T[5])
+
+
+@compiled
+def plus(S, T):
+    return (S[0] + T[0], S[1] + T[1], S[2] + T[2], S[3] + T[3], S[4] + T[4], S[5] + T[5])
+
+
+@compiled
+def minus(S, T):
+    return (S[0] - T[0], S[1] - T[1], S[2] - T[2], S[3] - T[3], S[4] - T[4], S[5] - T[5])
+
+
+@compiled
+def dot(S, T):
+    """S:T."""
+    return S[0] * T[0] + S[1] * T[1] + S[2] * T[2] + S[3] * T[3] + S[4] * T[4] + S[5] * T[5]
+
+
+@compiled
+def norm(T):
+    """|T|, the Euclidean norm."""
+    return np.sqrt(dot(T, T))
+
+
+@compiled
+def trace(T):
+    return T[0] + T[1] + T[2]
+
+
+@compiled
+def deviator(T):
+    mean = (T[0] + T[1] + T[2]) / 3.0
+    return (T[0] - mean, T[1] - mean, T[2] - mean, T[3], T[4], T[5])
+
+
+@compiled
+def symmetric_product(S, T):
+    """(ST + TS)/2."""
+    return (
+        S[0] * T[0] + 0.5 * (S[5] * T[5] + S[4] * T[4]),
+        S[1] * T[1] + 0.5 * (S[5] * T[5] + S[3] * T[3]),
+        S[2] * T[2] + 0.5 * (S[4] * T[4] + S[3] * T[3]),
+        (S[5] * T[4] + T[5] * S[4]) / (2 * ROOT2) + 0.5 * (S[1] * T[3] + T[1] * S[3] + S[3] * T[2] + T[3] * S[2]),
+        (S[5] * T[3] + T[5] * S[3]) / (2 * ROOT2) + 0.5 * (S[0] * T[4] + T[0] * S[4] + S[4] * T[2] + T[4] * S[2]),
+        (S[4] * T[3] + T[4] * S[3]) / (2 * ROOT2) + 0.5 * (S[0] * T[5] + T[0] * S[5] + S[5] * T[1] + T[5] * S[1]),
+    )

@@ -1,0 +1,134 @@
+"""Calibration: parameters come back from synthetic noisy runs within their error bars; what is not known is said."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas
+import pytest
+import xarray as xr
+
+import labkit
+from labkit.errors import InputError
+from labkit.model.calibration import critical_fit, fit, observe
+from labkit.model.controls import model_path
+from labkit.model.driver import drive
+from labkit.model.run_file import records
+from labkit.model.state import isotropic_state
+from labkit.schema import RECORD
+
+NOISE = {"coordination_number": 0.03, "mean_normalised_force": 1e-4, "contact_anisotropy": 0.02,
+         "normal_force_anisotropy": 0.02, "mobilisation": 0.002}  # fmt: skip
+TESTS = (("cv", 0.606, 0.2e6), ("cv", 0.67, 0.7e6), ("cv", 0.72, 0.8e6), ("cp", 0.62, 0.5e6), ("cr", 0.70, 0.5e6),
+         ("isoc", 0.67, 0.5e6), ("isoc", 0.72, 0.3e6), ("isod", 0.65, 1e6))  # fmt: skip
+
+
+def synthetic(model, rng, tests=TESTS):
+    """Observations of runs of the model with white noise on what a simulation measures."""
+    found = []
+    for number, (name, e, pressure) in enumerate(tests):
+        result = drive(model, model_path(name, pressure), isotropic_state(model, e, pressure)).require()
+        values = records(result)
+        run = xr.Dataset({key: (RECORD[key].dimensions, values[key]) for key in RECORD}, attrs={"path": name})
+        for key, size in NOISE.items():
+            noise = rng.normal(size=run[key].shape)
+            # a triaxial zz component of a tensor is 2/3 (zz - (xx + yy)/2): scaled, so that its noise is `size`
+            run[key] = run[key] + size * noise * (1.0 if run[key].ndim == 1 else np.sqrt(1.5))
+        found.append(observe(f"{name}{number}", run))
+    return found
+
+
+def test_parameters_come_back_within_their_error_bars(model):
+    """Of the 95 % intervals of all parameters in six sets of noisy runs, 132 in all, nine in ten hold the truth."""
+    truth = model.with_parameters(c_eZ=6.0, c_M=80.0, beta_dA=28.0, c_vZ=0.12, F_c=0.9, e_cmax=0.77, c_vLamd=0.09)
+    expected = pandas.Series(dataclasses.asdict(truth.parameters))
+    inside, errors = [], []
+    for seed in range(6):
+        table = fit(synthetic(truth, np.random.default_rng(seed))).table.set_index("parameter")
+        inside.append((table["low"] <= expected) & (expected <= table["high"]))
+        errors.append((table["standard_error"] / expected)[table["determined"]])
+        assert table["determined"].sum() >= 20
+    inside = pandas.concat(inside, axis=1)
+    assert inside.to_numpy().mean() >= 0.9
+    assert inside.mean(axis=1).min() >= 0.5  # and no parameter is off again and again
+    assert np.median(pandas.concat(errors)) < 0.05  # the bars are no excuse
+
+
+def test_a_fit_without_noise_finds_the_truth(model):
+    truth = model.with_parameters(c_eZ=6.0, c_M=80.0, F_c=0.9)
+    observations = synthetic(truth, np.random.default_rng(0))
+    for o in observations:
+        o.values[:] = fit_free_prediction(truth, o)
+    found = dataclasses.asdict(fit(observations).model.parameters)
+    for name, value in dataclasses.asdict(truth.parameters).items():
+        assert np.isclose(found[name], value, rtol=2e-3), name
+
+
+def fit_free_prediction(model, observation):
+    from labkit.model.calibration import _follow
+
+    first = observation.values[0] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])
+    return _follow(observation, first, model.reading(beyond_e_cmax="flat").constants)
+
+
+def test_what_the_runs_do_not_determine_is_said(model):
+    """Constant volume alone knows nothing of Eqs. 31 and 32; isotropic compression nothing of shear."""
+    rng = np.random.default_rng(1)
+    sheared = fit(synthetic(model, rng, TESTS[:3]))
+    words = " ".join(sheared.warnings)
+    for name in ("c_com", "c_vZ", "beta_vZ", "c_vLamd"):
+        assert name in words and not sheared.table.set_index("parameter")["determined"][name]
+        assert getattr(sheared.model.parameters, name) == getattr(model.parameters, name)
+    compressed = fit(synthetic(model, rng, TESTS[5:7]))
+    words = " ".join(compressed.warnings)
+    assert all(name in words for name in ("A_c", "F_c", "c_M", "c_eZ", "c_vZ"))
+    assert abs(compressed.model.parameters.c_cLam / 0.098 - 1) < 0.05  # Eq. 32: compression alone knows it
+    assert any("c_com" in pair for pair in compressed.report().split("correlations")[1:])
+
+
+def test_critical_fit_on_long_tests(model):
+    rng = np.random.default_rng(2)
+    tests = [("cv", e, 0.5e6) for e in (0.60, 0.64, 0.68, 0.72)]
+    found = critical_fit(synthetic(model, rng, tests))
+    assert abs(found["e_cmax"] - 0.76) < 0.01
+    assert abs(found["c_cLam"] / 0.098 - 1) < 0.05
+    assert abs(found["F_c"] / (0.77 * np.sqrt(1.5)) - 1) < 0.05
+    for e in (0.60, 0.70):  # the line, as c_cZ and gamma_cZ alone trade with each other
+        line = 4 + found["c_cZ"] * (found["e_cmax"] - e) ** found["gamma_cZ"]
+        assert abs(line - 4 - 5.57 * (0.76 - e) ** 0.7) < 0.1
+    with pytest.raises(InputError, match="shear test"):
+        critical_fit(synthetic(model, rng, TESTS[5:6]))
+
+
+def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
+    """500 grains to 2 % of strain: little is determined, and that is what comes out."""
+    done = labkit_command("calibrate", run_file, "-o", tmp_path / "p.json", "--csv", tmp_path / "p.csv",
+                          "--figure", tmp_path / "p.png")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "warning: no record of these runs depends on" in done.stdout
+    table = pandas.read_csv(tmp_path / "p.csv").set_index("parameter")
+    assert not table["determined"]["c_com"] and table["fitted"]["c_com"] == 7.2
+    again = labkit_command("model", "cv", "--void-ratio", 0.67, "--pressure", 0.5e6, "--parameters",
+                           tmp_path / "p.json", "-o", tmp_path / "m.run.nc")  # fmt: skip
+    assert again.returncode == 0, again.stderr
+    run = labkit.open_run(tmp_path / "m.run.nc")
+    used = json.loads(run.attrs["model"])["parameters"]
+    assert all(np.isclose(used[name], value, rtol=1e-4) for name, value in table["fitted"].items())
+
+
+def test_runs_without_contacts_or_strain_are_refused(model):
+    rng = np.random.default_rng(3)
+    result = drive(model, model_path("cv", 0.5e6, strain=0.02), isotropic_state(model, 0.67, 0.5e6))
+    run = xr.Dataset({key: (RECORD[key].dimensions, value) for key, value in records(result).items()},
+                     attrs={"path": "cv"})  # fmt: skip
+    gone = run.copy()
+    gone["coordination_number"] = gone["coordination_number"] * (np.arange(len(result)) < 5)
+    with pytest.raises(InputError, match="records with contacts"):
+        observe("gone", gone)
+    still = run.copy()
+    still["strain"] = 0.0 * still["strain"]
+    with pytest.raises(InputError, match="no strain"):
+        observe("still", still)
+    with pytest.raises(InputError, match="no runs"):
+        fit([])
+    assert len(synthetic(model, rng, TESTS[:1])[0].e) <= 80

@@ -1,0 +1,88 @@
+"""Orders of convergence, on a smooth path and with reversals; steps that fail."""
+
+import numpy as np
+import pytest
+
+from labkit.errors import InputError, PhysicsError
+from labkit.model.controls import Mixed, model_path, strain_control
+from labkit.model.driver import drive
+from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, ForwardEuler, Heun, Problem, Scipy
+from labkit.model.state import ModelState, isotropic_state
+
+AXIS = np.diag([-0.5, -0.5, 1.0])
+STEPS = (1e-3, 5e-4, 2.5e-4)
+
+
+def orders(model, path, start, integrator, record):
+    """log2 of the ratio of errors from one step to its half, at the end of the path."""
+    exact = drive(model, path, start, record, Adaptive(1e-12)).require().vector[-1, :21]
+    scale = np.maximum(np.abs(exact), 1e-2)
+    errors = [
+        np.linalg.norm((drive(model, path, start, record, integrator(h)).require().vector[-1, :21] - exact) / scale)
+        for h in STEPS
+    ]
+    return np.log2(np.array(errors[:-1]) / errors[1:])
+
+
+@pytest.mark.parametrize("integrator", FIXED)
+def test_order_on_a_smooth_path(model, integrator):
+    start = isotropic_state(model, 0.67, 0.5e6)
+    found = orders(model, model_path("cv", 0.5e6, strain=0.02), start, integrator, 0.02)
+    np.testing.assert_allclose(found[-1], integrator.order, atol=0.3)
+
+
+@pytest.mark.parametrize("integrator", FIXED)
+def test_order_with_reversals(model, integrator):
+    """The rates jump at a reversal; pieces are integrated one by one, so that the order stays."""
+    start = isotropic_state(model, 0.67, 0.5e6)
+    path = model_path("cyclic_cp", 0.5e6, reversals=(0.01, -0.01, 0.01))
+    found = orders(model, path, start, integrator, 0.02)
+    np.testing.assert_allclose(found[-1], integrator.order, atol=0.35)
+
+
+@pytest.mark.parametrize("name", ["cv", "cr", "cyclic_cp"])
+def test_the_error_of_adaptive_follows_its_tolerance(model, name):
+    start = isotropic_state(model, 0.67, 0.5e6)
+    path = model_path(name, 0.5e6)
+    exact = drive(model, path, start, integrator=Adaptive(1e-12)).require().stress
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        found = drive(model, path, start, 0.05, Adaptive(tolerance)).require().stress[-1]
+        assert np.abs(found / 0.5e6 - exact[-1] / 0.5e6)[[0, 1, 2], [0, 1, 2]].max() < 50 * tolerance
+
+
+@pytest.mark.parametrize("method", ["LSODA", "Radau", "DOP853"])
+def test_scipys_methods_agree(model, method):
+    start = isotropic_state(model, 0.67, 0.5e6)
+    for name in ("cv", "cp"):
+        path = model_path(name, 0.5e6, strain=0.1)
+        found, own = (drive(model, path, start, 0.1, i).require().vector[-1] for i in (Scipy(method), Adaptive(1e-9)))
+        np.testing.assert_allclose(found, own, rtol=2e-4, atol=2e-5)
+
+
+def test_a_stiff_start_implicit_methods_bear_and_explicit_ones_refuse(model):
+    """Lambda = 1e-6: the fastest relaxation, 1/Lambda^0.65, has 1e4 per unit of strain."""
+    start = ModelState(0.67, 5.0, 1e-6).vector()
+    problem = Problem(model, strain_control(AXIS))
+    exact = Adaptive(1e-9).advance(problem, start, 0.02)
+    found = BackwardEuler(2e-4).advance(problem, start, 0.02)
+    np.testing.assert_allclose(found[:3], exact[:3], rtol=0.05)
+    with pytest.raises(PhysicsError):
+        end = ForwardEuler(1e-2).advance(Problem(model, strain_control(-np.eye(3))), start, 0.02)
+        assert end is None  # not reached
+
+
+@pytest.mark.parametrize("integrator", [Adaptive(), *(kind(1e-3) for kind in FIXED)])
+def test_a_step_that_fails_says_so(model, integrator):
+    """Dilation until the contacts are lost: every integrator ends with words, none with a clipped state."""
+    path = Mixed(-np.eye(3) / 3, [], [], [], strain=0.2)
+    result = drive(model, path, isotropic_state(model, 0.62, 0.5e6), integrator=integrator)
+    assert result.failure and np.isfinite(result.vector).all()
+    assert 0.01 < -result.strain[-1, 0, 0] * 3 < 0.04
+
+
+def test_integrators_that_cannot_be():
+    for bad in (0.0, -1.0, np.nan):
+        with pytest.raises(InputError):
+            Heun(bad)
+    with pytest.raises(InputError, match="tolerance"):
+        Adaptive(0.0)

@@ -1,0 +1,134 @@
+"""labkit model: a run file that the commands for simulations read, and what it refuses."""
+
+import json
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit
+from labkit.cli import main
+from labkit.model.controls import model_path
+from labkit.model.driver import drive
+from labkit.model.parameters import Model
+from labkit.model.run_file import as_run, model_of, records
+from labkit.model.state import isotropic_state
+from labkit.schema import RECORD
+
+START = ("--void-ratio", 0.67, "--pressure", 0.5e6)
+
+
+@pytest.fixture
+def refused(capsys):
+    """Runs a command in this process and gives its one line on stderr; it must exit with 2."""
+
+    def run(*words):
+        assert main([str(word) for word in words]) == 2
+        lines = capsys.readouterr().err.strip().splitlines()
+        assert len(lines) == 1
+        return lines[0]
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def model_run(labkit_command, tmp_path_factory):
+    file = tmp_path_factory.mktemp("model") / "m.run.nc"
+    done = labkit_command("model", "cv", *START, "--strain", 0.6, "-o", file)
+    assert done.returncode == 0, done.stderr
+    assert "q/p 0.927" in done.stdout
+    return file
+
+
+def test_the_file_has_the_variables_of_a_simulation(model_run, run_file):
+    found, simulated = labkit.open_run(model_run), labkit.open_run(run_file)
+    assert set(found.variables) == set(simulated.variables)
+    for name in RECORD:
+        assert found[name].dims == simulated[name].dims and found[name].attrs == simulated[name].attrs
+    assert found.attrs["engine"] == "model" and found.attrs["complete"] == 1
+    assert found.attrs["path"] == "cv" and json.loads(found.attrs["path_parameters"])["strain"] == 0.6
+    assert model_of(found) == Model() and model_of(simulated) is None
+    assert "labkit model cv" in found.attrs["history"]
+
+
+def test_the_file_holds_the_result(model_run):
+    run = labkit.open_run(model_run)
+    result = drive(Model(), model_path("cv", 0.5e6, strain=0.6), isotropic_state(Model(), 0.67, 0.5e6))
+    for name, values in records(result).items():
+        np.testing.assert_allclose(run[name].values, values, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(run["stress"], run["stress_sff"])
+    np.testing.assert_allclose(run["volume"], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(np.log(np.linalg.det(run["cell"].values)), 0.0, atol=1e-12)
+    assert np.isnan(run["kinetic_energy"]).all()
+    p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
+    assert abs(q[-1] / p[-1] - 0.93) < 0.005
+    in_memory = as_run(result)
+    np.testing.assert_array_equal(in_memory.lab.mean_stress(), result.p)
+
+
+def test_other_commands_read_it(model_run, labkit_command, refused, tmp_path):
+    watch = labkit_command("watch", "--once", model_run)
+    assert watch.returncode == 0 and "axial strain 60.00%" in watch.stdout
+    critical = labkit_command("critical", model_run, "-o", tmp_path / "c.png")
+    assert critical.returncode == 0 and "0.927 +-" in critical.stdout
+    info = labkit_command("info", model_run)
+    assert info.returncode == 0 and "e_cmax" in info.stdout
+    assert "has no contacts" in refused("verify", model_run)
+
+
+def test_a_path_that_breaks_off_keeps_its_records(capsys, tmp_path):
+    file = tmp_path / "broken.run.nc"
+    assert main(["model", "isod", "--void-ratio", "0.755", "--pressure", "0.5e6", "-o", str(file)]) == 1
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1 and "e_cmax" in lines[0]
+    run = labkit.open_run(file)
+    assert run.attrs["complete"] == 0 and "e_cmax" in run.attrs["failure"]
+    assert abs(float(run["void_ratio"][-1]) - 0.76) < 1e-6
+
+
+@pytest.mark.parametrize("words, hint", [
+    (("cv", "--void-ratio", 0.77, "--pressure", 0.5e6), "flat"),
+    (("cv", "--void-ratio", -1, "--pressure", 0.5e6), "--void-ratio"),
+    (("cv", "--void-ratio", 0.67, "--pressure", 0), "--pressure"),
+    (("cv", "--void-ratio", 0.67), "--pressure"),
+    ((*("cv", *START), "--coordination-number", -1), "--coordination-number"),
+    ((*("cv", *START), "--coordination-number", 5, "--mean-normalised-force", 0.1), "not both"),
+    ((*("cv", *START), "--tolerance", 0), "--tolerance"),
+    ((*("cv", *START), "--strain", -1), "--strain"),
+    ((*("cv", *START), "--reversals", "0.1"), "--reversals"),
+    ((*("oedometer", *START), "--reversals", "0.1"), "--reversals"),
+    ((*("cv", *START), "--stop-pressure", 1e6), "--stop-pressure"),
+    ((*("isoc", *START), "--stop-pressure", 1e5), "--stop-pressure"),
+    ((*("cr", *START), "--inherent-anisotropy", 5), "--inherent-anisotropy"),
+    ((*("cv", *START), "--parameters", "nothing.json"), "nothing.json"),
+    (("xx", *START), "oedometer"),
+])  # fmt: skip
+def test_bad_input_is_one_line_and_leaves_no_file(refused, tmp_path, words, hint):
+    file = tmp_path / "bad.run.nc"
+    assert hint in refused("model", *words, "-o", file)
+    assert not file.exists()
+
+
+def test_a_simulation_is_not_written_over(run_file, refused):
+    before = run_file.read_bytes()
+    assert "simulation" in refused("model", "cv", *START, "-o", run_file)
+    assert run_file.read_bytes() == before
+    with netCDF4.Dataset(run_file) as dataset:
+        assert dataset.engine != "model"
+
+
+def test_inherent_anisotropy_starts_isotropic_at_the_pressure(tmp_path):
+    file = tmp_path / "a.run.nc"
+    words = ("model", "cr", *START, "--inherent-anisotropy", 0.3, "--angle", 45, "--strain", 0.05, "-o", file)
+    assert main([str(word) for word in words]) == 0
+    run = labkit.open_run(file)
+    np.testing.assert_allclose(run["stress"][0], 0.5e6 * np.eye(3), atol=1.0)
+    assert abs(float(run["contact_anisotropy"][0, 0, 2])) > 0.2
+    np.testing.assert_allclose(run["stress"].values[:, 0, 0], 0.5e6, rtol=1e-4)
+
+
+def test_figures_are_drawn(refused, tmp_path):
+    assert main(["model-figures", "-o", str(tmp_path)]) == 0
+    for number in range(4, 11):
+        assert (tmp_path / f"model_fig{number}.png").stat().st_size > 20_000
+    assert "nowhere" in refused("model-figures", "-o", tmp_path / "nowhere")

@@ -1,0 +1,73 @@
+"""Why the ambiguous places are read as they are: the other reading contradicts the paper."""
+
+import numpy as np
+import pytest
+
+from labkit.errors import InputError
+from labkit.model.controls import model_path
+from labkit.model.driver import drive
+from labkit.model.parameters import Readings
+from labkit.model.state import isotropic_state
+from labkit.model.stiffness import state_rate
+
+
+def test_with_the_factor_lambda_c4_does_not_reach_the_critical_state(model):
+    """Figs. 4 to 6: it is reached within 40 %; with |Lambda| in C4 less than a quarter of the way is gone."""
+    start = isotropic_state(model, 0.67, 0.2e6)
+    path = model_path("cv", 0.2e6, strain=0.4)
+    critical = 0.098 * (0.76 - 0.67)
+    plain, scanned = (drive(m, path, start).require() for m in (model, model.reading(force_rate="with_force")))
+    assert abs(plain.Lam[-1] / critical - 1) < 1e-3
+    assert (scanned.Lam[-1] - start.Lam) < 0.25 * (critical - start.Lam)
+
+
+def test_as_printed_compression_loses_contacts(model):
+    start = isotropic_state(model, 0.67, 0.5e6, Z=5.2)
+    path = model_path("isoc", 0.5e6)
+    minus = drive(model, path, start).require()
+    assert (np.diff(minus.Z) > 0).all()
+    line = 4 + 7.2 * (0.76 - minus.e[-1]) ** 0.7
+    assert abs(minus.Z[-1] - line) < 0.02  # tends to the compression line, as simulated tests do
+    printed = drive(model.reading(compression="as_printed"), path, start)
+    assert (np.diff(printed.Z) < 0).all()
+
+
+def test_with_the_total_rate_isotropic_compression_pulls_at_the_critical_state(model):
+    state = isotropic_state(model, 0.67, 0.5e6)
+    only_32 = 0.098 * 1.67  # f^{v,Lambda}
+    rates = [state_rate(m, state, np.eye(3) / 3)[2] for m in (model, model.reading(strain_rate="total"))]
+    assert np.isclose(rates[0], only_32) and not np.isclose(rates[1], only_32, rtol=0.1)
+
+
+def test_beyond_e_cmax_is_an_error_unless_chosen(model, flat):
+    with pytest.raises(InputError, match="e_cmax"):
+        isotropic_state(model, 0.77, 0.5e6)
+    start = isotropic_state(flat, 0.77, 0.5e6)
+    assert start.Z == 4.0
+    with pytest.raises(InputError, match="e_cmax"):
+        drive(model, model_path("cp", 0.5e6), start)
+    result = drive(flat, model_path("cp", 0.5e6, strain=0.6), start).require()
+    assert abs(result.p / 0.5e6 - 1).max() < 1e-4
+    assert 0.71 < result.e[-1] < 0.73  # contracts through e_cmax to the critical void ratio of 0.5 MPa
+
+
+def test_flat_is_continuous_in_z_and_lambda(flat):
+    from labkit.model import equations as eq
+
+    c = flat.constants
+    for function in (eq.critical_coordination_number, eq.critical_force, eq.compression_coordination_number):
+        assert abs(function(0.76 - 1e-12, c) - function(0.76 + 1e-12, c)) < 1e-6
+        assert function(0.80, c) == function(0.76, c)
+
+
+def test_a_run_that_dilates_to_e_cmax_says_so(model, flat):
+    start = isotropic_state(model, 0.755, 0.5e6)
+    path = model_path("isod", 0.5e6)
+    result = drive(model, path, start)
+    assert "e_cmax" in result.failure and abs(result.e[-1] - 0.76) < 1e-9
+    assert drive(flat, path, start).failure is None
+
+
+def test_unknown_readings():
+    with pytest.raises(InputError, match="flat"):
+        Readings(beyond_e_cmax="linear")
