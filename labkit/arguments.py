@@ -51,8 +51,8 @@ def add_consolidation_options(parser):
 def add_layer_options(parser):
     """Options of the stratified layer; their names are also the columns of a yade-batch table."""
     parser.add_argument("--size-ratio", type=float, default=2.0, help="coarse over fine diameter (default: 2)")
-    parser.add_argument("--width", type=float, default=60.0, help="of the layer, in coarse diameters (default: 60)")
-    parser.add_argument("--height", type=float, default=40.0, help="of both strata, likewise (default: 40)")
+    parser.add_argument("--width", type=float, default=30.0, help="of the layer, in coarse diameters (default: 30)")
+    parser.add_argument("--height", type=float, default=30.0, help="of both strata, likewise (default: 30)")
     parser.add_argument("--pressure", type=float, default=0.1e6, help="sigma_xx in Pa (default: 0.1e6)")
     parser.add_argument("--ratio", type=float, default=2.0, help="sigma_zz/sigma_xx to reach (default: 2)")
     parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")

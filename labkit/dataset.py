@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from labkit.files import open_netcdf
-from labkit.micro.contacts import Contacts
+from labkit.micro.contacts import NO_CONTACTS, Contacts
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import follow, network_stress
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
@@ -111,15 +111,16 @@ class Lab:
         `function(contacts, radius, volume, young_modulus)` returns name -> (dimensions, values);
         `attributes`: name -> attributes; `coords` as in xarray.Dataset.
         """
-        volume = self._run["snapshot_volume"].values
+        volume, E = self._run["snapshot_volume"].values, self.scene.young_modulus
         found = [
-            function(self.contact_arrays(k), self._radius, float(volume[k]), self.scene.young_modulus)
-            for k in range(self.number_of_snapshots)
+            function(self.contact_arrays(k), self._radius, float(volume[k]), E) for k in range(self.number_of_snapshots)
         ]
+        shapes = found or [function(NO_CONTACTS, self._radius, 1.0, E)]  # names and shapes where there is no snapshot
         columns = {
-            name: (("snapshot", *dimensions), np.array([one[name][1] for one in found]), (attributes or {}).get(name))
-            for name, (dimensions, _) in (found[0] if found else {}).items()
-        }
+            name: (("snapshot", *dimensions), np.array([one[name][1] for one in shapes])[: len(found)],
+                   (attributes or {}).get(name))
+            for name, (dimensions, _) in shapes[0].items()
+        }  # fmt: skip
         return xr.Dataset(columns, coords={**self._snapshot_coordinates(), **(coords or {})})
 
     def statistics(self):

@@ -38,8 +38,8 @@ class Layer:
     """
 
     size_ratio: float = 2.0
-    width: float = 60.0
-    height: float = 40.0
+    width: float = 30.0
+    height: float = 30.0
     void_ratio: float = 0.19
     step1_friction: float = 0.4
     pressure: float = 0.1e6

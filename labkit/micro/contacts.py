@@ -38,6 +38,11 @@ class Contacts:
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
 
+NO_CONTACTS = Contacts(
+    np.zeros((0, 2), int), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
+)
+
+
 def branch_vectors(position, cell, grain, shift):
     """Vectors x_b + H s - x_a from the first to the second grain, shape (n, 3), m.
 
