@@ -10,7 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError
 
-LAWS = ("yade",)
+LAWS = ("yade", "paper")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Scene:
     local_damping: float = 0.2  # Newton's non-viscous damping
     time_step_factor: float = 0.2  # of sqrt(m/kn) of the mean grain
     law: str = "yade"
+    beta_n: float = 0.2  # dashpots of law paper
+    beta_t: float = 0.2
 
     def __post_init__(self):
         for field, low, high in _RANGES:
@@ -107,4 +109,6 @@ _RANGES = (
     ("rolling_limit_scale", 0.0, 10.0),
     ("local_damping", 0.0, 0.99),
     ("time_step_factor", 1e-6, 10.0),
+    ("beta_n", 0.0, 10.0),
+    ("beta_t", 0.0, 10.0),
 )
