@@ -90,22 +90,26 @@ def build_parser():
 
 def do_specimen(options, argv):
     commands.check_specimen(options)
-    in_yade("specimen.py", argv[1:], options.threads, "specimen")
+    on_engine(options, argv, "specimen", "specimen.py", commands.specimen)
 
 
 def do_run(options, argv):
     commands.check_run(options)
-    in_yade("path.py", argv[1:], options.threads, options.path)
+    on_engine(options, argv, options.path, "path.py", commands.run_path)
 
 
 def do_consolidate(options, argv):
     commands.check_consolidation(options)
-    in_yade("consolidate.py", argv[1:], options.threads, "consolidation")
+    on_engine(options, argv, "consolidation", "consolidate.py", commands.consolidation)
 
 
-def in_yade(script, argv, threads, title):
-    find_yade()
-    run_script(script, argv, threads, reporter(title))
+def on_engine(options, argv, title, script, command):
+    """Runs the command where its engine lives: here, or as a script of yade_scripts in a YADE of its own."""
+    if options.engine == "yade":
+        find_yade()
+        run_script(script, argv[1:], options.threads, reporter(title))
+    else:
+        command(options, reporter(title), "labkit " + shlex.join(argv))
 
 
 def do_verify(options, argv):

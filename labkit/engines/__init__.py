@@ -7,8 +7,15 @@ from labkit.errors import InputError
 ENGINES = ("yade", "fused")
 
 
+def require_law(name, scene):
+    """Raises InputError when the engine of that name does not know the contact law of the scene."""
+    if name == "yade" and scene.law != "yade":
+        raise InputError(f"engine yade does not know contact law {scene.law!r}: give --engine fused")
+
+
 def start_engine(name, state, threads=1):
     """The engine of that name, holding `state`. Raises InputError for an unknown name."""
+    require_law(name, state.scene)
     if name == "yade":
         from labkit.engines.yade import YadeEngine
 
