@@ -17,7 +17,7 @@ from labkit.engines.kernel.packing import Grains, History, pack
 from labkit.engines.kernel.stress import branch_force
 from labkit.errors import InputError, PhysicsError
 
-MARGIN = 0.05  # of the mean diameter: gap of the pairs that are kept at hand
+MARGIN = 0.02  # of the mean diameter: gap of the pairs that are kept at hand
 
 
 class FusedEngine(Engine):

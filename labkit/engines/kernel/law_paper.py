@@ -31,7 +31,7 @@ from labkit.engines.kernel.layout import (
     D,
     compiled,
 )
-from labkit.engines.kernel.vectors import cap, cross, dot
+from labkit.engines.kernel.vectors import cap, cross, dot, length_and_inverse
 
 
 @compiled
@@ -59,8 +59,7 @@ def paper_block(block, work, n, dt, kt_over_kn, friction, rolling, dashpots, gra
         vx, vy, vz = work[VREL + i], work[VREL + WIDTH + i], work[VREL + 2 * WIDTH + i]
         ax, ay, az = work[WA + i], work[WA + WIDTH + i], work[WA + 2 * WIDTH + i]
         bx, by, bz = work[WB + i], work[WB + WIDTH + i], work[WB + 2 * WIDTH + i]
-        distance = math.sqrt(dot(dx, dy, dz, dx, dy, dz))
-        inverse = 1.0 / distance
+        distance, inverse = length_and_inverse(dot(dx, dy, dz, dx, dy, dz))
         overlap = ra + rb - distance
         touching = 1.0 if overlap >= 0.0 else 0.0
         spring = touching * kn * overlap

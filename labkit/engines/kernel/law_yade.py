@@ -6,8 +6,6 @@ ratcheting; history turns with its contact to first order; kr = kt Ra Rb/4, |M| 
 
 from __future__ import annotations
 
-import math
-
 from labkit.engines.kernel.layout import (
     CELL_WORK,
     D,
@@ -26,7 +24,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     compiled,
 )
-from labkit.engines.kernel.vectors import cap, cross, dot
+from labkit.engines.kernel.vectors import cap, cross, dot, length_and_inverse
 
 
 @compiled
@@ -39,8 +37,7 @@ def yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient):
     for i in range(n):
         kn, ra, rb = block[KN + i], block[RADIUS_A + i], block[RADIUS_B + i]
         dx, dy, dz = work[D + i], work[D + WIDTH + i], work[D + 2 * WIDTH + i]
-        distance = math.sqrt(dot(dx, dy, dz, dx, dy, dz))
-        inverse = 1.0 / distance
+        distance, inverse = length_and_inverse(dot(dx, dy, dz, dx, dy, dz))
         overlap = ra + rb - distance
         fn = kn * overlap if overlap >= 0.0 else 0.0
         nx, ny, nz = dx * inverse, dy * inverse, dz * inverse
@@ -57,6 +54,8 @@ def yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient):
             angle = 0.5 * dt * dot(ox, oy, oz, ax + bx, ay + by, az + bz)
             ox, oy, oz = angle * ox, angle * oy, angle * oz
             kt = kt_over_kn * kn
+            if gradient is not None:
+                per_stiffness = 1.0 / (kt * ra * rb)
             tax = tay = taz = tbx = tby = tbz = 0.0
         if friction is not None:
             tx, ty, tz = block[HISTORY + i], block[HISTORY + WIDTH + i], block[HISTORY + 2 * WIDTH + i]
@@ -83,7 +82,7 @@ def yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient):
             arm = rb - 0.5 * overlap
             tbx, tby, tbz = arm * cx, arm * cy, arm * cz
             if gradient is not None:
-                work[FRICTION_LOSS + i] += (1.0 - scale) * scale * squared / kt
+                work[FRICTION_LOSS + i] += (1.0 - scale) * scale * squared * (ra * rb * per_stiffness)
         if rolling is not None:
             if friction is not None:
                 m = HISTORY + 3 * WIDTH
@@ -108,7 +107,7 @@ def yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient):
             tax, tay, taz = tax + tx, tay + ty, taz + tz
             tbx, tby, tbz = tbx - tx, tby - ty, tbz - tz
             if gradient is not None:
-                work[ROLLING_LOSS + i] += (1.0 - scale) * scale * squared / kr
+                work[ROLLING_LOSS + i] += (1.0 - scale) * scale * squared * (per_stiffness / rolling[0])
         work[FORCE + i], work[FORCE + WIDTH + i], work[FORCE + 2 * WIDTH + i] = fx, fy, fz
         if friction is not None or rolling is not None:
             work[TORQUE_A + i], work[TORQUE_A + WIDTH + i], work[TORQUE_A + 2 * WIDTH + i] = tax, tay, taz

@@ -10,7 +10,11 @@ What a scene leaves out is None where it would be passed, and Numba compiles the
 
 from __future__ import annotations
 
+import llvmlite.binding
 import numba
+
+if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
+    numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
 WIDTH = 64  # contacts or grains of a block
 

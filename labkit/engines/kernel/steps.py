@@ -13,6 +13,8 @@ import math
 import numba
 import numpy as np
 
+from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
+
 from labkit.engines.kernel.law_paper import paper_block
 from labkit.engines.kernel.law_yade import yade_block
 from labkit.engines.kernel.layout import (
@@ -22,8 +24,6 @@ from labkit.engines.kernel.layout import (
     SITE_COLUMNS,
     TORQUE_A,
     TORQUE_B,
-    VREL,
-    WA,
     WIDTH,
     D,
     compiled,
@@ -32,31 +32,32 @@ from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
 
 
 @compiled
-def read_sites(sites, pairs, first, n, work, turning):
-    """The rows D to WB of n contacts from the sites of their grains; without velocities if `turning` is None."""
-    for i in range(n):
-        a, b = pairs[0, first + i], pairs[1, first + i]
+def read_sites(sites, first, second, work, turning):
+    """The rows D to WB of contacts from the sites of their grains; without velocities if `turning` is None."""
+    for i in range(len(first)):
+        a, b = sites[first[uint(i)]], sites[second[uint(i)]]
         for k in range(3):
-            work[D + k * WIDTH + i] = sites[b, k] - sites[a, k]
+            work[uint(D + k * WIDTH + i)] = b[k] - a[k]
         if turning is not None:
-            for k in range(3):
-                work[VREL + k * WIDTH + i] = sites[b, 3 + k] - sites[a, 3 + k]
-                work[WA + k * WIDTH + i] = sites[a, 6 + k]
-                work[WA + (3 + k) * WIDTH + i] = sites[b, 6 + k]
+            for k in range(3, 6):
+                work[uint(D + k * WIDTH + i)] = b[k] - a[k]
+            for k in range(6, 9):
+                work[uint(D + k * WIDTH + i)] = a[k]
+                work[uint(D + (k + 3) * WIDTH + i)] = b[k]
 
 
 @compiled
-def add_forces(forces, pairs, first, n, work, turning):
-    """Adds forces and torques of n contacts to their sites."""
-    for i in range(n):
-        a, b = pairs[0, first + i], pairs[1, first + i]
+def add_forces(forces, first, second, work, turning):
+    """Adds forces and torques of contacts to their sites."""
+    for i in range(len(first)):
+        a, b = forces[first[uint(i)]], forces[second[uint(i)]]
         for k in range(3):
-            forces[a, k] += work[FORCE + k * WIDTH + i]
-            forces[b, k] -= work[FORCE + k * WIDTH + i]
+            a[k] += work[uint(FORCE + k * WIDTH + i)]
+            b[k] -= work[uint(FORCE + k * WIDTH + i)]
         if turning is not None:
             for k in range(3):
-                forces[a, 3 + k] += work[TORQUE_A + k * WIDTH + i]
-                forces[b, 3 + k] += work[TORQUE_B + k * WIDTH + i]
+                a[3 + k] += work[uint(TORQUE_A + k * WIDTH + i)]
+                b[3 + k] += work[uint(TORQUE_B + k * WIDTH + i)]
 
 
 @compiled
@@ -66,12 +67,13 @@ def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
         block = blocks[start // WIDTH]
-        read_sites(sites, pairs, start, n, work, turning)
+        a, b = pairs[0, start : start + n], pairs[1, start : start + n]
+        read_sites(sites, a, b, work, turning)
         if paper is None:
             yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient)
         else:
             paper_block(block, work, n, dt, kt_over_kn, friction, rolling, dashpots, gradient)
-        add_forces(forces, pairs, start, n, work, turning)
+        add_forces(forces, a, b, work, turning)
 
 
 @compiled
@@ -81,15 +83,16 @@ def domain_grains(forces, grains, work, first, last, images, dt, L, before, damp
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
         block = grains[start // WIDTH]
+        rows, images_of = forces[start : start + n], images[start : start + n + 1]
         for i in range(n):
-            g = start + i
-            for image in range(number + images[g], number + images[g + 1]):
+            row = rows[uint(i)]
+            for image in range(number + images_of[uint(i)], number + images_of[uint(i + 1)]):
                 for k in range(FORCE_COLUMNS):
-                    forces[g, k] += forces[image, k]
-                    forces[image, k] = 0.0
+                    row[k] += forces[uint(image), k]
+                    forces[uint(image), k] = 0.0
             for k in range(FORCE_COLUMNS):
-                work[GRAIN_FORCE + k * WIDTH + i] = forces[g, k]
-                forces[g, k] = 0.0
+                work[uint(GRAIN_FORCE + k * WIDTH + i)] = row[k]
+                row[k] = 0.0
         move_block(block, work, n, dt, L, before, damping, energy)
 
 
@@ -102,18 +105,17 @@ def domain_sites(sites, grains, first, last, images, shift, offset, drift):
     """
     number = len(images) - 1
     for start in range(first, last, WIDTH):
-        n = min(WIDTH, last - start)
-        block = grains[start // WIDTH]
-        for i in range(n):
+        block, rows = grains[start // WIDTH], sites[start : min(start + WIDTH, last)]
+        for i in range(len(rows)):
             for k in range(SITE_COLUMNS):
-                sites[start + i, k] = block[k * WIDTH + i]
+                rows[uint(i), k] = block[uint(k * WIDTH + i)]
     for g in range(first, last):
-        for image in range(images[g], images[g + 1]):
-            a, b, c = shift[image, 0], shift[image, 1], shift[image, 2]
+        for image in range(images[uint(g)], images[uint(g + 1)]):
+            row, copy, periods = sites[uint(g)], sites[uint(number + image)], shift[uint(image)]
             for k in range(3):
-                sites[number + image, k] = sites[g, k] + (offset[k, 0] * a + offset[k, 1] * b + offset[k, 2] * c)
-                sites[number + image, 3 + k] = sites[g, 3 + k] + (drift[k, 0] * a + drift[k, 1] * b + drift[k, 2] * c)
-                sites[number + image, 6 + k] = sites[g, 6 + k]
+                copy[k] = row[k] + (offset[k, 0] * periods[0] + offset[k, 1] * periods[1] + offset[k, 2] * periods[2])
+                copy[3 + k] = row[3 + k] + (drift[k, 0] * periods[0] + drift[k, 1] * periods[1] + drift[k, 2] * periods[2])
+                copy[6 + k] = row[6 + k]
 
 
 @compiled
