@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit import servo
+from labkit.energy import opened, require_balanced
 from labkit.engines import start_engine
 from labkit.errors import PhysicsError
 from labkit.micro.contacts import contacts_of
@@ -28,10 +29,11 @@ def pressure_error(state, pressure):
 def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fraction, text: None):
     """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit."""
     path = Consolidation(pressure)
-    machine = start_engine(engine, specimen.at_rest().replace(time_step=specimen.scene.time_step), threads)
+    machine = start_engine(engine, opened(specimen.at_rest().replace(time_step=specimen.scene.time_step)), threads)
     first = max(pressure_error(specimen, pressure), 2 * TOLERANCE)
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
         state = machine.state()
+        require_balanced(state)
         error = pressure_error(state, pressure)
         progress(log_fraction(first, error, TOLERANCE), f"consolidation, pressure off by {error:.2%}")
         unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))

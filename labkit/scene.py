@@ -63,6 +63,11 @@ class Scene:
         """kt = kn/kappa (paper, below Eq. 3). Radii in m, any shape; N/m."""
         return self.normal_stiffness(radius_a, radius_b) / self.stiffness_ratio
 
+    def rolling_stiffness(self, radius_a, radius_b):
+        """kr: kt Ra Rb/4 of law yade, kt r*^2 of law paper (Eq. 3). Radii in m, any shape; N m."""
+        kt, product = self.tangential_stiffness(radius_a, radius_b), radius_a * radius_b
+        return kt * (product / 4.0 if self.law == "yade" else (product / (radius_a + radius_b)) ** 2)
+
     def mass(self, radius):
         """Mass of a spherical grain, kg. Radius in m, any shape."""
         return self.density * (4.0 / 3.0) * np.pi * radius**3

@@ -12,12 +12,13 @@ import numpy as np
 import labkit
 from labkit.engines.base import Engine
 from labkit.engines.kernel import steps
-from labkit.engines.kernel.layout import DAMPING_LOSS, WIDTH
+from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
 from labkit.engines.kernel.packing import Grains, History, pack
 from labkit.engines.kernel.stress import branch_force
 from labkit.errors import InputError, PhysicsError
+from labkit.micro.indicators import kinetic_energy
 
-MARGIN = 0.02  # of the mean diameter: gap of the pairs that are kept at hand
+MARGIN = 0.01  # of the mean diameter: gap of the pairs that are kept at hand
 
 
 class FusedEngine(Engine):
@@ -39,7 +40,7 @@ class FusedEngine(Engine):
 
     def load(self, state):
         scene = state.scene
-        self._start = state
+        self._start, self._packing, self._ledger = state, None, state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
@@ -83,6 +84,7 @@ class FusedEngine(Engine):
 
     def _search(self, kinematics, history):
         """Finds the pairs of grains near each other anew and lays out the kernel's arrays."""
+        self._enter_flows()
         scene, radius = self._start.scene, self._start.radius
         self._packing = p = pack(
             Grains(*kinematics, radius, *self._mass), history, self._cell, self._margin, scene.normal_stiffness
@@ -92,6 +94,21 @@ class FusedEngine(Engine):
         for first, last in zip(p.grain_first, p.grain_first[1:]):
             steps.domain_sites(p.sites, p.grains, first, last, p.images, p.shift, self._cell, self._before @ cell_before)
 
+    def _enter_flows(self):
+        """Moves work and losses from the kernel's sums to the ledger."""
+        if self._packing is None:
+            return
+        sums = [
+            self._packing.work[:, row : row + WIDTH]
+            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, DASHPOT_LOSS)
+        ]
+        work, friction, rolling, damping, dashpots = (float(values.sum()) for values in sums)
+        for values in sums:
+            values[:] = 0.0
+        self._ledger = self._ledger.plus(work, friction, rolling, damping + dashpots)
+        if not np.isfinite(self._ledger.cell_work):
+            raise PhysicsError(f"forces are no numbers any more: the time step {self._time_step:.3g} s is too large")
+
     def stress(self):
         p = self._packing
         total = branch_force(
@@ -100,10 +117,13 @@ class FusedEngine(Engine):
         return -total / np.linalg.det(self._cell)
 
     def stop_grains(self):
-        position, velocity, spin = self._packing.unpack_grains()
-        self.load(self.state().replace(velocity=0.0 * velocity, angular_velocity=0.0 * spin))
+        state = self.state()
+        nothing = np.zeros_like(state.velocity)
+        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
+        self.load(state.replace(velocity=nothing, angular_velocity=nothing, ledger=ledger))
 
     def state(self):
+        self._enter_flows()
         position, velocity, spin = self._packing.unpack_grains()
         history = self._packing.unpack_history()
         first, second = history.grain[:, 0], history.grain[:, 1]
@@ -122,6 +142,7 @@ class FusedEngine(Engine):
             tangential_force=rows[:, :3].copy() if friction else nothing,
             rolling_moment=rows[:, -3:].copy() if rolling else nothing,
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
+            ledger=self._ledger,
         )  # fmt: skip
 
 
