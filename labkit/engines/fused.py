@@ -79,7 +79,7 @@ class FusedEngine(Engine):
             steps, moved_already, dt, gradient, self._before, self._cell, p.grain_first, p.contact_first,
             p.contact_last, p.sites, p.forces, p.grains, p.images, p.shift, p.pairs, p.blocks, p.work, p.start,
             self._first_cell, self._spread, self._limits, law["kt_over_kn"], law["friction"], law["rolling"],
-            law["paper"], law["dashpots"], law["damping"], gradient, law["turning"],
+            law["yade"], law["paper"], law["dashpots"], law["damping"], gradient, law["turning"],
         )  # fmt: skip
 
     def _search(self, kinematics, history):
@@ -160,6 +160,7 @@ def _law(scene):
         "kt_over_kn": 1.0 / scene.stiffness_ratio,
         "friction": friction,
         "rolling": rolling,
+        "yade": None if paper else True,
         "paper": True if paper else None,
         "dashpots": dashpots,
         "damping": scene.local_damping if scene.local_damping > 0.0 and not paper else None,

@@ -61,17 +61,17 @@ def add_forces(forces, first, second, work, turning):
 
 
 @compiled
-def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over_kn, friction, rolling, paper,
-                    dashpots, gradient, turning):  # fmt: skip
-    """All contacts first <= k < last of a domain, a whole number of blocks before them. paper: None for law yade."""
+def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over_kn, friction, rolling, yade,
+                    paper, dashpots, gradient, turning):  # fmt: skip
+    """All contacts first <= k < last of a domain, a whole number of blocks before them. yade, paper: the other is None."""
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
         block = blocks[start // WIDTH]
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
         read_sites(sites, a, b, work, turning)
-        if paper is None:
+        if yade is not None:
             yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient)
-        else:
+        if paper is not None:
             paper_block(block, work, n, dt, kt_over_kn, friction, rolling, dashpots, gradient)
         add_forces(forces, a, b, work, turning)
 
@@ -141,7 +141,7 @@ def _make_advance(parallel):
     @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, parallel=parallel)
     def advance(steps, moved_already, dt, L, before, cell, grain_first, contact_first, contact_last, sites, forces,
                 grains, images, shift, pairs, blocks, work, start, first_cell, spread, limits, kt_over_kn, friction,
-                rolling, paper, dashpots, damping, gradient, turning):  # fmt: skip
+                rolling, yade, paper, dashpots, damping, gradient, turning):  # fmt: skip
         """Takes up to `steps` steps; returns how many were taken, and whether neighbours must be sought.
 
         In that case the last motion has been made, its forces not: search, and go on with moved_already.
@@ -176,7 +176,7 @@ def _make_advance(parallel):
                         return step, True
             for d in numba.prange(domains):
                 domain_contacts(sites, forces, pairs, blocks, work[d], contact_first[d], contact_last[d], dt,
-                                kt_over_kn, friction, rolling, paper, dashpots, gradient, turning)  # fmt: skip
+                                kt_over_kn, friction, rolling, yade, paper, dashpots, gradient, turning)  # fmt: skip
         return steps, False
 
     return advance
