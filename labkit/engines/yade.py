@@ -140,7 +140,7 @@ class YadeEngine(Engine):
         self._cell_work += omega.cell.volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
 
     def stress(self):
-        return self._stress.copy()
+        return self._stress.copy()  # summed when the engine last stopped
 
     def _sum_stress(self):
         return -np.array(yade_utils.getStress(), dtype=float).reshape(3, 3).T

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from labkit.engines.kernel.layout import (
     CELL_WORK,
-    D,
     FORCE,
     FRICTION_LOSS,
     HISTORY,
@@ -22,6 +21,7 @@ from labkit.engines.kernel.layout import (
     WA,
     WB,
     WIDTH,
+    D,
     compiled,
 )
 from labkit.engines.kernel.vectors import cap, cross, dot, length_and_inverse

@@ -12,7 +12,6 @@ import math
 
 import numba
 import numpy as np
-
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
 from labkit.engines.kernel.law_paper import paper_block
