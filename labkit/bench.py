@@ -17,7 +17,7 @@ from labkit.state import read_state
 
 
 def variants():
-    """Name -> function (specimen file, steps) -> {quantity: value}: whatever this machine has, in the order of turns."""
+    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has."""
     found = {}
     if shutil.which("yade"):
         found["stock YADE script, 1 thread"] = lambda file, steps: _in_yade("stock.py", 1, file, steps)

@@ -76,8 +76,10 @@ def build_parser():
     info.add_argument("file")
     info.set_defaults(command=do_info)
 
-    bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script against labkit")
+    bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script, labkit's engines, LAMMPS")
     bench.add_argument("specimen", help="state file")
+    bench.add_argument("--what", choices=("engines", "features", "sizes"), default="engines", help="compare engines "
+                       "(default), what each feature of the engine fused costs, or sizes of specimens")  # fmt: skip
     bench.add_argument("--steps", type=arguments.positive_int, default=500, help="steps of one measurement")
     bench.add_argument("--rounds", type=arguments.positive_int, default=5, help="measurements of each, in turn")
     bench.set_defaults(command=do_bench)
@@ -191,13 +193,23 @@ def do_info(options, argv):
 
 
 def do_bench(options, argv):
-    from labkit.bench import bench, table
-    from labkit.paths import ConstantVolume
     from labkit.state import read_state
 
     state = read_state(options.specimen)
-    found = bench(options.specimen, options.steps, options.rounds, reporter("bench"))
-    print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+    progress = reporter("bench")
+    if options.what == "engines":
+        from labkit.bench import bench, table
+        from labkit.paths import ConstantVolume
+
+        found = bench(options.specimen, options.steps, options.rounds, progress)
+        print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+    else:
+        from labkit import bench_kernel
+
+        if options.what == "features":
+            print(bench_kernel.features(state, options.steps, options.rounds, progress))
+        else:
+            print(bench_kernel.sizes(state, options.steps, progress))
 
 
 def do_demo(options, argv):

@@ -31,10 +31,10 @@ class Scene:
     ratcheting, and turns forces with their contact to first order, so that over a run they leave the tangent
     plane by some 1e-3 of their size.
 
-    `law = "paper"` is Eqs. 1-3, for the engine fused alone: dashpots `beta_n`, `beta_t`, kr = kt r*^2, |M| <= mu_r r* fn;
-    no local damping. The limits bound the springs, fn there being kn delta; the dashpots act beside them, so that
-    a separating pair may be pulled for an instant. Records and stresses hold the forces of the springs, which a State
-    determines; what the dashpots add is below 1e-3 of them in a quasi-static test.
+    `law = "paper"` is Eqs. 1-3, for the engine fused alone: dashpots `beta_n`, `beta_t`, kr = kt r*^2,
+    |M| <= mu_r r* fn; no local damping. The limits bound the springs, fn there being kn delta; the dashpots act
+    beside them, so that a separating pair may be pulled for an instant. Records and stresses hold the forces of the
+    springs, which a State determines; the work of the cell counts the dashpots too.
 
     Raises InputError for a value outside its physical range.
     """

@@ -18,7 +18,10 @@ from labkit.engines.kernel.stress import branch_force
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.indicators import kinetic_energy
 
-MARGIN = 0.01  # of the mean diameter: gap of the pairs that are kept at hand
+# Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough
+# for a thousand steps. Where they fly about the gap doubles until a search lasts for SEARCH_STEPS[0].
+LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
+SEARCH_STEPS = (200, 4000)
 
 
 class FusedEngine(Engine):
@@ -44,8 +47,7 @@ class FusedEngine(Engine):
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
-        self._margin = MARGIN * 2.0 * state.radius.mean()
-        self._limits = (2.0 * state.radius.max(), self._margin)
+        self._margin, self._since_search = LEAST_MARGIN * 2.0 * state.radius.mean(), 0
         self._law = _law(scene)
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
@@ -66,11 +68,22 @@ class FusedEngine(Engine):
         while done < steps:
             taken, search = self._run(steps - done, gradient, self._time_step, searched)
             done += taken
+            self._since_search += taken
             searched = search
             if search:
+                self._fit_margin()
                 self._search(self._packing.unpack_grains(), self._packing.unpack_history())
         self._step += steps
         self._time += steps * self._time_step
+
+    def _fit_margin(self):
+        """A wider or narrower gap for the next search, after how long the last one has lasted."""
+        diameter = 2.0 * self._start.radius.mean()
+        if self._since_search < SEARCH_STEPS[0]:
+            self._margin = min(2.0 * self._margin, MOST_MARGIN * diameter)
+        elif self._since_search > SEARCH_STEPS[1]:
+            self._margin = max(0.5 * self._margin, LEAST_MARGIN * diameter)
+        self._since_search = 0
 
     def _run(self, steps, gradient, dt, moved_already):
         p = self._packing
@@ -78,8 +91,9 @@ class FusedEngine(Engine):
         return self._advance(
             steps, moved_already, dt, gradient, self._before, self._cell, p.grain_first, p.contact_first,
             p.contact_last, p.sites, p.forces, p.grains, p.images, p.shift, p.pairs, p.blocks, p.work, p.start,
-            self._first_cell, self._spread, self._limits, law["kt_over_kn"], law["friction"], law["rolling"],
-            law["yade"], law["paper"], law["dashpots"], law["damping"], gradient, law["turning"],
+            self._first_cell, self._spread, (2.0 * self._start.radius.max(), self._margin), law["kt_over_kn"],
+            law["friction"], law["rolling"], law["yade"], law["paper"], law["dashpots"], law["damping"],
+            gradient if law["energy"] else None, law["turning"],
         )  # fmt: skip
 
     def _search(self, kinematics, history):
@@ -90,9 +104,9 @@ class FusedEngine(Engine):
             Grains(*kinematics, radius, *self._mass), history, self._cell, self._margin, scene.normal_stiffness
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
-        cell_before = np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
+        drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
         for first, last in zip(p.grain_first, p.grain_first[1:]):
-            steps.domain_sites(p.sites, p.grains, first, last, p.images, p.shift, self._cell, self._before @ cell_before)
+            steps.domain_sites(p.sites, p.grains, first, last, p.images, p.shift, self._cell, drift)
 
     def _enter_flows(self):
         """Moves work and losses from the kernel's sums to the ledger."""
@@ -147,7 +161,7 @@ class FusedEngine(Engine):
 
 
 def _law(scene):
-    """What the kernel computes for a scene; what is None is left out of it."""
+    """What the kernel computes for a scene; what is None or False is left out of it."""
     paper = scene.law == "paper"
     rolling = None
     if scene.rolling_friction > 0.0:
@@ -164,5 +178,6 @@ def _law(scene):
         "paper": True if paper else None,
         "dashpots": dashpots,
         "damping": scene.local_damping if scene.local_damping > 0.0 and not paper else None,
+        "energy": True,  # `labkit bench` alone leaves it out
         "turning": True if paper or friction is not None or rolling is not None else None,
     }

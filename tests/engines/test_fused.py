@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from labkit.bench_kernel import copies
 from labkit.energy import balance_error, opened
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
@@ -128,7 +129,7 @@ def test_work_and_losses_are_yades(yade_specimen, beside_yade):
 
 def test_a_state_goes_from_yade_to_fused_and_back_without_a_jump(yade_specimen, beside_yade, in_yade, tmp_path):
     gradient, given, _ = beside_yade
-    (half, stress), (end, end_stress) = given[1], given[2]
+    (half, stress), (_, end_stress) = given[1], given[2]
     machine = FusedEngine(half)
     assert np.abs(machine.stress() - stress).max() < 1e-12 * np.abs(stress).max()
     machine.advance(950, gradient)
@@ -348,7 +349,7 @@ def identical(a, b):
 def test_any_number_of_threads_gives_the_same_bits(specimen):
     gradient = shear(specimen)
     # several domains: eight copies of the specimen
-    state = copies(specimen, 2)
+    state = copies(specimen, (2, 2, 2))
     assert state.number_of_grains > 8000
     results = []
     for threads in (1, 2):
@@ -367,18 +368,6 @@ def test_a_run_through_a_checkpoint_is_the_run_that_is_resumed_from_it(specimen,
     for either in (machine, resumed):
         either.advance(1300, gradient)
     assert identical(machine.state(), resumed.state())
-
-
-def copies(state, times):
-    """The same specimen `times` times in each direction: another cell, the same physics. Contacts start anew."""
-    shifts = np.stack(np.meshgrid(*[np.arange(times)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    position = (state.position[None] + (shifts @ state.cell.T)[:, None]).reshape(-1, 3)
-    many = len(shifts)
-    result = grains_in_cell(state.scene, np.tile(state.radius, many), position, times * state.cell)
-    return result.replace(
-        velocity=np.tile(state.velocity, (many, 1)), angular_velocity=np.tile(state.angular_velocity, (many, 1)),
-        velocity_gradient=state.velocity_gradient, time_step=state.time_step,
-    )  # fmt: skip
 
 
 def test_what_a_scene_leaves_out_is_not_kept():
@@ -471,7 +460,7 @@ def test_a_cell_hardly_wider_than_two_grains(law):
     state = grains_in_cell(scene, rng.uniform(0.8, 1.0, 7) * R, rng.random((7, 3)) * width, np.eye(3) * width)
     state = state.replace(time_step=1e-9, velocity=0.1 * rng.normal(size=(7, 3)))
     gradient = np.array([[100.0, 50.0, 0.0], [0.0, -20.0, 0.0], [0.0, 10.0, -90.0]])
-    small, large = FusedEngine(state), FusedEngine(copies(state, 3))
+    small, large = FusedEngine(state), FusedEngine(copies(state, (3, 3, 3)))
     for machine in (small, large):
         machine.advance(1500, gradient)
     assert np.abs(small.stress() - large.stress()).max() < 1e-9 * np.abs(small.stress()).max()

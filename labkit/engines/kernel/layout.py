@@ -37,5 +37,14 @@ GRAIN_FORCE = 25 * WIDTH
 DAMPING_LOSS, SPEED2 = (row * WIDTH for row in (31, 32))
 WORK_ROWS = 33
 
-# contract: a*b + c in one instruction. Nothing that would let NaN or the order of sums go unnoticed.
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+
+
+def compiled_with(**options):
+    """Numba's decorator as the whole kernel uses it.
+
+    contract: a*b + c in one instruction. Nothing that would let NaN or the order of sums go unnoticed.
+    """
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)
+
+
+compiled = compiled_with()

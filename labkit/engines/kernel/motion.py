@@ -41,10 +41,9 @@ def move_block(block, work, n, dt, L, before, damping, energy):
 
     energy: not None to sum what damping takes. The loop keeps the largest c^2 in the row SPEED2 of `work`.
     """
-    jx, jy, jz = L[0, 0] - before[0, 0], L[1, 1] - before[1, 1], L[2, 2] - before[2, 2]
-    jxy, jxz, jyx, jyz, jzx, jzy = (
-        L[0, 1] - before[0, 1], L[0, 2] - before[0, 2], L[1, 0] - before[1, 0], L[1, 2] - before[1, 2], L[2, 0] - before[2, 0], L[2, 1] - before[2, 1],
-    )  # fmt: skip
+    jxx, jxy, jxz = L[0, 0] - before[0, 0], L[0, 1] - before[0, 1], L[0, 2] - before[0, 2]
+    jyx, jyy, jyz = L[1, 0] - before[1, 0], L[1, 1] - before[1, 1], L[1, 2] - before[1, 2]
+    jzx, jzy, jzz = L[2, 0] - before[2, 0], L[2, 1] - before[2, 1], L[2, 2] - before[2, 2]
     spin_x, spin_y, spin_z = 0.5 * (jzy - jyz), 0.5 * (jxz - jzx), 0.5 * (jyx - jxy)
     for i in range(n):
         x, y, z = block[X + i], block[X + WIDTH + i], block[X + 2 * WIDTH + i]
@@ -72,9 +71,9 @@ def move_block(block, work, n, dt, L, before, damping, energy):
         ax += before[0, 0] * vx + before[0, 1] * vy + before[0, 2] * vz
         ay += before[1, 0] * vx + before[1, 1] * vy + before[1, 2] * vz
         az += before[2, 0] * vx + before[2, 1] * vy + before[2, 2] * vz
-        vx += dt * ax + (jx * x + jxy * y + jxz * z)
-        vy += dt * ay + (jyx * x + jy * y + jyz * z)
-        vz += dt * az + (jzx * x + jzy * y + jz * z)
+        vx += dt * ax + (jxx * x + jxy * y + jxz * z)
+        vy += dt * ay + (jyx * x + jyy * y + jyz * z)
+        vz += dt * az + (jzx * x + jzy * y + jzz * z)
         cx = vx - (L[0, 0] * x + L[0, 1] * y + L[0, 2] * z)
         cy = vy - (L[1, 0] * x + L[1, 1] * y + L[1, 2] * z)
         cz = vz - (L[2, 0] * x + L[2, 1] * y + L[2, 2] * z)

@@ -26,6 +26,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     D,
     compiled,
+    compiled_with,
 )
 from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
 
@@ -62,7 +63,10 @@ def add_forces(forces, first, second, work, turning):
 @compiled
 def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over_kn, friction, rolling, yade,
                     paper, dashpots, gradient, turning):  # fmt: skip
-    """All contacts first <= k < last of a domain, a whole number of blocks before them. yade, paper: the other is None."""
+    """All contacts first <= k < last of a domain, a whole number of blocks before them.
+
+    yade, paper: None for the other law.
+    """
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
         block = blocks[start // WIDTH]
@@ -111,9 +115,10 @@ def domain_sites(sites, grains, first, last, images, shift, offset, drift):
     for g in range(first, last):
         for image in range(images[uint(g)], images[uint(g + 1)]):
             row, copy, periods = sites[uint(g)], sites[uint(number + image)], shift[uint(image)]
+            x, y, z = periods[0], periods[1], periods[2]
             for k in range(3):
-                copy[k] = row[k] + (offset[k, 0] * periods[0] + offset[k, 1] * periods[1] + offset[k, 2] * periods[2])
-                copy[3 + k] = row[3 + k] + (drift[k, 0] * periods[0] + drift[k, 1] * periods[1] + drift[k, 2] * periods[2])
+                copy[k] = row[k] + (offset[k, 0] * x + offset[k, 1] * y + offset[k, 2] * z)
+                copy[3 + k] = row[3 + k] + (drift[k, 0] * x + drift[k, 1] * y + drift[k, 2] * z)
                 copy[6 + k] = row[6 + k]
 
 
@@ -137,7 +142,6 @@ def farthest(grains, start, number, back):
 def _make_advance(parallel):
     """The loop over steps; compiled once for one thread and once for several."""
 
-    @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, parallel=parallel)
     def advance(steps, moved_already, dt, L, before, cell, grain_first, contact_first, contact_last, sites, forces,
                 grains, images, shift, pairs, blocks, work, start, first_cell, spread, limits, kt_over_kn, friction,
                 rolling, yade, paper, dashpots, damping, gradient, turning):  # fmt: skip
@@ -147,18 +151,14 @@ def _make_advance(parallel):
         spread (2,): how far grains may have moved since the search, at most, and how much the cell has stretched.
         """
         domains = len(contact_first)
-        several = parallel
         cell_before = np.empty((3, 3))
-        drift = np.empty((3, 3))
         speed = np.empty(domains)
         largest_diameter, margin = limits
         for step in range(steps):
             if not (moved_already and step == 0):
                 cell_before[:] = cell
                 move_cell(cell, L, dt)
-                for i in range(3):
-                    for j in range(3):
-                        drift[i, j] = L[i, 0] * cell_before[0, j] + L[i, 1] * cell_before[1, j] + L[i, 2] * cell_before[2, j]
+                drift = L @ cell_before
                 for d in numba.prange(domains):
                     first, last = grain_first[d], grain_first[d + 1]
                     domain_grains(forces, grains, work[d], first, last, images, dt, L, before, damping, gradient)
@@ -178,7 +178,8 @@ def _make_advance(parallel):
                                 kt_over_kn, friction, rolling, yade, paper, dashpots, gradient, turning)  # fmt: skip
         return steps, False
 
-    return advance
+    advance.__qualname__ = f"advance_parallel_{parallel}"  # Numba's cache tells functions apart by their names
+    return compiled_with(parallel=parallel)(advance)
 
 
 advance_one_thread = _make_advance(False)
