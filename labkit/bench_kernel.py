@@ -161,8 +161,10 @@ def sizes(state, steps, progress):
     """Table of the time per grain and step, and of the memory, from about 1,000 to 100,000 grains."""
     lines = [f"{'grains':>8} {'steps/s':>9} {'ns per grain-step':>18} {'of the first':>13} {'peak memory, MB':>16}"]
     first = None
+    machine = None
     for number, grains in enumerate(SIZES):
         progress(number / len(SIZES), f"{grains} grains")
+        del machine
         times = max(1.0, (grains / state.number_of_grains) ** (1 / 3))
         times = [int(times) + (times % 1 > share) for share in (0.75, 0.5, 0.25)]
         many = copies(state, times)

@@ -12,12 +12,14 @@ from labkit import arguments, commands
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
+from labkit.memory import return_large_arrays
 from labkit.progress import reporter
 
 
 def main(argv=None):
     """Runs a command; returns 0 done, 1 the physics or a check failed, 2 bad input."""
     argv = sys.argv[1:] if argv is None else argv
+    return_large_arrays()
     try:
         options = arguments.parse(build_parser(), argv)
         return options.command(options, argv) or 0

@@ -33,27 +33,43 @@ def critical_time_step(state):
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
 
+CHUNK = 20_000  # contacts or grains at a time: matrices of all of them would need more memory than the simulation
+
+
 def largest_eigenvalues(state, contacts, normal, tangential, rolling):
     """Of M^-1 K_g for every grain, with these coefficients of the contacts, N/m and N m (or N s/m); shape (grain,)."""
-    scene, radius, n = state.scene, state.radius, contacts.normal
+    scene, radius, grains = state.scene, state.radius, state.number_of_grains
+    K = np.zeros((grains, 6, 6))
+    for first in range(0, len(contacts), CHUNK):
+        some = slice(first, first + CHUNK)
+        _add_contacts(
+            K, radius, contacts.grain[some], contacts.normal[some], normal[some], tangential[some], rolling[some]
+        )  # fmt: skip
+    largest = np.empty(grains)
+    for first in range(0, grains, CHUNK):
+        some = slice(first, first + CHUNK)
+        inertia = np.stack([scene.mass(radius[some])] * 3 + [scene.moment_of_inertia(radius[some])] * 3, axis=1)
+        scaling = 1.0 / np.sqrt(inertia)
+        largest[some] = np.linalg.eigvalsh(K[some] * scaling[:, :, None] * scaling[:, None, :])[:, -1]
+    return largest
+
+
+def _add_contacts(K, radius, grains, n, normal, tangential, rolling):
+    """Adds what contacts (n,) between `grains` (n, 2) with normals (n, 3) are to the K_g (grain, 6, 6) of both."""
     nn = n[:, :, None] * n[:, None, :]
     tangent = np.eye(3) - nn
     cross = np.zeros_like(nn)  # the matrix of n x
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -n[:, 2], n[:, 1], -n[:, 0]
     cross -= cross.transpose(0, 2, 1)
     normal, tangential, rolling = (values[:, None, None] for values in (normal, tangential, rolling))
-    K = np.zeros((state.number_of_grains, 6, 6))
     for side, sign in ((0, 1.0), (1, -1.0)):
-        grain = contacts.grain[:, side]
+        grain = grains[:, side]
         R = radius[grain][:, None, None]
         coupling = sign * tangential * R * cross
         np.add.at(K[:, :3, :3], grain, normal * nn + tangential * tangent)
         np.add.at(K[:, 3:, 3:], grain, (tangential * R**2 + rolling) * tangent)
         np.add.at(K[:, 3:, :3], grain, coupling)
         np.add.at(K[:, :3, 3:], grain, coupling.transpose(0, 2, 1))
-    inertia = np.stack([scene.mass(radius)] * 3 + [scene.moment_of_inertia(radius)] * 3, axis=1)
-    scaling = 1.0 / np.sqrt(inertia)
-    return np.linalg.eigvalsh(K * scaling[:, :, None] * scaling[:, None, :])[:, -1]
 
 
 def require_stable(state):

@@ -16,6 +16,7 @@ from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, 
 from labkit.engines.kernel.packing import Grains, History, pack
 from labkit.engines.kernel.stress import branch_force
 from labkit.errors import InputError, PhysicsError
+from labkit.memory import return_large_arrays
 from labkit.micro.indicators import kinetic_energy
 
 # Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough
@@ -31,6 +32,7 @@ class FusedEngine(Engine):
     version = labkit.__version__
 
     def __init__(self, state, threads=1):
+        return_large_arrays()
         if threads > numba.config.NUMBA_NUM_THREADS:
             raise InputError(
                 f"--threads {threads} are too many for the engine fused here: give at most "
@@ -56,7 +58,7 @@ class FusedEngine(Engine):
             ) if kept is not None
         ]  # fmt: skip
         history = History(
-            state.contact_grain, state.contact_shift.astype(np.int64),
+            state.contact_grain, state.contact_shift,
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
         )  # fmt: skip
         self._search((state.position, state.velocity, state.angular_velocity), history)
@@ -99,6 +101,7 @@ class FusedEngine(Engine):
     def _search(self, kinematics, history):
         """Finds the pairs of grains near each other anew and lays out the kernel's arrays."""
         self._enter_flows()
+        self._packing = None  # the old arrays make room for the new
         scene, radius = self._start.scene, self._start.radius
         self._packing = p = pack(
             Grains(*kinematics, radius, *self._mass), history, self._cell, self._margin, scene.normal_stiffness

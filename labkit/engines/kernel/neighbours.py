@@ -110,10 +110,10 @@ def find_pairs(position, radius, cell, grid, margin):
     """
     capacity = 4 * len(position) + 64
     while True:
-        pairs, shifts = np.empty((2, capacity), np.int64), np.empty((capacity, 3), np.int64)
+        pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
         found = find(
             position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts
         )  # fmt: skip
         if found <= capacity:
-            return pairs[:, :found], shifts[:found]
+            return pairs[:, :found].copy(), shifts[:found].copy()
         capacity = found

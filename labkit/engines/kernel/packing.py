@@ -72,7 +72,8 @@ class Packing:
 
     def unpack_history(self):
         """The History of all pairs, touching or not."""
-        rows = from_blocks(self.blocks, self.blocks.shape[0] * WIDTH)[HISTORY // WIDTH :, self.slot].T
+        blocks = self.blocks.reshape(len(self.blocks), -1, WIDTH)
+        rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]
         return ordered(self.order[self.pair], self.pair_shift, rows)
 
 
@@ -81,9 +82,8 @@ def ordered(grain, shift, rows):
     first, second = grain[:, 0], grain[:, 1]
     leading = np.sign(shift) @ np.array([9, 3, 1])
     swap = ((first > second) | ((first == second) & (leading < 0)))[:, None]
-    return History(
-        np.where(swap, grain[:, ::-1], grain), np.where(swap, -shift, shift), np.where(swap, -rows, rows)
-    )  # fmt: skip
+    sign = np.where(swap, -1, 1)
+    return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows * sign)
 
 
 def pack(grains, history, cell, margin, stiffness):
@@ -111,8 +111,11 @@ def pack(grains, history, cell, margin, stiffness):
     placed = np.zeros((2, max(blocks, 1) * WIDTH), np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
     a, b = radius[pairs[0]], radius[pairs[1]]
-    rows = np.ones((HISTORY // WIDTH + history.rows.shape[1], max(blocks, 1) * WIDTH))
-    rows[:, slot] = np.concatenate([[stiffness(a, b), a, b], carried(history, order, pairs, shift, grid.period).T])
+    laid = np.ones((max(blocks, 1), HISTORY // WIDTH + history.rows.shape[1], WIDTH))
+    for row, numbers in enumerate((stiffness(a, b), a, b)):
+        laid[slot // WIDTH, row, slot % WIDTH] = numbers
+    for row, numbers in enumerate(carried(history, order, pairs, shift, grid.period).T, HISTORY // WIDTH):
+        laid[slot // WIDTH, row, slot % WIDTH] = numbers
     values = (grains.position, grains.velocity, grains.spin)
     columns = np.concatenate([*(v[order].T for v in values), [1.0 / grains.mass[order], 1.0 / grains.inertia[order]]])
     sites = number + len(image_shift)
@@ -120,7 +123,7 @@ def pack(grains, history, cell, margin, stiffness):
         order=order, grain_first=grain_first, contact_first=contact_first, contact_last=contact_first + counts,
         slot=slot, pair=pairs.T, pair_shift=shift, images=images, shift=image_shift,
         sites=np.zeros((sites, SITE_COLUMNS)), forces=np.zeros((sites, FORCE_COLUMNS)),
-        grains=to_blocks(columns, GRAIN_ROWS), pairs=placed, blocks=to_blocks(rows, len(rows)),
+        grains=to_blocks(columns, GRAIN_ROWS), pairs=placed, blocks=laid.reshape(len(laid), -1),
         work=np.zeros((domains, WORK_ROWS * WIDTH)), start=position,
     )  # fmt: skip
 
@@ -130,7 +133,7 @@ def make_images(pairs, shift, domain, grain_first):
     in another period or belongs to another domain, it gets a site of its own."""
     second = pairs[1].copy()
     needed = np.flatnonzero(shift.any(axis=1) | (np.searchsorted(grain_first, second, side="right") - 1 != domain))
-    key = second[needed] * MOST_DOMAINS + domain[needed]
+    key = second[needed].astype(np.int64) * MOST_DOMAINS + domain[needed]
     for k in range(3):
         key = key * (4 * LOST) + (shift[needed, k] + 2 * LOST)
     _, index, inverse = np.unique(key, return_index=True, return_inverse=True)
