@@ -22,7 +22,7 @@ from labkit.micro.indicators import kinetic_energy
 # Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough
 # for a thousand steps. Where they fly about the gap doubles until a search lasts for SEARCH_STEPS[0].
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
-SEARCH_STEPS = (200, 4000)
+SEARCH_STEPS = (150, 1500)
 
 
 class FusedEngine(Engine):
@@ -73,10 +73,13 @@ class FusedEngine(Engine):
             self._since_search += taken
             searched = search
             if search:
-                self._fit_margin()
-                self._search(self._packing.unpack_grains(), self._packing.unpack_history())
+                self._search_again()
         self._step += steps
         self._time += steps * self._time_step
+
+    def _search_again(self):
+        self._fit_margin()
+        self._search(self._packing.unpack_grains(), self._packing.unpack_history())
 
     def _fit_margin(self):
         """A wider or narrower gap for the next search, after how long the last one has lasted."""
