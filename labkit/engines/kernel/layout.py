@@ -16,6 +16,9 @@ import numba
 if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
     numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
+if numba.config.THREADING_LAYER == "default":  # OpenMP's threads spin while they wait, TBB's did not wake in time
+    numba.config.THREADING_LAYER = "workqueue"
+
 WIDTH = 64  # contacts or grains of a block
 
 # rows of a block of contacts: constants, then the history that the scene keeps
