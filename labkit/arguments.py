@@ -9,6 +9,7 @@ import sys
 from labkit.engines import ENGINES
 from labkit.errors import InputError
 from labkit.paths import PATHS
+from labkit.scene import LAWS
 from labkit.simulation import SNAPSHOTS
 
 
@@ -35,6 +36,8 @@ def add_specimen_options(parser):
     parser.add_argument("--side", type=float, default=4e-3, help="side of the cube in m (default: 4e-3)")
     parser.add_argument("--grains", type=positive_int, help="choose the side for about so many grains instead")
     parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")
+    parser.add_argument("--law", choices=LAWS, default="yade", help="contact law: YADE's, or Eqs. 1-3 of the paper "
+                        "(engine fused only; default: yade)")  # fmt: skip
     add_engine_options(parser)
     parser.add_argument("-o", "--output", help="state file to write (default: a name made of the "
                         "parameters)")  # fmt: skip

@@ -3,39 +3,70 @@
 from __future__ import annotations
 
 import os
+import shutil
 import statistics
 import subprocess
+import sys
 
-from labkit import servo
+from labkit import bench_lammps, servo
 from labkit.engines.yade_process import find_script, find_yade, yade_environment
 from labkit.errors import PhysicsError
 from labkit.paths import ConstantVolume
+from labkit.servo import velocity_gradient
+from labkit.state import read_state
 
-VARIANTS = {
-    "stock script, 1 thread": ("stock.py", 1),
-    "labkit on YADE, 1 thread": ("speed.py", 1),
-    "labkit on YADE, 2 threads": ("speed.py", 2),
-}
+
+def variants():
+    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has."""
+    found = {}
+    if shutil.which("yade"):
+        found["stock YADE script, 1 thread"] = lambda file, steps: _in_yade("stock.py", 1, file, steps)
+        found["labkit on YADE, 1 thread"] = lambda file, steps: _in_yade("speed.py", 1, file, steps)
+        found["labkit on YADE, 2 threads"] = lambda file, steps: _in_yade("speed.py", 2, file, steps)
+    if shutil.which("lmp"):
+        found["LAMMPS, 1 process"] = _in_lammps
+    found["fused, 1 thread"] = lambda file, steps: _fused(1, file, steps)
+    found["fused, 2 threads"] = lambda file, steps: _fused(2, file, steps)
+    return found
+
+
+FASTER = 10  # the engine fused takes so many times more steps, so that a measurement lasts
 
 
 def bench(specimen, steps, rounds, progress):
     """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
-    found = {name: [] for name in VARIANTS}
+    machines = variants()
+    found = {name: [] for name in machines}
     for turn in range(rounds):
-        for number, (name, (script, threads)) in enumerate(VARIANTS.items()):
-            progress((turn * len(VARIANTS) + number) / (rounds * len(VARIANTS)), name)
-            found[name].append(_run(script, threads, specimen, steps))
+        for number, (name, run) in enumerate(machines.items()):
+            progress((turn * len(machines) + number) / (rounds * len(machines)), name)
+            found[name].append(run(os.path.abspath(specimen), steps))
     progress(1.0, "done")
     return found
 
 
-def _run(script, threads, specimen, steps):
-    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), os.path.abspath(specimen), str(steps)]
-    done = subprocess.run(command, env=yade_environment(), capture_output=True, text=True)
+def _in_yade(script, threads, specimen, steps):
+    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), specimen, str(steps)]
+    return _quantities(command, yade_environment())
+
+
+def _fused(threads, specimen, steps):
+    command = [sys.executable, "-m", "labkit.speed", specimen, str(FASTER * steps), str(threads)]
+    return _quantities(command, None)
+
+
+def _quantities(command, environment):
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
     words = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
     if done.returncode or not words:
-        raise PhysicsError(f"{script} ended with exit status {done.returncode}: {done.stderr.strip()[-300:]}")
+        raise PhysicsError(f"{command[-3]} ended with exit status {done.returncode}: {done.stderr.strip()[-300:]}")
     return {name: float(value) for name, value in words}
+
+
+def _in_lammps(specimen, steps):
+    state = read_state(specimen)
+    rates = velocity_gradient(ConstantVolume(), 1.0, state.time_step).diagonal()
+    return {"steps_per_second": bench_lammps.steps_per_second(shutil.which("lmp"), state, rates, steps)}
 
 
 def table(found, grains, time_step, rate):

@@ -15,6 +15,7 @@ from labkit import arguments, commands
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
+from labkit.memory import return_large_arrays
 from labkit.model import options as model_options
 from labkit.progress import reporter
 
@@ -24,6 +25,7 @@ FIGURES = ("groups", "densities", "directions", "shares", "family", "budget", "c
 def main(argv=None):
     """Runs a command; returns 0 done, 1 the physics or a check failed, 2 bad input."""
     argv = sys.argv[1:] if argv is None else argv
+    return_large_arrays()
     try:
         options = arguments.parse(build_parser(), argv)
         return options.command(options, argv) or 0
@@ -113,8 +115,10 @@ def build_parser():
     info.add_argument("file")
     info.set_defaults(command=do_info)
 
-    bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script against labkit")
+    bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script, labkit's engines, LAMMPS")
     bench.add_argument("specimen", help="state file")
+    bench.add_argument("--what", choices=("engines", "features", "sizes"), default="engines", help="compare engines "
+                       "(default), what each feature of the engine fused costs, or sizes of specimens")  # fmt: skip
     bench.add_argument("--steps", type=arguments.positive_int, default=500, help="steps of one measurement")
     bench.add_argument("--rounds", type=arguments.positive_int, default=5, help="measurements of each, in turn")
     bench.set_defaults(command=do_bench)
@@ -131,22 +135,26 @@ def build_parser():
 
 def do_specimen(options, argv):
     commands.check_specimen(options)
-    in_yade("specimen.py", argv[1:], options.threads, "specimen")
+    on_engine(options, argv, "specimen", "specimen.py", commands.specimen)
 
 
 def do_run(options, argv):
     commands.check_run(options)
-    in_yade("path.py", argv[1:], options.threads, options.path)
+    on_engine(options, argv, options.path, "path.py", commands.run_path)
 
 
 def do_consolidate(options, argv):
     commands.check_consolidation(options)
-    in_yade("consolidate.py", argv[1:], options.threads, "consolidation")
+    on_engine(options, argv, "consolidation", "consolidate.py", commands.consolidation)
 
 
-def in_yade(script, argv, threads, title):
-    find_yade()
-    run_script(script, argv, threads, reporter(title))
+def on_engine(options, argv, title, script, command):
+    """Runs the command where its engine lives: here, or as a script of yade_scripts in a YADE of its own."""
+    if options.engine == "yade":
+        find_yade()
+        run_script(script, argv[1:], options.threads, reporter(title))
+    else:
+        command(options, reporter(title), "labkit " + shlex.join(argv))
 
 
 def do_verify(options, argv):
@@ -258,7 +266,7 @@ def do_stratified(options, argv):
     if not (Path(options.output).exists() and read_state(options.output).recipe == made):
         shown = {"figure", "csv", "command"}
         words = [f"--{name.replace('_', '-')}={value}" for name, value in vars(options).items() if name not in shown]
-        in_yade("stratified.py", words, options.threads, "layer")
+        on_engine(options, ["stratified", *words], "layer", "stratified.py", commands.stratified)
     state = read_state(options.output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in stratified.strata(state)])
     plots.save(micro_figures.stratified_layer(state), figure)
@@ -310,13 +318,23 @@ def do_info(options, argv):
 
 
 def do_bench(options, argv):
-    from labkit.bench import bench, table
-    from labkit.paths import ConstantVolume
     from labkit.state import read_state
 
     state = read_state(options.specimen)
-    found = bench(options.specimen, options.steps, options.rounds, reporter("bench"))
-    print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+    progress = reporter("bench")
+    if options.what == "engines":
+        from labkit.bench import bench, table
+        from labkit.paths import ConstantVolume
+
+        found = bench(options.specimen, options.steps, options.rounds, progress)
+        print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+    else:
+        from labkit import bench_kernel
+
+        if options.what == "features":
+            print(bench_kernel.features(state, options.steps, options.rounds, progress))
+        else:
+            print(bench_kernel.sizes(state, options.steps, progress))
 
 
 def do_bench_statistics(options, argv):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from labkit.arguments import require
 from labkit.consolidation import consolidate, pressure_error
+from labkit.engines import require_law
 from labkit.errors import InputError
 from labkit.files import open_netcdf, require_writable
 from labkit.limits import exceeded
@@ -23,35 +24,39 @@ from labkit.stratified import Layer, make_layer
 
 
 def check_specimen(options):
-    """The Recipe of the options. Raises InputError for anything that cannot work, before work begins."""
+    """Recipe and Scene of the options. Raises InputError for anything that cannot work, before work begins."""
     void_ratio = require(options.void_ratio, "--void-ratio")
-    scene = Scene()
+    scene = Scene(law=options.law)
+    require_law(options.engine, scene)
     side = options.side
     if options.grains is not None:
         Recipe(void_ratio)
         side = side_for(options.grains, void_ratio, scene)
     recipe = Recipe(void_ratio, options.step1_friction, options.step1_rolling_friction, side, options.seed)
-    options.output = options.output or specimen_name(recipe, options.grains)
+    options.output = options.output or specimen_name(recipe, options.grains, scene.law)
     require_size(recipe, scene)
     require_writable(options.output, "state")
-    return recipe
+    return recipe, scene
 
 
-def specimen_name(recipe, grains):
+def specimen_name(recipe, grains, law):
     """A file name from the parameters."""
     size = f"n{grains}" if grains else f"l{recipe.side:g}"
     friction = f"f{recipe.step1_friction:g}_r{recipe.step1_rolling_friction:g}"
-    return f"e{recipe.void_ratio:g}_{friction}_{size}_s{recipe.seed}.state.nc"
+    suffix = "" if law == "yade" else f"_{law}"
+    return f"e{recipe.void_ratio:g}_{friction}_{size}_s{recipe.seed}{suffix}.state.nc"
 
 
 def specimen(options, progress, history):
     """Makes a specimen and writes its state file, unless the file is there and holds just that specimen."""
-    recipe = check_specimen(options)
+    recipe, scene = check_specimen(options)
     text = json.dumps(dataclasses.asdict(recipe))
-    if Path(options.output).exists() and read_state(options.output).recipe == text:
-        print(f"{options.output}: holds this specimen already, nothing to do")
-        return
-    state = make_specimen(Scene(), recipe, options.engine, options.threads, progress)
+    if Path(options.output).exists():
+        there = read_state(options.output)
+        if (there.recipe, there.scene, there.engine) == (text, scene, options.engine):
+            print(f"{options.output}: holds this specimen already, nothing to do")
+            return
+    state = make_specimen(scene, recipe, options.engine, options.threads, progress)
     write_state(options.output, state.replace(history=history, recipe=text))
     print(f"{options.output}: " + describe(summary(state)))
 
@@ -61,6 +66,7 @@ def check_consolidation(options):
     pressure = require(options.pressure, "--pressure")
     make_path("cr", pressure=pressure)
     state = read_state(require(options.specimen, "the specimen (a state file)"))
+    require_law(options.engine, state.scene)
     require_writable(require(options.output, "--output"), "state")
     return state, Consolidation(pressure)
 
@@ -95,6 +101,7 @@ def check_run(options):
     """Path and specimen of the options. Raises InputError for anything that cannot work."""
     path_class(require(options.path, "the path"))
     state = read_state(require(options.specimen, "the specimen (a state file)"))
+    require_law(options.engine, state.scene)
     path = make_path(
         options.path, mean_stress(love_stress(contacts_of(state), state.radius, state.volume)),
         pressure=options.pressure, strain=options.strain, rate=options.rate, reversals=options.reversals,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit import servo
+from labkit.energy import opened, require_balanced
 from labkit.engines import start_engine
 from labkit.errors import PhysicsError
 from labkit.micro.contacts import contacts_of
@@ -38,11 +39,12 @@ def stress_error(state, control):
 
 def bring_to(specimen, path, engine="yade", threads=1, progress=lambda fraction, text: None):
     """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit."""
-    machine = start_engine(engine, specimen.at_rest().replace(time_step=specimen.scene.time_step), threads)
+    machine = start_engine(engine, opened(specimen.at_rest().replace(time_step=specimen.scene.time_step)), threads)
     control = path.control()
     first = max(stress_error(specimen, control), 2 * TOLERANCE)
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
         state = machine.state()
+        require_balanced(state)
         error = stress_error(state, control)
         progress(log_fraction(first, error, TOLERANCE), f"consolidation, stress off by {error:.2%}")
         unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))

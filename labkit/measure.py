@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit.energy import balance_error
 from labkit.micro import indicators, void_ratio
 from labkit.micro.contacts import contacts_of
 from labkit.micro.fabric import statistics
@@ -55,5 +56,11 @@ def measure(state, first_cell, contacts=None):
         "rattler_fraction": indicators.rattler_fraction(grains, contacts),
         "kinetic_energy": indicators.kinetic_energy(state),
         "unbalanced_force": indicators.unbalanced_force(grains, contacts),
+        "elastic_energy": indicators.elastic_energy(scene, radius, contacts),
+        "cell_work": state.ledger.cell_work,
+        "friction_loss": state.ledger.friction_loss,
+        "rolling_loss": state.ledger.rolling_loss,
+        "damping_loss": state.ledger.damping_loss,
+        "energy_balance_error": balance_error(state, contacts),
         "drift_velocity": indicators.drift_velocity(state),
     }  # fmt: skip

@@ -51,6 +51,12 @@ RECORD = _table(
     ("rattler_fraction", "time", "f8", "1", "share of grains with fewer than two contacts"),
     ("kinetic_energy", "time", "f8", "J", "kinetic energy without the mean field"),
     ("unbalanced_force", "time", "f8", "1", "mean resultant force on a grain over mean contact force"),
+    ("elastic_energy", "time", "f8", "J", "energy of the contact springs"),
+    ("cell_work", "time", "f8", "J", "work of the cell on the grains since the start of the path"),
+    ("friction_loss", "time", "f8", "J", "energy that sliding has taken"),
+    ("rolling_loss", "time", "f8", "J", "energy that rolling at its limit has taken"),
+    ("damping_loss", "time", "f8", "J", "energy that local damping or the dashpots have taken"),
+    ("energy_balance_error", "time", "f8", "1", "energy missing over the work of the cell or the initial energy"),
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass without the mean field"),
 )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from labkit import servo
 from labkit.consolidation import consolidate, pressure_error
+from labkit.energy import opened, require_balanced
 from labkit.engines import start_engine
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.interruption import stop_on_signals
@@ -107,7 +108,7 @@ def prepare(specimen, path, engine, threads, progress):
     control = path.control()
     if control is not None and pressure_error(specimen, path.pressure) > CONSOLIDATED:
         specimen = consolidate(specimen, path.pressure, engine, threads, lambda done, text: progress(0.0, text))
-    return specimen
+    return opened(specimen)
 
 
 class _Run:
@@ -175,6 +176,7 @@ class _Run:
         contacts = contacts_of(state)
         values = measure(state, self.first_cell, contacts)
         require_sane(values, state)
+        require_balanced(state, contacts)
         snapshot = self.schedule.is_snapshot(self.recorder.records, last)
         self.recorder.record(values, *((contacts, state.position) if snapshot else ()))
         self.go_on_from(state)

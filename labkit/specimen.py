@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from labkit.energy import opened, require_balanced
 from labkit.engines import start_engine
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.contacts import contacts_of
@@ -130,7 +131,7 @@ def make_specimen(scene, recipe, engine="yade", threads=1, progress=lambda fract
     machine = start_engine(engine, inserted, threads)
     release_overlaps(machine, inserted, lambda f, text: progress(0.3 * f, text))
     settle(machine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, "step 1: " + text))
-    machine.load(machine.state().at_rest().replace(scene=scene))
+    machine.load(opened(machine.state().at_rest().replace(scene=scene)))
     settle(machine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, "step 2: " + text))
     return machine.reload().at_rest()
 
@@ -141,7 +142,7 @@ def release_overlaps(machine, inserted, progress):
     release(machine, progress)
     released = machine.state().replace(time_step=inserted.scene.time_step)
     require_stable(released)
-    machine.load(released)
+    machine.load(opened(released))
 
 
 def release(machine, progress):
@@ -173,6 +174,7 @@ def settle(machine, target, progress):
                 f"the grains have come apart (coordination number {2 * len(contacts) / state.number_of_grains:.2g}): "
                 "lower the void ratio or raise the step-1 friction for a specimen that carries load"
             )
+        require_balanced(state, contacts)
         unbalanced = unbalanced_force(state.number_of_grains, contacts)
         elastic = elastic_energy(state.scene, state.radius, contacts)
         energy = kinetic_energy(state) / elastic if elastic > 0.0 else np.inf

@@ -21,6 +21,23 @@ from labkit.schema import SIZES, STATE
 
 
 @dataclasses.dataclass(frozen=True)
+class Ledger:
+    """Energies since the ledger was opened, J (labkit.energy): what was stored then, the work of the cell, and what
+    friction, rolling and damping (Newton's or the dashpots') have taken."""
+
+    start: float = 0.0
+    cell_work: float = 0.0
+    friction_loss: float = 0.0
+    rolling_loss: float = 0.0
+    damping_loss: float = 0.0
+
+    def plus(self, *flows):
+        """With more work and losses, in the order of the fields."""
+        values = dataclasses.astuple(self)
+        return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
+
+
+@dataclasses.dataclass(frozen=True)
 class State:
     """See labkit.schema.STATE for shapes and units."""
 
@@ -43,6 +60,7 @@ class State:
     engine_version: str = ""
     history: str = ""
     recipe: str = ""  # JSON of the Recipe that made the specimen
+    ledger: Ledger = Ledger()
 
     @property
     def number_of_grains(self):
@@ -96,6 +114,7 @@ def write_attributes(dataset, state, kind):
     dataset.scene = state.scene.to_json()
     for name in ATTRIBUTES:
         setattr(dataset, name, getattr(state, name))
+    dataset.ledger = np.array(dataclasses.astuple(state.ledger))
 
 
 def read_group(group, attributes, contacts=None):
@@ -112,6 +131,8 @@ def read_group(group, attributes, contacts=None):
         kept[name] = int(kept[name])
     for name in ("time", "time_step"):
         kept[name] = float(kept[name])
+    if "ledger" in attributes.ncattrs():
+        kept["ledger"] = Ledger(*(float(x) for x in attributes.ledger))
     return State(scene=Scene.from_json(attributes.scene), **values, **kept)
 
 

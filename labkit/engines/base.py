@@ -21,7 +21,7 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def state(self):
-        """The State now; a copy, with the contacts sorted by grain."""
+        """The State now; a copy, with the contacts sorted by grain and the ledger (labkit.energy) kept up."""
 
     @abc.abstractmethod
     def load(self, state):
@@ -29,7 +29,7 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def stop_grains(self):
-        """Sets all velocities to zero."""
+        """Sets all velocities to zero; the ledger counts their energy as damped."""
 
     def reload(self):
         """Goes on from the engine's own state, and returns it.

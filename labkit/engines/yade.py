@@ -69,6 +69,8 @@ class YadeEngine(Engine):
         omega = self._omega = Omega()
         omega.reset()
         self._start = state
+        self._ledger = state.ledger
+        self._cell_work = 0.0
         self._time = state.time
         self._step = state.step
         omega.periodic = True
@@ -98,6 +100,8 @@ class YadeEngine(Engine):
         omega.step()
         newton.dead = False
         omega.dt = state.time_step
+        omega.trackEnergy = True
+        self._stress = self._sum_stress()
 
     def _add_grains(self, state):
         """Bodies in the order of the state. Grains near in space are near in the state, and so in memory."""
@@ -134,12 +138,25 @@ class YadeEngine(Engine):
             step()
         self._step += steps
         self._time += steps * self._start.time_step
+        before, self._stress = self._stress, self._sum_stress()
+        strain = -np.asarray(velocity_gradient) * steps * self._start.time_step
+        self._cell_work += omega.cell.volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
 
     def stress(self):
+        return self._stress.copy()  # summed when the engine last stopped
+
+    def _sum_stress(self):
         return -np.array(yade_utils.getStress(), dtype=float).reshape(3, 3).T
 
     def stop_grains(self):
+        self._ledger = self._ledger.plus(0.0, 0.0, 0.0, yade_utils.kineticEnergy())
         yade_utils.calm()
+
+    def _ledger_now(self):
+        """What YADE has summed since the state was loaded added to the ledger of that state."""
+        taken = dict(self._omega.energy.items())
+        losses = (taken.get(name, 0.0) for name in ("shearDissip", "bendingDissip", "nonviscDamp"))
+        return self._ledger.plus(self._cell_work, *losses)
 
     def state(self):
         collecting = gc.isenabled()
@@ -172,6 +189,7 @@ class YadeEngine(Engine):
             tangential_force=(sign * _components([p.shearForce for p in physics]))[order],
             rolling_moment=(sign * _components([p.moment_bending for p in physics]))[order],
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
+            ledger=self._ledger_now(),
         )  # fmt: skip
 
 

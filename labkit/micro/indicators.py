@@ -64,11 +64,13 @@ def kinetic_energy(state):
 
 
 def elastic_energy(scene, radius, contacts):
-    """Normal and tangential energy of the contact springs, J."""
+    """Normal, tangential and rolling energy of the contact springs, J."""
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
     tangential = np.einsum("ci,ci->c", contacts.tangential_force, contacts.tangential_force)
+    rolling = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.rolling_moment)
     kn = scene.normal_stiffness(a, b)
-    return 0.5 * float(np.sum(contacts.normal_force**2 / kn + scene.stiffness_ratio * tangential / kn))
+    stored = (contacts.normal_force**2 + scene.stiffness_ratio * tangential) / kn
+    return 0.5 * float(np.sum(stored + rolling / scene.rolling_stiffness(a, b)))
 
 
 def drift_velocity(state):

@@ -1,0 +1,189 @@
+"""The fused engine: a compiled kernel for the scenes of this laboratory alone, in the Python that labkit runs in.
+
+It needs no YADE. Law `yade` follows YADE's formulas and its order of operations, law `paper` Eqs. 1-3. Any number
+of threads gives the same bits.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+import labkit
+from labkit.engines.base import Engine
+from labkit.engines.kernel import steps
+from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
+from labkit.engines.kernel.packing import Grains, History, pack
+from labkit.engines.kernel.stress import branch_force
+from labkit.errors import InputError, PhysicsError
+from labkit.memory import return_large_arrays
+from labkit.micro.indicators import kinetic_energy
+
+# Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough
+# for a thousand steps. Where they fly about the gap doubles until a search lasts for SEARCH_STEPS[0].
+LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
+SEARCH_STEPS = (150, 1500)
+
+
+class FusedEngine(Engine):
+    """The kernel holding a State. Raises InputError when the machine has fewer than `threads` threads for it."""
+
+    name = "fused"
+    version = labkit.__version__
+
+    def __init__(self, state, threads=1):
+        return_large_arrays()
+        if threads > numba.config.NUMBA_NUM_THREADS:
+            raise InputError(
+                f"--threads {threads} are too many for the engine fused here: give at most "
+                f"{numba.config.NUMBA_NUM_THREADS}"
+            )
+        if threads > 1:
+            numba.set_num_threads(threads)
+        self._advance = steps.advance_one_thread if threads == 1 else steps.advance_threads
+        self.load(state)
+
+    def load(self, state):
+        scene = state.scene
+        self._start, self._packing, self._ledger = state, None, state.ledger
+        self._cell = np.array(state.cell, dtype=float)
+        self._before = np.array(state.velocity_gradient, dtype=float)
+        self._time_step, self._time, self._step = state.time_step, state.time, state.step
+        self._margin, self._since_search = LEAST_MARGIN * 2.0 * state.radius.mean(), 0
+        self._law = _law(scene)
+        self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
+        rows = [
+            values for values, kept in (
+                (state.tangential_force, self._law["friction"]), (state.rolling_moment, self._law["rolling"]),
+            ) if kept is not None
+        ]  # fmt: skip
+        history = History(
+            state.contact_grain, state.contact_shift,
+            np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
+        )  # fmt: skip
+        self._search((state.position, state.velocity, state.angular_velocity), history)
+        self._run(1, self._before, dt=0.0, moved_already=True)
+
+    def advance(self, steps, velocity_gradient):
+        gradient = np.array(velocity_gradient, dtype=float)
+        done, searched = 0, False
+        while done < steps:
+            taken, search = self._run(steps - done, gradient, self._time_step, searched)
+            done += taken
+            self._since_search += taken
+            searched = search
+            if search:
+                self._search_again()
+        self._step += steps
+        self._time += steps * self._time_step
+
+    def _search_again(self):
+        self._fit_margin()
+        self._search(self._packing.unpack_grains(), self._packing.unpack_history())
+
+    def _fit_margin(self):
+        """A wider or narrower gap for the next search, after how long the last one has lasted."""
+        diameter = 2.0 * self._start.radius.mean()
+        if self._since_search < SEARCH_STEPS[0]:
+            self._margin = min(2.0 * self._margin, MOST_MARGIN * diameter)
+        elif self._since_search > SEARCH_STEPS[1]:
+            self._margin = max(0.5 * self._margin, LEAST_MARGIN * diameter)
+        self._since_search = 0
+
+    def _run(self, steps, gradient, dt, moved_already):
+        p = self._packing
+        law = self._law
+        return self._advance(
+            steps, moved_already, dt, gradient, self._before, self._cell, p.grain_first, p.contact_first,
+            p.contact_last, p.sites, p.forces, p.grains, p.images, p.shift, p.pairs, p.blocks, p.work, p.start,
+            self._first_cell, self._spread, (2.0 * self._start.radius.max(), self._margin), law["kt_over_kn"],
+            law["friction"], law["rolling"], law["yade"], law["paper"], law["dashpots"], law["damping"],
+            gradient if law["energy"] else None, law["turning"],
+        )  # fmt: skip
+
+    def _search(self, kinematics, history):
+        """Finds the pairs of grains near each other anew and lays out the kernel's arrays."""
+        self._enter_flows()
+        self._packing = None  # the old arrays make room for the new
+        scene, radius = self._start.scene, self._start.radius
+        self._packing = p = pack(
+            Grains(*kinematics, radius, *self._mass), history, self._cell, self._margin, scene.normal_stiffness
+        )
+        self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
+        drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
+        for first, last in zip(p.grain_first, p.grain_first[1:]):
+            steps.domain_sites(p.sites, p.grains, first, last, p.images, p.shift, self._cell, drift)
+
+    def _enter_flows(self):
+        """Moves work and losses from the kernel's sums to the ledger."""
+        if self._packing is None:
+            return
+        sums = [
+            self._packing.work[:, row : row + WIDTH]
+            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, DASHPOT_LOSS)
+        ]
+        work, friction, rolling, damping, dashpots = (float(values.sum()) for values in sums)
+        for values in sums:
+            values[:] = 0.0
+        self._ledger = self._ledger.plus(work, friction, rolling, damping + dashpots)
+        if not np.isfinite(self._ledger.cell_work):
+            raise PhysicsError(f"forces are no numbers any more: the time step {self._time_step:.3g} s is too large")
+
+    def stress(self):
+        p = self._packing
+        total = branch_force(
+            p.sites, p.pairs, p.blocks, p.work[0], p.contact_first, p.contact_last, self._law["friction"]
+        )
+        return -total / np.linalg.det(self._cell)
+
+    def stop_grains(self):
+        state = self.state()
+        nothing = np.zeros_like(state.velocity)
+        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
+        self.load(state.replace(velocity=nothing, angular_velocity=nothing, ledger=ledger))
+
+    def state(self):
+        self._enter_flows()
+        position, velocity, spin = self._packing.unpack_grains()
+        history = self._packing.unpack_history()
+        first, second = history.grain[:, 0], history.grain[:, 1]
+        branch = position[second] + history.shift @ self._cell.T - position[first]
+        radius = self._start.radius
+        distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
+        touching = np.flatnonzero(radius[first] + radius[second] - distance >= 0.0)
+        order = touching[np.lexsort((*history.shift[touching].T, second[touching], first[touching]))]
+        rows = history.rows[order]
+        nothing = np.zeros((len(order), 3))
+        friction, rolling = self._law["friction"] is not None, self._law["rolling"] is not None
+        return self._start.replace(
+            position=position, velocity=velocity, angular_velocity=spin,
+            cell=self._cell.copy(), velocity_gradient=self._before.copy(),
+            contact_grain=history.grain[order].astype(np.int32), contact_shift=history.shift[order].astype(np.int32),
+            tangential_force=rows[:, :3].copy() if friction else nothing,
+            rolling_moment=rows[:, -3:].copy() if rolling else nothing,
+            time=self._time, step=self._step, engine=self.name, engine_version=self.version,
+            ledger=self._ledger,
+        )  # fmt: skip
+
+
+def _law(scene):
+    """What the kernel computes for a scene; what is None or False is left out of it."""
+    paper = scene.law == "paper"
+    rolling = None
+    if scene.rolling_friction > 0.0:
+        rolling = scene.rolling_friction if paper else (0.25, 0.5 * scene.rolling_limit_scale * scene.rolling_friction)
+    dashpots = None
+    if paper and (scene.beta_n > 0.0 or scene.beta_t > 0.0):
+        dashpots = (2.0 * scene.beta_n, 2.0 * scene.beta_t, scene.mass(1.0))
+    friction = scene.friction if scene.friction > 0.0 else None
+    return {
+        "kt_over_kn": 1.0 / scene.stiffness_ratio,
+        "friction": friction,
+        "rolling": rolling,
+        "yade": None if paper else True,
+        "paper": True if paper else None,
+        "dashpots": dashpots,
+        "damping": scene.local_damping if scene.local_damping > 0.0 and not paper else None,
+        "energy": True,  # `labkit bench` alone leaves it out
+        "turning": True if paper or friction is not None or rolling is not None else None,
+    }

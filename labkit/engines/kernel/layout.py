@@ -1,0 +1,53 @@
+"""How contacts and grains lie in memory, and how the kernel is compiled.
+
+Vectors are computed in blocks of WIDTH contacts or grains. A block is a run of rows, one quantity per row, WIDTH
+numbers each; the rows of a block follow one another, so that the compiler sees constant distances between them
+and turns a loop over a block into vector instructions. What contacts read of grains, and what they give back,
+goes through rows of one grain (a site): these lie together because contacts read them in no order.
+
+What a scene leaves out is None where it would be passed, and Numba compiles the kernel without it.
+"""
+
+from __future__ import annotations
+
+import llvmlite.binding
+import numba
+
+if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
+    numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
+
+if numba.config.THREADING_LAYER == "default":  # OpenMP's threads spin while they wait, TBB's did not wake in time
+    numba.config.THREADING_LAYER = "workqueue"
+
+WIDTH = 64  # contacts or grains of a block
+
+# rows of a block of contacts: constants, then the history that the scene keeps
+KN, RADIUS_A, RADIUS_B, HISTORY = (row * WIDTH for row in range(4))
+
+# rows of a block of grains
+X, V, W, INVERSE_MASS, INVERSE_INERTIA = (row * WIDTH for row in (0, 3, 6, 9, 10))
+GRAIN_ROWS = 11
+
+# columns of a site: position, velocity, angular velocity; and of its force and torque
+SITE_COLUMNS, FORCE_COLUMNS = 9, 6
+
+# rows of the workspace of the contacts of a domain: what is read of the sites, what is given back, sums of energy
+D, VREL, WA, WB = (row * WIDTH for row in (0, 3, 6, 9))
+FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (12, 15, 18))
+CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS = (row * WIDTH for row in (21, 22, 23, 24))
+# and of its grains: force and torque, sums of energy, largest speed
+GRAIN_FORCE = 25 * WIDTH
+DAMPING_LOSS, SPEED2 = (row * WIDTH for row in (31, 32))
+WORK_ROWS = 33
+
+
+
+def compiled_with(**options):
+    """Numba's decorator as the whole kernel uses it.
+
+    contract: a*b + c in one instruction. Nothing that would let NaN or the order of sums go unnoticed.
+    """
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)
+
+
+compiled = compiled_with()

@@ -1,0 +1,105 @@
+"""Grains and cell: YADE's Newton with its mean field, for both laws.
+
+Order and formulas of a step from n to n+1, L the velocity gradient of the step and L- that of the step before:
+
+    v+ = v + dt (a + L- v) + (L - L-) x      x+ = x + dt v+      w+ = w + dt b + spin(L - L-)      H+ = H + dt L H
+
+a = F/m and b = T/I, each component multiplied by 1 -+ damping where it speeds up or slows down (YADE's local
+damping; none for law paper). With c = v+ - L x, the velocity without the mean field, this is c+ = c + dt a: forces
+alone change c, and its momentum is conserved.
+"""
+
+from __future__ import annotations
+
+import math
+
+from labkit.engines.kernel.layout import (
+    DAMPING_LOSS,
+    GRAIN_FORCE,
+    INVERSE_INERTIA,
+    INVERSE_MASS,
+    SPEED2,
+    WIDTH,
+    V,
+    W,
+    X,
+    compiled,
+)
+
+
+@compiled
+def damp(acceleration, velocity, dt, damping):
+    """Newton's local damping of one component."""
+    product = acceleration * (velocity + 0.5 * dt * acceleration)
+    sign = 1.0 if product > 0.0 else (-1.0 if product < 0.0 else 0.0)
+    return acceleration * (1.0 - damping * sign)
+
+
+@compiled
+def move_block(block, work, n, dt, L, before, damping, energy):
+    """Moves n grains by one step. L, before (3, 3). damping: a number, or None without.
+
+    energy: not None to sum what damping takes. The loop keeps the largest c^2 in the row SPEED2 of `work`.
+    """
+    jxx, jxy, jxz = L[0, 0] - before[0, 0], L[0, 1] - before[0, 1], L[0, 2] - before[0, 2]
+    jyx, jyy, jyz = L[1, 0] - before[1, 0], L[1, 1] - before[1, 1], L[1, 2] - before[1, 2]
+    jzx, jzy, jzz = L[2, 0] - before[2, 0], L[2, 1] - before[2, 1], L[2, 2] - before[2, 2]
+    spin_x, spin_y, spin_z = 0.5 * (jzy - jyz), 0.5 * (jxz - jzx), 0.5 * (jyx - jxy)
+    for i in range(n):
+        x, y, z = block[X + i], block[X + WIDTH + i], block[X + 2 * WIDTH + i]
+        vx, vy, vz = block[V + i], block[V + WIDTH + i], block[V + 2 * WIDTH + i]
+        wx, wy, wz = block[W + i], block[W + WIDTH + i], block[W + 2 * WIDTH + i]
+        inverse_mass, inverse_inertia = block[INVERSE_MASS + i], block[INVERSE_INERTIA + i]
+        f = GRAIN_FORCE
+        fx, fy, fz = work[f + i], work[f + WIDTH + i], work[f + 2 * WIDTH + i]
+        mx, my, mz = work[f + 3 * WIDTH + i], work[f + 4 * WIDTH + i], work[f + 5 * WIDTH + i]
+        ax, ay, az = fx * inverse_mass, fy * inverse_mass, fz * inverse_mass
+        bx, by, bz = mx * inverse_inertia, my * inverse_inertia, mz * inverse_inertia
+        if damping is not None:
+            cx = vx - (before[0, 0] * x + before[0, 1] * y + before[0, 2] * z)
+            cy = vy - (before[1, 0] * x + before[1, 1] * y + before[1, 2] * z)
+            cz = vz - (before[2, 0] * x + before[2, 1] * y + before[2, 2] * z)
+            ux, uy, uz = ax, ay, az
+            ax, ay, az = damp(ax, cx, dt, damping), damp(ay, cy, dt, damping), damp(az, cz, dt, damping)
+            gx, gy, gz = bx, by, bz
+            bx, by, bz = damp(bx, wx, dt, damping), damp(by, wy, dt, damping), damp(bz, wz, dt, damping)
+            if energy is not None:  # what damping takes of the force times the mean velocity of the step
+                h = 0.5 * dt
+                lost = (ux - ax) * (cx + h * ax) + (uy - ay) * (cy + h * ay) + (uz - az) * (cz + h * az)
+                turn = (gx - bx) * (wx + h * bx) + (gy - by) * (wy + h * by) + (gz - bz) * (wz + h * bz)
+                work[DAMPING_LOSS + i] += dt * (lost / inverse_mass + turn / inverse_inertia)
+        ax += before[0, 0] * vx + before[0, 1] * vy + before[0, 2] * vz
+        ay += before[1, 0] * vx + before[1, 1] * vy + before[1, 2] * vz
+        az += before[2, 0] * vx + before[2, 1] * vy + before[2, 2] * vz
+        vx += dt * ax + (jxx * x + jxy * y + jxz * z)
+        vy += dt * ay + (jyx * x + jyy * y + jyz * z)
+        vz += dt * az + (jzx * x + jzy * y + jzz * z)
+        cx = vx - (L[0, 0] * x + L[0, 1] * y + L[0, 2] * z)
+        cy = vy - (L[1, 0] * x + L[1, 1] * y + L[1, 2] * z)
+        cz = vz - (L[2, 0] * x + L[2, 1] * y + L[2, 2] * z)
+        speed2 = cx * cx + cy * cy + cz * cz
+        work[SPEED2 + i] = speed2 if speed2 > work[SPEED2 + i] else work[SPEED2 + i]
+        block[V + i], block[V + WIDTH + i], block[V + 2 * WIDTH + i] = vx, vy, vz
+        block[X + i], block[X + WIDTH + i], block[X + 2 * WIDTH + i] = x + dt * vx, y + dt * vy, z + dt * vz
+        block[W + i] = wx + dt * bx + spin_x
+        block[W + WIDTH + i] = wy + dt * by + spin_y
+        block[W + 2 * WIDTH + i] = wz + dt * bz + spin_z
+
+
+@compiled
+def move_cell(cell, L, dt):
+    """H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
+    for j in range(3):
+        a, b, c = cell[0, j], cell[1, j], cell[2, j]
+        for i in range(3):
+            cell[i, j] += dt * (L[i, 0] * a + L[i, 1] * b + L[i, 2] * c)
+
+
+@compiled
+def largest_speed(work):
+    """Takes the largest |c| of the last motion out of the workspace."""
+    largest = 0.0
+    for i in range(WIDTH):
+        largest = max(largest, work[SPEED2 + i])
+        work[SPEED2 + i] = 0.0
+    return math.sqrt(largest)

@@ -1,0 +1,119 @@
+"""Which grains may touch: spatial order, and all pairs nearer than a margin, with the periods between them.
+
+Grains are sorted into the cells of a grid that is skewed as the periodic cell is. Every pair is found once, from
+the grain that lies first in the order of cells; a cell of few grains looks at its neighbours' images too, and
+a pair that meets across two sides is found twice, as two pairs.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.engines.kernel.layout import compiled
+from labkit.errors import PhysicsError
+
+LOST = 1000  # periods away: no grain travels so far
+
+
+def grid_shape(cell, reach, grains):
+    """(cells of a grid along each side, (3,), how many of them `reach` spans, (3,)). Cells are at least `reach` wide
+    where there is room for that, and not many more than grains."""
+    widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
+    most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
+    shape = np.clip(np.floor(widths / reach), 1, most).astype(np.int64)
+    return shape, np.ceil(reach * shape / widths * (1.0 - 1e-12)).astype(np.int64)
+
+
+@compiled
+def place(position, inverse_cell, shape, period, place_):
+    """Period and grid cell of each grain. False when a grain is lost: not a number, or too far away."""
+    for g in range(len(position)):
+        index = 0
+        for k in range(2, -1, -1):
+            fraction = 0.0
+            for j in range(3):
+                fraction += inverse_cell[k, j] * position[g, j]
+            if not abs(fraction) < LOST:
+                return False
+            whole = np.floor(fraction)
+            period[g, k] = int(whole)
+            index = index * shape[k] + min(int((fraction - whole) * shape[k]), shape[k] - 1)
+        place_[g] = index
+    return True
+
+
+@compiled
+def find(x, radius, cell, period, start, shape, span, margin, pairs, shifts):
+    """All pairs of grains whose surfaces are nearer than `margin`; returns how many there are.
+
+    x (n, 3), radius, period: in the order of the grid's cells, which begin at start[c]. span (3,): how many cells
+    away a neighbour can be. pairs (2, capacity), shifts (capacity, 3): filled as far as they reach.
+    """
+    found = 0
+    capacity = pairs.shape[1]
+    for c in range(len(start) - 1):
+        cx, cy, cz = c % shape[0], c // shape[0] % shape[1], c // (shape[0] * shape[1])
+        for a in range(start[c], start[c + 1]):
+            for oz in range(0, span[2] + 1):
+                for oy in range(-span[1] if oz > 0 else 0, span[1] + 1):
+                    for ox in range(-span[0] if oz > 0 or oy > 0 else 0, span[0] + 1):
+                        own = ox == 0 and oy == 0 and oz == 0
+                        px, py, pz = (cx + ox) // shape[0], (cy + oy) // shape[1], (cz + oz) // shape[2]
+                        other = cx + ox - px * shape[0]
+                        other += shape[0] * (cy + oy - py * shape[1] + shape[1] * (cz + oz - pz * shape[2]))
+                        for b in range(a + 1 if own else start[other], start[other + 1]):
+                            sx = px + period[a, 0] - period[b, 0]
+                            sy = py + period[a, 1] - period[b, 1]
+                            sz = pz + period[a, 2] - period[b, 2]
+                            squared = 0.0
+                            for k in range(3):
+                                d = x[b, k] - x[a, k] + cell[k, 0] * sx + cell[k, 1] * sy + cell[k, 2] * sz
+                                squared += d * d
+                            reach = radius[a] + radius[b] + margin
+                            if squared < reach * reach:
+                                if found < capacity:
+                                    pairs[0, found], pairs[1, found] = a, b
+                                    shifts[found, 0], shifts[found, 1], shifts[found, 2] = sx, sy, sz
+                                found += 1
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """Grains sorted into cells: order[k] is the k-th grain, period[k] (3,) the period it lies in; the k of cell c
+    are start[c] to start[c + 1]; a neighbour is at most span (3,) cells away in the grid of `shape` (3,)."""
+
+    order: np.ndarray
+    period: np.ndarray
+    start: np.ndarray
+    shape: np.ndarray
+    span: np.ndarray
+
+
+def sort_grains(position, cell, reach):
+    """The Grid of grains that may touch within `reach`. Raises PhysicsError when a grain is lost."""
+    shape, span = grid_shape(cell, reach, len(position))
+    period = np.empty((len(position), 3), np.int64)
+    where = np.empty(len(position), np.int64)
+    if not place(position, np.linalg.inv(cell), shape, period, where):
+        raise PhysicsError("a grain is lost or its position no number: the time step is too large")
+    order = np.argsort(where, kind="stable")
+    return Grid(order, period[order], np.searchsorted(where[order], np.arange(shape.prod() + 1)), shape, span)
+
+
+def find_pairs(position, radius, cell, grid, margin):
+    """(pairs (2, n), periods to add to the second grain (n, 3)) of grains nearer than `margin`, in the grid's order.
+
+    position (grain, 3) and radius (grain,) are in the grid's order too.
+    """
+    capacity = 4 * len(position) + 64
+    while True:
+        pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
+        found = find(
+            position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts
+        )  # fmt: skip
+        if found <= capacity:
+            return pairs[:, :found].copy(), shifts[:found].copy()
+        capacity = found

@@ -1,0 +1,188 @@
+"""From grains and contacts by number to the kernel's blocks, sites and domains, and back."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.engines.kernel.layout import (
+    FORCE_COLUMNS,
+    GRAIN_ROWS,
+    HISTORY,
+    SITE_COLUMNS,
+    WIDTH,
+    WORK_ROWS,
+)
+from labkit.engines.kernel.neighbours import LOST, find_pairs, sort_grains
+
+GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
+NEAR = 3  # periods, at most, between the cells that two neighbours lie in
+
+
+@dataclasses.dataclass(frozen=True)
+class Grains:
+    """Grains in the order of the state: position, velocity and spin (grain, 3), radius, mass and inertia (grain,)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    spin: np.ndarray
+    radius: np.ndarray
+    mass: np.ndarray
+    inertia: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class History:
+    """Pairs of grains, the first number not above the second: grain (n, 2), shift (n, 3) periods to add to the second,
+    rows (n, 3 or 6 or 0) what the contact remembers, on the first grain."""
+
+    grain: np.ndarray
+    shift: np.ndarray
+    rows: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Packing:
+    """The arrays of labkit.engines.kernel.steps, and what is needed to unpack them."""
+
+    order: np.ndarray
+    grain_first: np.ndarray
+    contact_first: np.ndarray
+    contact_last: np.ndarray
+    slot: np.ndarray  # place of each pair among the blocks
+    pair: np.ndarray  # (n, 2), in the grid's order
+    pair_shift: np.ndarray
+    images: np.ndarray
+    shift: np.ndarray
+    sites: np.ndarray
+    forces: np.ndarray
+    grains: np.ndarray
+    pairs: np.ndarray
+    blocks: np.ndarray
+    work: np.ndarray
+    start: np.ndarray  # positions at the search
+
+    def unpack_grains(self):
+        """position, velocity, spin, each (grain, 3), in the order of the state."""
+        back = np.empty_like(self.order)
+        back[self.order] = np.arange(len(back))
+        rows = from_blocks(self.grains, len(back))[:9, back]
+        return tuple(np.ascontiguousarray(rows[k : k + 3].T) for k in (0, 3, 6))
+
+    def unpack_history(self):
+        """The History of all pairs, touching or not."""
+        blocks = self.blocks.reshape(len(self.blocks), -1, WIDTH)
+        rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]
+        return ordered(self.order[self.pair], self.pair_shift, rows)
+
+
+def ordered(grain, shift, rows):
+    """A History with the smaller number first; a grain that touches its own image counts once."""
+    first, second = grain[:, 0], grain[:, 1]
+    leading = np.sign(shift) @ np.array([9, 3, 1])
+    swap = ((first > second) | ((first == second) & (leading < 0)))[:, None]
+    sign = np.where(swap, -1, 1)
+    return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows * sign)
+
+
+def pack(grains, history, cell, margin, stiffness):
+    """Seeks all pairs nearer than `margin` and lays everything out; sites and images are left empty.
+
+    stiffness(radius_a, radius_b): kn, N/m.
+    """
+    number = len(grains.radius)
+    grid = sort_grains(grains.position, cell, 2.0 * grains.radius.max() + margin)
+    order, radius = grid.order, grains.radius[grid.order]
+    position = grains.position[order]
+    pairs, shift = find_pairs(position, radius, cell, grid, margin)
+    domains = int(np.clip(number // GRAINS_PER_DOMAIN, 1, MOST_DOMAINS))
+    grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
+
+    first_pair = np.searchsorted(pairs[0], grain_first)
+    counts = np.diff(first_pair)
+    room = -(-counts // WIDTH) * WIDTH
+    contact_first = np.concatenate([[0], np.cumsum(room)[:-1]])
+    domain = np.repeat(np.arange(domains), counts)
+    slot = np.arange(len(shift)) + (contact_first - first_pair[:-1])[domain]
+    blocks = len(slot) and int(room.sum()) // WIDTH
+
+    second, images, image_shift = make_images(pairs, shift, domain, grain_first)
+    placed = np.zeros((2, max(blocks, 1) * WIDTH), np.uint32)
+    placed[0, slot], placed[1, slot] = pairs[0], second
+    a, b = radius[pairs[0]], radius[pairs[1]]
+    laid = np.ones((max(blocks, 1), HISTORY // WIDTH + history.rows.shape[1], WIDTH))
+    for row, numbers in enumerate((stiffness(a, b), a, b)):
+        laid[slot // WIDTH, row, slot % WIDTH] = numbers
+    for row, numbers in enumerate(carried(history, order, pairs, shift, grid.period).T, HISTORY // WIDTH):
+        laid[slot // WIDTH, row, slot % WIDTH] = numbers
+    values = (grains.position, grains.velocity, grains.spin)
+    columns = np.concatenate([*(v[order].T for v in values), [1.0 / grains.mass[order], 1.0 / grains.inertia[order]]])
+    sites = number + len(image_shift)
+    return Packing(
+        order=order, grain_first=grain_first, contact_first=contact_first, contact_last=contact_first + counts,
+        slot=slot, pair=pairs.T, pair_shift=shift, images=images, shift=image_shift,
+        sites=np.zeros((sites, SITE_COLUMNS)), forces=np.zeros((sites, FORCE_COLUMNS)),
+        grains=to_blocks(columns, GRAIN_ROWS), pairs=placed, blocks=laid.reshape(len(laid), -1),
+        work=np.zeros((domains, WORK_ROWS * WIDTH)), start=position,
+    )  # fmt: skip
+
+
+def make_images(pairs, shift, domain, grain_first):
+    """(site of the second grain (n,), images (grain + 1,), shift (image, 3)): where the second grain of a pair lies
+    in another period or belongs to another domain, it gets a site of its own."""
+    second = pairs[1].copy()
+    needed = np.flatnonzero(shift.any(axis=1) | (np.searchsorted(grain_first, second, side="right") - 1 != domain))
+    key = second[needed].astype(np.int64) * MOST_DOMAINS + domain[needed]
+    for k in range(3):
+        key = key * (4 * LOST) + (shift[needed, k] + 2 * LOST)
+    _, index, inverse = np.unique(key, return_index=True, return_inverse=True)
+    number = grain_first[-1]
+    second[needed] = number + inverse
+    owner = pairs[1][needed][index]
+    return second, np.searchsorted(owner, np.arange(number + 1)), shift[needed][index].astype(float)
+
+
+def wrapped(shift, first, second, period):
+    """One number for the periods between the cells that the two grains of a pair lie in."""
+    steps = shift + period[second] - period[first] + NEAR
+    size = 2 * NEAR + 1
+    near = ((steps >= 0) & (steps < size)).all(axis=1)
+    return np.where(near, (steps[:, 0] * size + steps[:, 1]) * size + steps[:, 2], 0)
+
+
+def carried(history, order, pairs, shift, period):
+    """What each new pair (2, n) remembers: the rows of the same pair in the History, else zero."""
+    number, columns = len(order), history.rows.shape[1]
+    result = np.zeros((len(shift), columns))
+    if len(history.grain) == 0 or len(shift) == 0 or columns == 0:
+        return result
+    by_number = np.empty_like(period)
+    by_number[order] = period
+    new = ordered(order[pairs.T], shift, np.ones((len(shift), 1)))
+
+    def key(found):
+        first, second = found.grain[:, 0], found.grain[:, 1]
+        near = wrapped(found.shift, first, second, by_number)
+        return (first.astype(np.int64) * number + second) * (2 * NEAR + 1) ** 3 + near
+
+    old_key, new_key = key(history), key(new)
+    by = np.argsort(old_key)
+    at = by[np.minimum(np.searchsorted(old_key, new_key, sorter=by), len(by) - 1)]
+    same = old_key[at] == new_key
+    result[same] = history.rows[at[same]] * new.rows[same]
+    return result
+
+
+def to_blocks(rows, number):
+    """(rows, n) as blocks (n/WIDTH, number WIDTH), the last one filled up with ones."""
+    blocks = -(-rows.shape[1] // WIDTH)
+    filled = np.ones((number, blocks * WIDTH))
+    filled[:, : rows.shape[1]] = rows
+    return np.ascontiguousarray(filled.reshape(number, blocks, WIDTH).transpose(1, 0, 2)).reshape(blocks, -1)
+
+
+def from_blocks(blocks, count):
+    """The rows (number, count) that to_blocks has laid out."""
+    rows = blocks.reshape(len(blocks), -1, WIDTH).transpose(1, 0, 2)
+    return rows.reshape(rows.shape[0], -1)[:, :count]

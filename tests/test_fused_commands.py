@@ -1,0 +1,72 @@
+"""The commands with the engine fused, on a system without YADE."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import netCDF4
+import numpy as np
+import pytest
+
+from labkit.state import read_state
+
+BARE = {**os.environ, "PATH": "/nowhere"}
+SPECIMEN = ("specimen", "--void-ratio", 0.67, "--grains", 300, "--engine", "fused")
+RUN = ("--engine", "fused", "--strain", 0.02, "--rate", 20, "--save-every", 3, "--snapshots", 2)
+
+
+@pytest.fixture(scope="module")
+def specimen(labkit_command, tmp_path_factory):
+    path = tmp_path_factory.mktemp("fused") / "s.state.nc"
+    done = labkit_command(*SPECIMEN, "--law", "paper", "-o", path, environment=BARE)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+@pytest.mark.parametrize("path", ["cv", "cp"])
+def test_a_run_without_yade(path, specimen, labkit_command, tmp_path):
+    pressure = ("--pressure", 0.5e6) if path == "cp" else ()
+    done = labkit_command("run", path, specimen, *RUN, *pressure, "-o", tmp_path / "r.run.nc", environment=BARE)
+    assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(tmp_path / "r.run.nc") as run:
+        assert run.complete == 1 and "paper" in run.scene
+        assert np.isclose(run["axial_strain"][-1], 0.02, rtol=1e-3)
+        assert np.abs(run["energy_balance_error"][:]).max() < 0.01
+        assert run["cell_work"][-1] > 0.0 and run["friction_loss"][-1] > 0.0
+        if path == "cp":
+            p = np.trace(run["stress"][:], axis1=1, axis2=2) / 3
+            assert np.abs(p / 0.5e6 - 1).max() < 0.01
+
+
+def test_a_run_that_is_killed_and_resumed_is_the_uninterrupted_one(specimen, labkit_command, tmp_path):
+    whole, broken = tmp_path / "whole.run.nc", tmp_path / "broken.run.nc"
+    assert labkit_command("run", "cv", specimen, *RUN, "-o", whole, environment=BARE).returncode == 0
+    words = [sys.executable, "-m", "labkit.cli", "run", "cv", str(specimen), *map(str, RUN), "-o", str(broken)]
+    child = subprocess.Popen(words, env=BARE, stdout=subprocess.PIPE, text=True)
+    for line in child.stdout:
+        if broken.exists() and not line.startswith("cv:   0%"):
+            child.send_signal(signal.SIGKILL)
+            break
+    child.wait()
+    child.stdout.close()
+    assert broken.exists()
+    done = labkit_command("run", "cv", specimen, *RUN, "-o", broken, environment=BARE)
+    assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(whole) as a, netCDF4.Dataset(broken) as b:
+        for name in ("stress", "friction_loss", "energy_balance_error", "void_ratio"):
+            np.testing.assert_array_equal(a[name][:], b[name][:])
+
+
+def test_yade_does_not_know_law_paper(specimen, labkit_command, tmp_path):
+    done = labkit_command("run", "cv", specimen, "--engine", "yade", "-o", tmp_path / "r.run.nc")
+    assert done.returncode == 2 and "--engine fused" in done.stderr
+    done = labkit_command("specimen", "--void-ratio", 0.67, "--law", "paper", "-o", tmp_path / "s.state.nc")
+    assert done.returncode == 2 and "--engine fused" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_specimen_of_another_law_is_another_specimen(specimen, labkit_command):
+    again = labkit_command(*SPECIMEN, "--law", "paper", "-o", specimen, environment=BARE)
+    assert "nothing to do" in again.stdout
+    assert read_state(specimen).scene.law == "paper" and read_state(specimen).engine == "fused"
