@@ -58,7 +58,7 @@ def add_layer_options(parser):
     parser.add_argument("--height", type=float, default=30.0, help="of both strata, likewise (default: 30)")
     parser.add_argument("--pressure", type=float, default=0.1e6, help="sigma_xx in Pa (default: 0.1e6)")
     parser.add_argument("--ratio", type=float, default=2.0, help="sigma_zz/sigma_xx to reach (default: 2)")
-    parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")
+    parser.add_argument("--seed", type=int, default=3, help="of the random insertion (default: 3)")
     add_engine_options(parser)
     parser.add_argument("-o", "--output", default="stratified.state.nc", help="state file to write (default: "
                         "stratified.state.nc)")  # fmt: skip

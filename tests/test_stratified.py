@@ -15,7 +15,7 @@ from labkit.stratified import Layer, insert_layer, strata, stratum_of
 def layer_file(tmp_path_factory, labkit_command):
     folder = tmp_path_factory.mktemp("layer")
     file = folder / "layer.state.nc"
-    words = ("stratified", "--width", 20, "--height", 14, "-o", file, "--csv", folder / "layer.csv")
+    words = ("stratified", "--width", 20, "--height", 14, "--seed", 1, "-o", file, "--csv", folder / "layer.csv")
     done = labkit_command(*words)
     assert done.returncode == 0, done.stderr
     assert (folder / "layer.png").read_bytes()[:4] == b"\x89PNG"
