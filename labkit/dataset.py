@@ -38,7 +38,8 @@ def open_run(path):
         row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),
         snapshot_volume=("snapshot", run["volume"].values[run["record"].values], run["volume"].attrs),
         snapshot_strain=("snapshot", run["axial_strain"].values[run["record"].values], run["axial_strain"].attrs),
-    ).set_coords(["time", "axial_strain"])
+    )
+    run = run.set_coords([name for name in ("time", "axial_strain") if name in run])
     run.encoding["source"] = str(path)
     return run
 

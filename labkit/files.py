@@ -12,7 +12,7 @@ import netCDF4
 
 from labkit.errors import InputError
 from labkit.scene import Scene
-from labkit.schema import CONTACTS, GRAINS, RECORD, SIZES
+from labkit.schema import CONTACTS, GRAINS, LATER, RECORD, SIZES
 
 
 def require_writable(path, kind=None):
@@ -100,7 +100,7 @@ def _require_run(path, dataset):
     """Raises InputError when a run file lacks groups, variables or attributes."""
     groups = dataset.groups
     for group, table in ((dataset, RECORD), (groups.get("contacts"), CONTACTS), (groups.get("grains"), GRAINS)):
-        missing = [name for name in table if group is None or name not in group.variables]
+        missing = [name for name in table if name not in LATER and (group is None or name not in group.variables)]
         if missing:
             raise InputError(f"{path} is damaged, it lacks {missing[0]}: run it again")
     for name in ("scene", "path", "path_parameters", "complete"):

@@ -135,6 +135,8 @@ class Recorder:
                     f"{self.file} holds another run ({found[0]} with {found[1]}): "
                     "give another -o, or the same options to go on with it"
                 )
+            if not bool(dataset.complete) and any(name not in dataset.variables for name in RECORD):
+                raise InputError(f"{self.file} was begun with an earlier version of labkit: give another -o")
             if getattr(dataset, "specimen", None) != self.specimen:
                 raise InputError(f"{self.file} was begun with another specimen: give another -o")
             self.records = len(dataset.dimensions["time"])

@@ -60,6 +60,12 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass without the mean field"),
 )
 
+# Records that came later: files of earlier versions and of other programs may lack them.
+LATER = (
+    "time", "elastic_energy", "cell_work", "friction_loss", "rolling_loss", "damping_loss", "energy_balance_error",
+    "drift_velocity",
+)  # fmt: skip
+
 CONTACTS = _table(
     ("record", "snapshot", "i4", "1", "index of the snapshot along time"),
     ("row_size", "snapshot", "i4", "1", "number of contacts in the snapshot"),

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pandas
 
+from labkit.energy import BALANCE_LIMIT
 from labkit.errors import InputError
 from labkit.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
 from labkit.micro.void_ratio import grain_volume
@@ -119,8 +120,11 @@ def _limits(run):
         "highest mean stress p, Pa": (run.lab.mean_stress().values, PRESSURE_LIMIT),
         "largest mean overlap, delta/D": (run["overlap_ratio"].values, OVERLAP_LIMIT),
         "largest inertial number": (run["inertial_number"].values, INERTIAL_LIMIT),
-        "momentum: share of drift in the kinetic energy": (drift_share(run), DRIFT_LIMIT),
     }
+    if "drift_velocity" in run:
+        most["momentum: share of drift in the kinetic energy"] = drift_share(run), DRIFT_LIMIT
+    if "energy_balance_error" in run:
+        most["energy balance, error over the work"] = np.abs(run["energy_balance_error"].values), BALANCE_LIMIT
     for name, (values, limit) in most.items():
         value = _largest(values)
         yield Finding(name, value, f"< {limit:g}", value < limit, False)

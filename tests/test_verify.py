@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import labkit
+from labkit.schema import LATER
 from labkit.verify import findings
 
 
@@ -51,6 +52,28 @@ def test_an_infinite_inertial_number_is_outside(spoiled):
         dataset["inertial_number"][3] = np.inf
 
     assert not spoiled(spoil)["largest inertial number"].holds
+
+
+def test_a_file_without_what_came_later_is_read(run_file, tmp_path):
+    """Files of earlier versions and of other programs hold the variables of the contract alone."""
+    bare = tmp_path / "bare.run.nc"
+    with netCDF4.Dataset(run_file) as old, netCDF4.Dataset(bare, "w") as new:
+        copy(old, new, LATER)
+        for name, group in old.groups.items():
+            if name != "checkpoint":
+                copy(group, new.createGroup(name), ())
+    run = labkit.open_run(bare)
+    assert not set(LATER) & set(run.variables)
+    assert all(finding.holds for finding in findings(run) if finding.decides and "C0" not in finding.name)
+
+
+def copy(old, new, without):
+    new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
+    for name, dimension in old.dimensions.items():
+        new.createDimension(name, len(dimension))
+    for name, variable in old.variables.items():
+        if name not in without:
+            new.createVariable(name, variable.dtype, variable.dimensions)[...] = variable[...]
 
 
 def test_a_volume_that_drifts_fails(spoiled):
