@@ -11,6 +11,7 @@ import numpy as np
 
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, compiled
+from labkit.engines.kernel.packing import ordered
 from labkit.paths import ConstantVolume
 from labkit.servo import INTERVAL, velocity_gradient
 from labkit.state import grains_in_cell
@@ -20,17 +21,24 @@ FLOPS = {"yade": 300, "paper": 390}  # of a contact with everything, counted in 
 
 
 def copies(state, times):
-    """The same grains `times` (3,) times in the three directions: another cell, the same physics.
-
-    Contacts begin without history.
-    """
+    """The same grains `times` (3,) times in the three directions: another cell, the same physics."""
     shifts = np.stack(np.meshgrid(*[np.arange(n) for n in times], indexing="ij"), axis=-1).reshape(-1, 3)
+    many, number = len(shifts), state.number_of_grains
     position = (state.position[None] + (shifts @ state.cell.T)[:, None]).reshape(-1, 3)
-    many = len(shifts)
     result = grains_in_cell(state.scene, np.tile(state.radius, many), position, state.cell * np.array(times))
+    # the second grain of a contact lies in another copy, or beyond the last one in another period
+    period, copy = np.divmod(shifts[:, None] + state.contact_shift[None], times)
+    second = state.contact_grain[:, 1] + number * np.ravel_multi_index(np.moveaxis(copy, -1, 0), times)
+    first = np.broadcast_to(state.contact_grain[:, 0] + number * np.arange(many)[:, None], second.shape)
+    history = ordered(
+        np.stack([first, second], axis=-1).reshape(-1, 2), period.reshape(-1, 3),
+        np.tile(np.concatenate([state.tangential_force, state.rolling_moment], axis=1), (many, 1)),
+    )  # fmt: skip
     return result.replace(
         velocity=np.tile(state.velocity, (many, 1)), angular_velocity=np.tile(state.angular_velocity, (many, 1)),
         velocity_gradient=state.velocity_gradient, time_step=state.time_step,
+        contact_grain=history.grain.astype(np.int32), contact_shift=history.shift.astype(np.int32),
+        tangential_force=history.rows[:, :3].copy(), rolling_moment=history.rows[:, 3:].copy(),
     )  # fmt: skip
 
 
