@@ -95,7 +95,8 @@ class FusedEngine(Engine):
         law = self._law
         return self._advance(
             steps, moved_already, dt, gradient, self._before, self._cell, p.grain_first, p.contact_first,
-            p.contact_last, p.sites, p.forces, p.grains, p.images, p.shift, p.pairs, p.blocks, p.work, p.start,
+            p.contact_last, p.sites, p.forces, p.grains, p.image_first, p.owner, p.shift, p.pairs, p.blocks, p.work,
+            p.start,
             self._first_cell, self._spread, (2.0 * self._start.radius.max(), self._margin), law["kt_over_kn"],
             law["friction"], law["rolling"], law["yade"], law["paper"], law["dashpots"], law["damping"],
             gradient if law["energy"] else None, law["turning"],
@@ -111,8 +112,9 @@ class FusedEngine(Engine):
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        for first, last in zip(p.grain_first, p.grain_first[1:]):
-            steps.domain_sites(p.sites, p.grains, first, last, p.images, p.shift, self._cell, drift)
+        for number, block in enumerate(p.grains):
+            steps.write_sites(p.sites, block, number * WIDTH, WIDTH)
+        steps.image_sites(p.sites, p.owner, 0, len(p.owner), p.shift, self._cell, drift)
 
     def _enter_flows(self):
         """Moves work and losses from the kernel's sums to the ledger."""
