@@ -79,14 +79,16 @@ def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over
     for start in range(first, last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
         block = blocks[start // WIDTH]
-        for i in range(0, len(block), LANES):
-            prefetch(block, len(block) + i)  # the next block
+        for i in range(0, len(block) // 2, LANES):
+            prefetch(block, len(block) + i)  # of the next block: in two halves, not to queue up
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
         read_sites(sites, a, b, work, turning)
         if yade is not None:
             yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient)
         if paper is not None:
             paper_block(block, work, n, dt, kt_over_kn, friction, rolling, dashpots, gradient)
+        for i in range(len(block) // 2, len(block), LANES):
+            prefetch(block, len(block) + i)
         add_forces(forces, a, b, work, turning)
 
 
