@@ -15,6 +15,9 @@ from labkit.scene import Scene
 from labkit.schema import CONTACTS, GRAINS, RECORD, SIZES
 
 
+netCDF4.set_chunk_cache(1 << 20)  # bytes for each variable, where up to 64 MB are usual: files are read and written once
+
+
 def require_writable(path, kind=None):
     """Raises InputError unless a file could be put at `path`. Leaves nothing behind.
 

@@ -25,6 +25,12 @@ LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
 
+# Arrays of a State that the kernel holds in its own form
+IN_KERNEL = (
+    "position", "velocity", "angular_velocity", "contact_grain", "contact_shift", "tangential_force", "rolling_moment",
+)  # fmt: skip
+
+
 class FusedEngine(Engine):
     """The kernel holding a State. Raises InputError when the machine has fewer than `threads` threads for it."""
 
@@ -45,7 +51,8 @@ class FusedEngine(Engine):
 
     def load(self, state):
         scene = state.scene
-        self._start, self._packing, self._ledger = state, None, state.ledger
+        self._start = state.replace(**dict.fromkeys(IN_KERNEL))
+        self._packing, self._ledger = None, state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
@@ -154,15 +161,15 @@ class FusedEngine(Engine):
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
         touching = np.flatnonzero(radius[first] + radius[second] - distance >= 0.0)
         order = touching[np.lexsort((*history.shift[touching].T, second[touching], first[touching]))]
-        rows = history.rows[order]
+        rows = history.rows
         nothing = np.zeros((len(order), 3))
         friction, rolling = self._law["friction"] is not None, self._law["rolling"] is not None
         return self._start.replace(
             position=position, velocity=velocity, angular_velocity=spin,
             cell=self._cell.copy(), velocity_gradient=self._before.copy(),
             contact_grain=history.grain[order].astype(np.int32), contact_shift=history.shift[order].astype(np.int32),
-            tangential_force=rows[:, :3].copy() if friction else nothing,
-            rolling_moment=rows[:, -3:].copy() if rolling else nothing,
+            tangential_force=rows[order, :3] if friction else nothing,
+            rolling_moment=rows[order, -3:] if rolling else nothing,
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
             ledger=self._ledger,
         )  # fmt: skip

@@ -75,17 +75,18 @@ class Packing:
     def unpack_history(self):
         """The History of all pairs, touching or not."""
         blocks = self.blocks.reshape(len(self.blocks), -1, WIDTH)
-        rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]
+        rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]  # a copy
         return ordered(self.order[self.pair], self.pair_shift, rows)
 
 
 def ordered(grain, shift, rows):
-    """A History with the smaller number first; a grain that touches its own image counts once."""
+    """A History with the smaller number first; a grain that touches its own image counts once. rows: changed in place."""
     first, second = grain[:, 0], grain[:, 1]
     leading = np.sign(shift) @ np.array([9, 3, 1])
     swap = ((first > second) | ((first == second) & (leading < 0)))[:, None]
     sign = np.where(swap, -1, 1)
-    return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows * sign)
+    rows *= sign
+    return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows)
 
 
 def pack(grains, history, cell, margin, stiffness):
