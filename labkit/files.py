@@ -14,8 +14,7 @@ from labkit.errors import InputError
 from labkit.scene import Scene
 from labkit.schema import CONTACTS, GRAINS, RECORD, SIZES
 
-
-netCDF4.set_chunk_cache(1 << 20)  # bytes for each variable, where up to 64 MB are usual: files are read and written once
+netCDF4.set_chunk_cache(1 << 20)  # bytes for each variable, where 64 MB are usual: files are read and written once
 
 
 def require_writable(path, kind=None):

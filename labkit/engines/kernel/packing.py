@@ -80,7 +80,10 @@ class Packing:
 
 
 def ordered(grain, shift, rows):
-    """A History with the smaller number first; a grain that touches its own image counts once. rows: changed in place."""
+    """A History with the smaller number first; a grain that touches its own image counts once.
+
+    rows: changed in place.
+    """
     first, second = grain[:, 0], grain[:, 1]
     leading = np.sign(shift) @ np.array([9, 3, 1])
     swap = ((first > second) | ((first == second) & (leading < 0)))[:, None]
