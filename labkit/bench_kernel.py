@@ -123,14 +123,18 @@ def _search_share(state, steps):
 def _limit(state, seconds):
     """What one step moves and computes against what this core can, measured now."""
     machine = FusedEngine(state)
-    pairs = len(machine._packing.slot)
-    rows = machine._packing.blocks.shape[1] // 64
-    contact_bytes = 8 * (rows + 6 + 1 + 2 * SITE_COLUMNS + 2 * 2 * FORCE_COLUMNS)
-    grain_bytes = 8 * (2 * 11 + SITE_COLUMNS + 2 * FORCE_COLUMNS)
-    moved = pairs * contact_bytes + state.number_of_grains * grain_bytes
+    p = machine._packing
+    pairs, rows = len(p.slot), p.blocks.shape[1] // 64
+    contact_bytes = 8 * (rows + 6 + 1)  # the history is written back
+    site_bytes = 8 * (2 * SITE_COLUMNS + 4 * FORCE_COLUMNS)  # contacts read, grains write sites; of forces both do both
+    grain_bytes = 8 * (11 + 9)
+    moved = pairs * contact_bytes + len(p.sites) * site_bytes + state.number_of_grains * grain_bytes
     flops = pairs * FLOPS[state.scene.law] + state.number_of_grains * 120
     bandwidth, peak = bandwidth_of_cache(), peak_flops()
-    yield f"bytes read and written per pair: {contact_bytes}, per grain: {grain_bytes}; {moved / 1e6:.1f} MB a step"
+    yield (
+        f"bytes that pass per pair: {contact_bytes}, per site: {site_bytes}, per grain: {grain_bytes}; "
+        f"{moved / 1e6:.1f} MB a step, if what contacts share stays in the nearest cache"
+    )
     yield f"operations per pair: about {FLOPS[state.scene.law]}; {flops / 1e6:.1f} MFLOP a step"
     yield f"this core: {bandwidth / 1e9:.0f} GB/s on arrays of 3 MB, {peak / 1e9:.0f} GFLOP/s of fused multiply-adds"
     yield (
