@@ -16,8 +16,9 @@ import numba
 if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
     numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
-if numba.config.THREADING_LAYER == "default":  # OpenMP's threads spin while they wait, TBB's did not wake in time
-    numba.config.THREADING_LAYER = "workqueue"
+# A step has two loops of a few tenths of a millisecond: OpenMP's threads wait for the next one awake, the others' would
+# sleep. On a machine without a free core that helps nobody: one thread is the fastest there.
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 
 WIDTH = 64  # contacts or grains of a block
 LANES = 8  # of them that a vector holds
