@@ -11,6 +11,7 @@ import numpy as np
 
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, compiled
+from labkit.engines.kernel.packing import ordered
 from labkit.paths import ConstantVolume
 from labkit.servo import INTERVAL, velocity_gradient
 from labkit.state import grains_in_cell
@@ -20,17 +21,24 @@ FLOPS = {"yade": 300, "paper": 390}  # of a contact with everything, counted in 
 
 
 def copies(state, times):
-    """The same grains `times` (3,) times in the three directions: another cell, the same physics.
-
-    Contacts begin without history.
-    """
+    """The same grains `times` (3,) times in the three directions: another cell, the same physics."""
     shifts = np.stack(np.meshgrid(*[np.arange(n) for n in times], indexing="ij"), axis=-1).reshape(-1, 3)
+    many, number = len(shifts), state.number_of_grains
     position = (state.position[None] + (shifts @ state.cell.T)[:, None]).reshape(-1, 3)
-    many = len(shifts)
     result = grains_in_cell(state.scene, np.tile(state.radius, many), position, state.cell * np.array(times))
+    # the second grain of a contact lies in another copy, or beyond the last one in another period
+    period, copy = np.divmod(shifts[:, None] + state.contact_shift[None], times)
+    second = state.contact_grain[:, 1] + number * np.ravel_multi_index(np.moveaxis(copy, -1, 0), times)
+    first = np.broadcast_to(state.contact_grain[:, 0] + number * np.arange(many)[:, None], second.shape)
+    history = ordered(
+        np.stack([first, second], axis=-1).reshape(-1, 2), period.reshape(-1, 3),
+        np.tile(np.concatenate([state.tangential_force, state.rolling_moment], axis=1), (many, 1)),
+    )  # fmt: skip
     return result.replace(
         velocity=np.tile(state.velocity, (many, 1)), angular_velocity=np.tile(state.angular_velocity, (many, 1)),
         velocity_gradient=state.velocity_gradient, time_step=state.time_step,
+        contact_grain=history.grain.astype(np.int32), contact_shift=history.shift.astype(np.int32),
+        tangential_force=history.rows[:, :3].copy(), rolling_moment=history.rows[:, 3:].copy(),
     )  # fmt: skip
 
 
@@ -115,14 +123,18 @@ def _search_share(state, steps):
 def _limit(state, seconds):
     """What one step moves and computes against what this core can, measured now."""
     machine = FusedEngine(state)
-    pairs = len(machine._packing.slot)
-    rows = machine._packing.blocks.shape[1] // 64
-    contact_bytes = 8 * (rows + 6 + 1 + 2 * SITE_COLUMNS + 2 * 2 * FORCE_COLUMNS)
-    grain_bytes = 8 * (2 * 11 + SITE_COLUMNS + 2 * FORCE_COLUMNS)
-    moved = pairs * contact_bytes + state.number_of_grains * grain_bytes
+    p = machine._packing
+    pairs, rows = len(p.slot), p.blocks.shape[1] // 64
+    contact_bytes = 8 * (rows + 6 + 1)  # the history is written back
+    site_bytes = 8 * (2 * SITE_COLUMNS + 4 * FORCE_COLUMNS)  # contacts read, grains write sites; of forces both do both
+    grain_bytes = 8 * (11 + 9)
+    moved = pairs * contact_bytes + len(p.sites) * site_bytes + state.number_of_grains * grain_bytes
     flops = pairs * FLOPS[state.scene.law] + state.number_of_grains * 120
     bandwidth, peak = bandwidth_of_cache(), peak_flops()
-    yield f"bytes read and written per pair: {contact_bytes}, per grain: {grain_bytes}; {moved / 1e6:.1f} MB a step"
+    yield (
+        f"bytes that pass per pair: {contact_bytes}, per site: {site_bytes}, per grain: {grain_bytes}; "
+        f"{moved / 1e6:.1f} MB a step, if what contacts share stays in the nearest cache"
+    )
     yield f"operations per pair: about {FLOPS[state.scene.law]}; {flops / 1e6:.1f} MFLOP a step"
     yield f"this core: {bandwidth / 1e9:.0f} GB/s on arrays of 3 MB, {peak / 1e9:.0f} GFLOP/s of fused multiply-adds"
     yield (

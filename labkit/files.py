@@ -14,6 +14,8 @@ from labkit.errors import InputError
 from labkit.scene import Scene
 from labkit.schema import CONTACTS, GRAINS, LATER, RECORD, SIZES
 
+netCDF4.set_chunk_cache(1 << 20)  # bytes for each variable, where 64 MB are usual: files are read and written once
+
 
 def require_writable(path, kind=None):
     """Raises InputError unless a file could be put at `path`. Leaves nothing behind.

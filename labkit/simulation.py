@@ -145,20 +145,22 @@ class _Run:
         while not last:
             end = self.schedule.next_record(self.step)
             self.advance(end, signals)
-            state = self.machine.state()
             last = self.stopped or self.step == self.schedule.steps
             if self.step < end and not last:
-                self.save(state, False)
+                self.save(self.machine.state(), False)
                 raise self.interrupted(signals)
-            saving = self.schedule.is_save(self.recorder.records, last) or signals.caught
-            if saving:
-                state = self.machine.reload()
-            self.record(state, last)
-            if saving:
-                self.save(state, last)
+            self.record_and_save(last, signals)
             if signals.caught and not last:
                 raise self.interrupted(signals)
         return True
+
+    def record_and_save(self, last, signals):
+        """In a function of its own, so that no State is kept while the run goes on."""
+        saving = self.schedule.is_save(self.recorder.records, last) or signals.caught
+        state = self.machine.reload() if saving else self.machine.state()
+        self.record(state, last)
+        if saving:
+            self.save(state, last)
 
     def advance(self, end, signals):
         """Moves to the step `end`, or to where the path or a signal stops it."""

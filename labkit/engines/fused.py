@@ -25,6 +25,12 @@ LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
 
+# Arrays of a State that the kernel holds in its own form
+IN_KERNEL = (
+    "position", "velocity", "angular_velocity", "contact_grain", "contact_shift", "tangential_force", "rolling_moment",
+)  # fmt: skip
+
+
 class FusedEngine(Engine):
     """The kernel holding a State. Raises InputError when the machine has fewer than `threads` threads for it."""
 
@@ -45,7 +51,8 @@ class FusedEngine(Engine):
 
     def load(self, state):
         scene = state.scene
-        self._start, self._packing, self._ledger = state, None, state.ledger
+        self._start = state.replace(**dict.fromkeys(IN_KERNEL))
+        self._packing, self._ledger = None, state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
@@ -95,7 +102,8 @@ class FusedEngine(Engine):
         law = self._law
         return self._advance(
             steps, moved_already, dt, gradient, self._before, self._cell, p.grain_first, p.contact_first,
-            p.contact_last, p.sites, p.forces, p.grains, p.images, p.shift, p.pairs, p.blocks, p.work, p.start,
+            p.contact_last, p.sites, p.forces, p.grains, p.image_first, p.owner, p.shift, p.pairs, p.blocks, p.work,
+            p.start,
             self._first_cell, self._spread, (2.0 * self._start.radius.max(), self._margin), law["kt_over_kn"],
             law["friction"], law["rolling"], law["yade"], law["paper"], law["dashpots"], law["damping"],
             gradient if law["energy"] else None, law["turning"],
@@ -111,8 +119,9 @@ class FusedEngine(Engine):
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        for first, last in zip(p.grain_first, p.grain_first[1:]):
-            steps.domain_sites(p.sites, p.grains, first, last, p.images, p.shift, self._cell, drift)
+        for number, block in enumerate(p.grains):
+            steps.write_sites(p.sites, block, number * WIDTH, WIDTH)
+        steps.image_sites(p.sites, p.owner, 0, len(p.owner), p.shift, self._cell, drift)
 
     def _enter_flows(self):
         """Moves work and losses from the kernel's sums to the ledger."""
@@ -152,15 +161,15 @@ class FusedEngine(Engine):
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
         touching = np.flatnonzero(radius[first] + radius[second] - distance >= 0.0)
         order = touching[np.lexsort((*history.shift[touching].T, second[touching], first[touching]))]
-        rows = history.rows[order]
+        rows = history.rows
         nothing = np.zeros((len(order), 3))
         friction, rolling = self._law["friction"] is not None, self._law["rolling"] is not None
         return self._start.replace(
             position=position, velocity=velocity, angular_velocity=spin,
             cell=self._cell.copy(), velocity_gradient=self._before.copy(),
             contact_grain=history.grain[order].astype(np.int32), contact_shift=history.shift[order].astype(np.int32),
-            tangential_force=rows[:, :3].copy() if friction else nothing,
-            rolling_moment=rows[:, -3:].copy() if rolling else nothing,
+            tangential_force=rows[order, :3] if friction else nothing,
+            rolling_moment=rows[order, -3:] if rolling else nothing,
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
             ledger=self._ledger,
         )  # fmt: skip

@@ -16,10 +16,12 @@ import numba
 if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
     numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
-if numba.config.THREADING_LAYER == "default":  # OpenMP's threads spin while they wait, TBB's did not wake in time
-    numba.config.THREADING_LAYER = "workqueue"
+# A step has two loops of a few tenths of a millisecond: OpenMP's threads wait for the next one awake, the others' would
+# sleep. On a machine without a free core that helps nobody: one thread is the fastest there.
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 
 WIDTH = 64  # contacts or grains of a block
+LANES = 8  # of them that a vector holds
 
 # rows of a block of contacts: constants, then the history that the scene keeps
 KN, RADIUS_A, RADIUS_B, HISTORY = (row * WIDTH for row in range(4))
@@ -28,8 +30,10 @@ KN, RADIUS_A, RADIUS_B, HISTORY = (row * WIDTH for row in range(4))
 X, V, W, INVERSE_MASS, INVERSE_INERTIA = (row * WIDTH for row in (0, 3, 6, 9, 10))
 GRAIN_ROWS = 11
 
-# columns of a site: position, velocity, angular velocity; and of its force and torque
-SITE_COLUMNS, FORCE_COLUMNS = 9, 6
+# columns of a site: position, velocity, angular velocity; and of its force and torque; every fourth is unused, so that
+# a vector of three lies in one line of the cache
+SITE_X, SITE_V, SITE_W, SITE_COLUMNS = 0, 4, 8, 12
+SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
 
 # rows of the workspace of the contacts of a domain: what is read of the sites, what is given back, sums of energy
 D, VREL, WA, WB = (row * WIDTH for row in (0, 3, 6, 9))
@@ -39,7 +43,6 @@ CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS = (row * WIDTH for row in (
 GRAIN_FORCE = 25 * WIDTH
 DAMPING_LOSS, SPEED2 = (row * WIDTH for row in (31, 32))
 WORK_ROWS = 33
-
 
 
 def compiled_with(**options):

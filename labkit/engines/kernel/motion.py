@@ -28,11 +28,10 @@ from labkit.engines.kernel.layout import (
 
 
 @compiled
-def damp(acceleration, velocity, dt, damping):
-    """Newton's local damping of one component."""
+def taken(acceleration, velocity, dt, damping):
+    """Share of one component that Newton's local damping takes."""
     product = acceleration * (velocity + 0.5 * dt * acceleration)
-    sign = 1.0 if product > 0.0 else (-1.0 if product < 0.0 else 0.0)
-    return acceleration * (1.0 - damping * sign)
+    return damping if product > 0.0 else (-damping if product < 0.0 else 0.0)
 
 
 @compiled
@@ -59,15 +58,15 @@ def move_block(block, work, n, dt, L, before, damping, energy):
             cx = vx - (before[0, 0] * x + before[0, 1] * y + before[0, 2] * z)
             cy = vy - (before[1, 0] * x + before[1, 1] * y + before[1, 2] * z)
             cz = vz - (before[2, 0] * x + before[2, 1] * y + before[2, 2] * z)
-            ux, uy, uz = ax, ay, az
-            ax, ay, az = damp(ax, cx, dt, damping), damp(ay, cy, dt, damping), damp(az, cz, dt, damping)
-            gx, gy, gz = bx, by, bz
-            bx, by, bz = damp(bx, wx, dt, damping), damp(by, wy, dt, damping), damp(bz, wz, dt, damping)
+            px, py, pz = taken(ax, cx, dt, damping), taken(ay, cy, dt, damping), taken(az, cz, dt, damping)
+            qx, qy, qz = taken(bx, wx, dt, damping), taken(by, wy, dt, damping), taken(bz, wz, dt, damping)
+            ax, ay, az = ax * (1.0 - px), ay * (1.0 - py), az * (1.0 - pz)
+            bx, by, bz = bx * (1.0 - qx), by * (1.0 - qy), bz * (1.0 - qz)
             if energy is not None:  # what damping takes of the force times the mean velocity of the step
                 h = 0.5 * dt
-                lost = (ux - ax) * (cx + h * ax) + (uy - ay) * (cy + h * ay) + (uz - az) * (cz + h * az)
-                turn = (gx - bx) * (wx + h * bx) + (gy - by) * (wy + h * by) + (gz - bz) * (wz + h * bz)
-                work[DAMPING_LOSS + i] += dt * (lost / inverse_mass + turn / inverse_inertia)
+                lost = px * fx * (cx + h * ax) + py * fy * (cy + h * ay) + pz * fz * (cz + h * az)
+                turn = qx * mx * (wx + h * bx) + qy * my * (wy + h * by) + qz * mz * (wz + h * bz)
+                work[DAMPING_LOSS + i] += dt * (lost + turn)
         ax += before[0, 0] * vx + before[0, 1] * vy + before[0, 2] * vz
         ay += before[1, 0] * vx + before[1, 1] * vy + before[1, 2] * vz
         az += before[2, 0] * vx + before[2, 1] * vy + before[2, 2] * vz

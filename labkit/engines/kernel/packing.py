@@ -17,6 +17,7 @@ from labkit.engines.kernel.layout import (
 from labkit.engines.kernel.neighbours import LOST, find_pairs, sort_grains
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
+LINE = 64  # bytes of a line of the cache
 NEAR = 3  # periods, at most, between the cells that two neighbours lie in
 
 
@@ -53,8 +54,9 @@ class Packing:
     slot: np.ndarray  # place of each pair among the blocks
     pair: np.ndarray  # (n, 2), in the grid's order
     pair_shift: np.ndarray
-    images: np.ndarray
-    shift: np.ndarray
+    image_first: np.ndarray  # the first image of each domain's grains
+    owner: np.ndarray  # grain of each image
+    shift: np.ndarray  # (image, 3) periods
     sites: np.ndarray
     forces: np.ndarray
     grains: np.ndarray
@@ -73,17 +75,21 @@ class Packing:
     def unpack_history(self):
         """The History of all pairs, touching or not."""
         blocks = self.blocks.reshape(len(self.blocks), -1, WIDTH)
-        rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]
+        rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]  # a copy
         return ordered(self.order[self.pair], self.pair_shift, rows)
 
 
 def ordered(grain, shift, rows):
-    """A History with the smaller number first; a grain that touches its own image counts once."""
+    """A History with the smaller number first; a grain that touches its own image counts once.
+
+    rows: changed in place.
+    """
     first, second = grain[:, 0], grain[:, 1]
     leading = np.sign(shift) @ np.array([9, 3, 1])
     swap = ((first > second) | ((first == second) & (leading < 0)))[:, None]
     sign = np.where(swap, -1, 1)
-    return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows * sign)
+    rows *= sign
+    return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows)
 
 
 def pack(grains, history, cell, margin, stiffness):
@@ -107,40 +113,50 @@ def pack(grains, history, cell, margin, stiffness):
     slot = np.arange(len(shift)) + (contact_first - first_pair[:-1])[domain]
     blocks = len(slot) and int(room.sum()) // WIDTH
 
-    second, images, image_shift = make_images(pairs, shift, domain, grain_first)
-    placed = np.zeros((2, max(blocks, 1) * WIDTH), np.uint32)
+    first_image = -(-number // WIDTH) * WIDTH
+    second, owner, image_shift = make_images(pairs, shift, domain, grain_first, first_image)
+    nobody = first_image + len(owner)
+    placed = np.full((2, max(blocks, 1) * WIDTH), nobody, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
     a, b = radius[pairs[0]], radius[pairs[1]]
-    laid = np.ones((max(blocks, 1), HISTORY // WIDTH + history.rows.shape[1], WIDTH))
+    # what fills up a block are contacts of nobody with itself: without a normal and a history they have no force
+    laid = aligned((max(blocks, 1), HISTORY // WIDTH + history.rows.shape[1], WIDTH))
+    laid[:, : HISTORY // WIDTH] = 1.0
     for row, numbers in enumerate((stiffness(a, b), a, b)):
         laid[slot // WIDTH, row, slot % WIDTH] = numbers
     for row, numbers in enumerate(carried(history, order, pairs, shift, grid.period).T, HISTORY // WIDTH):
         laid[slot // WIDTH, row, slot % WIDTH] = numbers
     values = (grains.position, grains.velocity, grains.spin)
     columns = np.concatenate([*(v[order].T for v in values), [1.0 / grains.mass[order], 1.0 / grains.inertia[order]]])
-    sites = number + len(image_shift)
     return Packing(
         order=order, grain_first=grain_first, contact_first=contact_first, contact_last=contact_first + counts,
-        slot=slot, pair=pairs.T, pair_shift=shift, images=images, shift=image_shift,
-        sites=np.zeros((sites, SITE_COLUMNS)), forces=np.zeros((sites, FORCE_COLUMNS)),
+        slot=slot, pair=pairs.T, pair_shift=shift, image_first=np.searchsorted(owner, grain_first),
+        owner=owner, shift=image_shift,
+        sites=aligned((nobody + 1, SITE_COLUMNS)), forces=aligned((nobody + 1, FORCE_COLUMNS)),
         grains=to_blocks(columns, GRAIN_ROWS), pairs=placed, blocks=laid.reshape(len(laid), -1),
-        work=np.zeros((domains, WORK_ROWS * WIDTH)), start=position,
+        work=aligned((domains, WORK_ROWS * WIDTH)), start=position,
     )  # fmt: skip
 
 
-def make_images(pairs, shift, domain, grain_first):
-    """(site of the second grain (n,), images (grain + 1,), shift (image, 3)): where the second grain of a pair lies
-    in another period or belongs to another domain, it gets a site of its own."""
+def aligned(shape):
+    """An array of zeros that begins with a line of the cache."""
+    count = int(np.prod(shape))
+    memory = np.zeros(count + LINE // 8)
+    first = -memory.ctypes.data % LINE // 8
+    return memory[first : first + count].reshape(shape)
+
+
+def make_images(pairs, shift, domain, grain_first, first_image):
+    """(site of the second grain (n,), owner (image,), shift (image, 3)): where the second grain of a pair lies
+    in another period or belongs to another domain, it gets a site of its own, from number first_image on."""
     second = pairs[1].copy()
     needed = np.flatnonzero(shift.any(axis=1) | (np.searchsorted(grain_first, second, side="right") - 1 != domain))
     key = second[needed].astype(np.int64) * MOST_DOMAINS + domain[needed]
     for k in range(3):
         key = key * (4 * LOST) + (shift[needed, k] + 2 * LOST)
     _, index, inverse = np.unique(key, return_index=True, return_inverse=True)
-    number = grain_first[-1]
-    second[needed] = number + inverse
-    owner = pairs[1][needed][index]
-    return second, np.searchsorted(owner, np.arange(number + 1)), shift[needed][index].astype(float)
+    second[needed] = first_image + inverse
+    return second, pairs[1][needed][index], shift[needed][index].astype(float)
 
 
 def wrapped(shift, first, second, period):
@@ -179,7 +195,9 @@ def to_blocks(rows, number):
     blocks = -(-rows.shape[1] // WIDTH)
     filled = np.ones((number, blocks * WIDTH))
     filled[:, : rows.shape[1]] = rows
-    return np.ascontiguousarray(filled.reshape(number, blocks, WIDTH).transpose(1, 0, 2)).reshape(blocks, -1)
+    result = aligned((blocks, number, WIDTH))
+    result[:] = filled.reshape(number, blocks, WIDTH).transpose(1, 0, 2)
+    return result.reshape(blocks, -1)
 
 
 def from_blocks(blocks, count):

@@ -14,17 +14,29 @@ import numba
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
+from labkit.engines.kernel.lanes import add, add_opposite, prefetch, put, read, read_difference, take
 from labkit.engines.kernel.law_paper import paper_block
 from labkit.engines.kernel.law_yade import yade_block
 from labkit.engines.kernel.layout import (
     FORCE,
     FORCE_COLUMNS,
     GRAIN_FORCE,
-    SITE_COLUMNS,
+    LANES,
+    SITE_FORCE,
+    SITE_TORQUE,
+    SITE_V,
+    SITE_W,
+    SITE_X,
     TORQUE_A,
     TORQUE_B,
+    VREL,
+    WA,
+    WB,
     WIDTH,
     D,
+    V,
+    W,
+    X,
     compiled,
     compiled_with,
 )
@@ -32,32 +44,29 @@ from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
 
 
 @compiled
+def whole_lanes(n):
+    return (n + LANES - 1) // LANES * LANES
+
+
+@compiled
 def read_sites(sites, first, second, work, turning):
     """The rows D to WB of contacts from the sites of their grains; without velocities if `turning` is None."""
-    for i in range(len(first)):
-        a, b = sites[first[uint(i)]], sites[second[uint(i)]]
-        for k in range(3):
-            work[uint(D + k * WIDTH + i)] = b[k] - a[k]
+    for i in range(0, len(first), LANES):
+        read_difference(sites, SITE_X, first, second, i, work, D + i)
         if turning is not None:
-            for k in range(3, 6):
-                work[uint(D + k * WIDTH + i)] = b[k] - a[k]
-            for k in range(6, 9):
-                work[uint(D + k * WIDTH + i)] = a[k]
-                work[uint(D + (k + 3) * WIDTH + i)] = b[k]
+            read_difference(sites, SITE_V, first, second, i, work, VREL + i)
+            read(sites, SITE_W, first, i, work, WA + i)
+            read(sites, SITE_W, second, i, work, WB + i)
 
 
 @compiled
 def add_forces(forces, first, second, work, turning):
     """Adds forces and torques of contacts to their sites."""
-    for i in range(len(first)):
-        a, b = forces[first[uint(i)]], forces[second[uint(i)]]
-        for k in range(3):
-            a[k] += work[uint(FORCE + k * WIDTH + i)]
-            b[k] -= work[uint(FORCE + k * WIDTH + i)]
+    for i in range(0, len(first), LANES):
+        add_opposite(forces, SITE_FORCE, first, second, i, work, FORCE + i)
         if turning is not None:
-            for k in range(3):
-                a[3 + k] += work[uint(TORQUE_A + k * WIDTH + i)]
-                b[3 + k] += work[uint(TORQUE_B + k * WIDTH + i)]
+            add(forces, SITE_TORQUE, first, i, work, TORQUE_A + i)
+            add(forces, SITE_TORQUE, second, i, work, TORQUE_B + i)
 
 
 @compiled
@@ -68,58 +77,75 @@ def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over
     yade, paper: None for the other law.
     """
     for start in range(first, last, WIDTH):
-        n = min(WIDTH, last - start)
+        n = whole_lanes(min(WIDTH, last - start))
         block = blocks[start // WIDTH]
+        for i in range(0, len(block) // 2, LANES):
+            prefetch(block, len(block) + i)  # of the next block: in two halves, not to queue up
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
         read_sites(sites, a, b, work, turning)
         if yade is not None:
             yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient)
         if paper is not None:
             paper_block(block, work, n, dt, kt_over_kn, friction, rolling, dashpots, gradient)
+        for i in range(len(block) // 2, len(block), LANES):
+            prefetch(block, len(block) + i)
         add_forces(forces, a, b, work, turning)
 
 
 @compiled
-def domain_grains(forces, grains, work, first, last, images, dt, L, before, damping, energy):
-    """Moves the grains first <= g < last; their force is what they and their images have collected."""
-    number = len(forces) - images[-1]
-    for start in range(first, last, WIDTH):
-        n = min(WIDTH, last - start)
-        block = grains[start // WIDTH]
-        rows, images_of = forces[start : start + n], images[start : start + n + 1]
-        for i in range(n):
-            row = rows[uint(i)]
-            for image in range(number + images_of[uint(i)], number + images_of[uint(i + 1)]):
-                for k in range(FORCE_COLUMNS):
-                    row[k] += forces[uint(image), k]
-                    forces[uint(image), k] = 0.0
-            for k in range(FORCE_COLUMNS):
-                work[uint(GRAIN_FORCE + k * WIDTH + i)] = row[k]
-                row[k] = 0.0
-        move_block(block, work, n, dt, L, before, damping, energy)
+def first_image(sites, owner):
+    """Number of the first site that is an image: before them are whole blocks of grains, after them nobody's site."""
+    return len(sites) - 1 - len(owner)
 
 
 @compiled
-def domain_sites(sites, grains, first, last, images, shift, offset, drift):
-    """Writes the sites of the grains first <= g < last and of their images.
+def write_sites(sites, block, start, n):
+    """The sites of the n grains of a block."""
+    for i in range(0, n, LANES):
+        put(sites, SITE_X, start + i, block, X + i)
+        put(sites, SITE_V, start + i, block, V + i)
+        put(sites, SITE_W, start + i, block, W + i)
 
-    images[g] to images[g + 1]: the images of a grain, which follow all grains in `sites`. offset and drift (3, 3):
-    the cell, and L times the cell before the motion: what a period adds to position and velocity.
-    """
-    number = len(images) - 1
+
+@compiled
+def domain_grains(sites, forces, grains, work, first, last, dt, L, before, damping, energy):
+    """Moves the grains first <= g < last and their sites."""
     for start in range(first, last, WIDTH):
-        block, rows = grains[start // WIDTH], sites[start : min(start + WIDTH, last)]
-        for i in range(len(rows)):
-            for k in range(SITE_COLUMNS):
-                rows[uint(i), k] = block[uint(k * WIDTH + i)]
-    for g in range(first, last):
-        for image in range(images[uint(g)], images[uint(g + 1)]):
-            row, copy, periods = sites[uint(g)], sites[uint(number + image)], shift[uint(image)]
-            x, y, z = periods[0], periods[1], periods[2]
-            for k in range(3):
-                copy[k] = row[k] + (offset[k, 0] * x + offset[k, 1] * y + offset[k, 2] * z)
-                copy[3 + k] = row[3 + k] + (drift[k, 0] * x + drift[k, 1] * y + drift[k, 2] * z)
-                copy[6 + k] = row[6 + k]
+        n = min(WIDTH, last - start)
+        block = grains[start // WIDTH]
+        for i in range(0, n, LANES):
+            take(forces, SITE_FORCE, start + i, work, GRAIN_FORCE + i)
+            take(forces, SITE_TORQUE, start + i, work, GRAIN_FORCE + 3 * WIDTH + i)
+        move_block(block, work, n, dt, L, before, damping, energy)
+        write_sites(sites, block, start, n)
+
+
+@compiled
+def collect_images(forces, owner, first, last):
+    """Moves the forces of the images first <= k < last to the grains `owner`."""
+    images = first_image(forces, owner)
+    for image in range(first, last):
+        row, copy = forces[owner[uint(image)]], forces[uint(images + image)]
+        for k in range(FORCE_COLUMNS):
+            row[k] += copy[k]
+            copy[k] = 0.0
+
+
+@compiled
+def image_sites(sites, owner, first, last, shift, offset, drift):
+    """Writes the sites of the images first <= k < last of the grains `owner`, `shift` (image, 3) periods away.
+
+    offset and drift (3, 3): the cell, and L times the cell before the motion: what a period adds to position and
+    velocity.
+    """
+    images = first_image(sites, owner)
+    for image in range(first, last):
+        row, copy, periods = sites[owner[uint(image)]], sites[uint(images + image)], shift[uint(image)]
+        x, y, z = periods[0], periods[1], periods[2]
+        for k in range(3):
+            copy[SITE_X + k] = row[SITE_X + k] + (offset[k, 0] * x + offset[k, 1] * y + offset[k, 2] * z)
+            copy[SITE_V + k] = row[SITE_V + k] + (drift[k, 0] * x + drift[k, 1] * y + drift[k, 2] * z)
+            copy[SITE_W + k] = row[SITE_W + k]
 
 
 @compiled
@@ -143,8 +169,8 @@ def _make_advance(parallel):
     """The loop over steps; compiled once for one thread and once for several."""
 
     def advance(steps, moved_already, dt, L, before, cell, grain_first, contact_first, contact_last, sites, forces,
-                grains, images, shift, pairs, blocks, work, start, first_cell, spread, limits, kt_over_kn, friction,
-                rolling, yade, paper, dashpots, damping, gradient, turning):  # fmt: skip
+                grains, image_first, owner, shift, pairs, blocks, work, start, first_cell, spread, limits,
+                kt_over_kn, friction, rolling, yade, paper, dashpots, damping, gradient, turning):  # fmt: skip
         """Takes up to `steps` steps; returns how many were taken, and whether neighbours must be sought.
 
         In that case the last motion has been made, its forces not: search, and go on with moved_already.
@@ -160,9 +186,10 @@ def _make_advance(parallel):
                 move_cell(cell, L, dt)
                 drift = L @ cell_before
                 for d in numba.prange(domains):
-                    first, last = grain_first[d], grain_first[d + 1]
-                    domain_grains(forces, grains, work[d], first, last, images, dt, L, before, damping, gradient)
-                    domain_sites(sites, grains, first, last, images, shift, cell, drift)
+                    collect_images(forces, owner, image_first[d], image_first[d + 1])
+                    domain_grains(sites, forces, grains, work[d], grain_first[d], grain_first[d + 1], dt, L, before,
+                                  damping, gradient)  # fmt: skip
+                    image_sites(sites, owner, image_first[d], image_first[d + 1], shift, cell, drift)
                     speed[d] = largest_speed(work[d])
                 before[:] = L
                 spread[1] /= 1.0 - dt * math.sqrt((L * L).sum())

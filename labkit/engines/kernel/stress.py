@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from labkit.engines.kernel.layout import HISTORY, KN, RADIUS_A, RADIUS_B, WIDTH, D, compiled
-from labkit.engines.kernel.steps import read_sites
+from labkit.engines.kernel.steps import read_sites, whole_lanes
 
 
 @compiled
@@ -41,6 +41,7 @@ def branch_force(sites, pairs, blocks, work, contact_first, contact_last, fricti
     for d in range(len(contact_first)):
         for start in range(contact_first[d], contact_last[d], WIDTH):
             n = min(WIDTH, contact_last[d] - start)
-            read_sites(sites, pairs[0, start : start + n], pairs[1, start : start + n], work, None)
+            end = start + whole_lanes(n)
+            read_sites(sites, pairs[0, start:end], pairs[1, start:end], work, None)
             block_stress(blocks[start // WIDTH], work, n, friction, sums)
     return sums.reshape((9, WIDTH)).sum(axis=1).reshape((3, 3))

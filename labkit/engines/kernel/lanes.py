@@ -1,0 +1,186 @@
+"""Eight records of three numbers at once, between records and rows: loads, shuffles and stores of whole vectors, which
+LLVM does not make of loops by itself.
+
+Grains have records, of which each vector takes COLUMNS numbers, the last one unused; blocks have rows. In all functions
+`work` is a block, and `row` the place in it of the first of eight x; y and z follow at distances of WIDTH.
+"""
+
+from __future__ import annotations
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from labkit.engines.kernel.layout import LANES, WIDTH
+
+COLUMNS = 4
+DOUBLE = ir.DoubleType()
+RECORD, ROW = ir.VectorType(DOUBLE, COLUMNS), ir.VectorType(DOUBLE, LANES)
+LOW, HIGH = (0, 8, 2, 10, 4, 12, 6, 14), (1, 9, 3, 11, 5, 13, 7, 15)  # even and odd lanes of two vectors
+EVEN, ODD = (0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)  # even and odd pairs of lanes
+
+
+class _Code:
+    """Writes LLVM's instructions for one call of an intrinsic; arguments by position."""
+
+    def __init__(self, context, builder, signature, arguments):
+        self.context, self.builder = context, builder
+        self.types, self.arguments = signature.args, arguments
+
+    def array(self, k):
+        return self.context.make_array(self.types[k])(self.context, self.builder, self.arguments[k])
+
+    def integer(self, k):
+        return self.context.cast(self.builder, self.arguments[k], self.types[k], types.intp)
+
+    def pointer(self, data, offset, kind):
+        return self.builder.bitcast(self.builder.gep(data, [offset]), kind.as_pointer())
+
+    def shuffle(self, a, b, lanes):
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
+        return self.builder.shuffle_vector(a, b, mask)
+
+    def indexed(self, records, column, index, first):
+        """Pointers to the records whose numbers lie in the array `index` from `first` on."""
+        data, start = self.array(index).data, self.integer(first)
+        for k in range(LANES):
+            place = self.builder.gep(data, [self.builder.add(start, ir.Constant(start.type, k))])
+            yield self.record(records, column, self.builder.zext(self.builder.load(place), start.type))
+
+    def consecutive(self, records, column, first):
+        start = self.integer(first)
+        for k in range(LANES):
+            yield self.record(records, column, self.builder.add(start, ir.Constant(start.type, k)))
+
+    def record(self, records, column, number):
+        array, columns = self.array(records), self.types[records]
+        width = cgutils.unpack_tuple(self.builder, array.shape, columns.ndim)[1]
+        return self.pointer(array.data, self.builder.add(self.builder.mul(number, width), self.integer(column)), RECORD)
+
+    def rows(self, work, row):
+        """Pointers to the rows x, y, z."""
+        data, first = self.array(work).data, self.integer(row)
+        for k in range(3):
+            yield self.pointer(data, self.builder.add(first, ir.Constant(first.type, k * WIDTH)), ROW)
+
+    def load(self, pointer):
+        return self.builder.load(pointer, align=8)
+
+    def store(self, value, pointer):
+        self.builder.store(value, pointer, align=8)
+
+    def to_rows(self, records, work, row):
+        """Stores eight records as rows."""
+        halves = [self.shuffle(records[k], records[k + 4], range(8)) for k in range(4)]
+        low = [self.shuffle(halves[k], halves[k + 1], LOW) for k in (0, 2)]
+        high = [self.shuffle(halves[k], halves[k + 1], HIGH) for k in (0, 2)]
+        x, y, z = self.shuffle(*low, EVEN), self.shuffle(*high, EVEN), self.shuffle(*low, ODD)
+        for value, pointer in zip((x, y, z), self.rows(work, row)):
+            self.store(value, pointer)
+
+    def to_records(self, work, row):
+        """Eight records of three rows; the unused number is 0."""
+        x, y, z = (self.load(pointer) for pointer in self.rows(work, row))
+        nothing = ir.Constant(ROW, None)
+        records = [None] * LANES
+        for k, lanes in enumerate((LOW, HIGH)):
+            xy, z0 = self.shuffle(x, y, lanes), self.shuffle(z, nothing, lanes)
+            for j, pairs in enumerate((EVEN, ODD)):
+                both = self.shuffle(xy, z0, pairs)
+                records[k + 2 * j] = self.shuffle(both, both, range(4))
+                records[k + 2 * j + 4] = self.shuffle(both, both, range(4, 8))
+        return records
+
+
+def _intrinsic(write, arguments):
+    """An intrinsic without a result; write(code) makes its instructions."""
+
+    def codegen(context, builder, signature, values):
+        write(_Code(context, builder, signature, values))
+        return context.get_dummy_value()
+
+    return types.none(*arguments), codegen
+
+
+@intrinsic
+def read(typing, records, column, index, i, work, row):
+    """Rows of the records index[i] to index[i + 7], from a column on."""
+
+    def write(code):
+        code.to_rows([code.load(p) for p in code.indexed(0, 1, 2, 3)], 4, 5)
+
+    return _intrinsic(write, (records, column, index, i, work, row))
+
+
+@intrinsic
+def read_difference(typing, records, column, index, other, i, work, row):
+    """Rows of the records other[i] less index[i], and so on."""
+
+    def write(code):
+        first = [code.load(p) for p in code.indexed(0, 1, 2, 4)]
+        second = [code.load(p) for p in code.indexed(0, 1, 3, 4)]
+        code.to_rows([code.builder.fsub(b, a) for a, b in zip(first, second)], 5, 6)
+
+    return _intrinsic(write, (records, column, index, other, i, work, row))
+
+
+@intrinsic
+def add(typing, records, column, index, i, work, row):
+    """Adds rows to the records index[i] to index[i + 7], one after another."""
+
+    def write(code):
+        for value, p in zip(code.to_records(4, 5), code.indexed(0, 1, 2, 3)):
+            code.store(code.builder.fadd(code.load(p), value), p)
+
+    return _intrinsic(write, (records, column, index, i, work, row))
+
+
+@intrinsic
+def add_opposite(typing, records, column, index, other, i, work, row):
+    """Adds rows to the records index[i] and subtracts them from other[i], and so on."""
+
+    def write(code):
+        both = zip(code.to_records(5, 6), code.indexed(0, 1, 2, 4), code.indexed(0, 1, 3, 4))
+        for value, p, q in both:
+            code.store(code.builder.fadd(code.load(p), value), p)
+            code.store(code.builder.fsub(code.load(q), value), q)
+
+    return _intrinsic(write, (records, column, index, other, i, work, row))
+
+
+@intrinsic
+def take(typing, records, column, first, work, row):
+    """Rows of eight consecutive records, which become 0."""
+
+    def write(code):
+        pointers = list(code.consecutive(0, 1, 2))
+        code.to_rows([code.load(p) for p in pointers], 3, 4)
+        for p in pointers:
+            code.store(ir.Constant(RECORD, None), p)
+
+    return _intrinsic(write, (records, column, first, work, row))
+
+
+@intrinsic
+def put(typing, records, column, first, work, row):
+    """Writes rows into eight consecutive records."""
+
+    def write(code):
+        for value, p in zip(code.to_records(3, 4), code.consecutive(0, 1, 2)):
+            code.store(value, p)
+
+    return _intrinsic(write, (records, column, first, work, row))
+
+
+@intrinsic
+def prefetch(typing, array, i):
+    """Asks for the number array[i] to be brought into the cache, to be changed; i may lie beyond the array."""
+
+    def write(code):
+        pointer = code.pointer(code.array(0).data, code.integer(1), ir.IntType(8))
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type] + 3 * [ir.IntType(32)])
+        function = cgutils.get_or_insert_function(code.builder.module, kind, "llvm.prefetch.p0")
+        code.builder.call(function, [pointer] + [ir.Constant(ir.IntType(32), k) for k in (1, 3, 1)])
+
+    return _intrinsic(write, (array, i))
