@@ -237,7 +237,9 @@ def do_figure(options, argv):
     output = options.output or str(Path(options.run.removesuffix(".run.nc") + f".{options.figure}.png"))
     require_outputs(output, options.csv)
     snapshots = run.sizes["snapshot"]
-    if not -snapshots <= options.snapshot < snapshots:
+    if options.figure != "shares" and not snapshots:
+        raise InputError(f"{options.run} holds no contacts: give a run with snapshots, or draw its shares")
+    if options.figure != "shares" and not -snapshots <= options.snapshot < snapshots:
         raise InputError(
             f"--snapshot {options.snapshot} is not in {options.run}: it has {snapshots}, count from 0, or from the "
             "end with negative numbers"
