@@ -188,7 +188,8 @@ def do_critical(options, argv):
         raise InputError(f"there is no shear test among these runs: give runs of {', '.join(SHEAR)}")
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
-    print(f"M of all: {table['M'].mean():.3f} +- {table['M'].std():.3f} between tests (paper: 0.92)")
+    if len(table) > 1:
+        print(f"M of all: {table['M'].mean():.3f} +- {table['M'].std():.3f} between tests (paper: 0.92)")
     plots.save(plots.e_p_paths(runs), options.output)
     print(f"figure: {options.output}")
     if options.csv:
