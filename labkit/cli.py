@@ -154,7 +154,7 @@ def on_engine(options, argv, title, script, command):
         find_yade()
         run_script(script, argv[1:], options.threads, reporter(title))
     else:
-        command(options, reporter(title), "labkit " + shlex.join(argv))
+        command(options, reporter(title), history_of(argv))
 
 
 def do_verify(options, argv):
@@ -162,7 +162,7 @@ def do_verify(options, argv):
 
     runs = open_runs(options.run)
     verify.require_contacts(runs)
-    figure = options.output or figure_name(options.run[0])
+    figure = options.output or figure_name(options.run[0], "verify")
     require_outputs(figure, options.csv)
     found = {name: verify.findings(run) for name, run in runs.items()}
     for name, run in runs.items():
@@ -188,8 +188,8 @@ def do_critical(options, argv):
         raise InputError(f"there is no shear test among these runs: give runs of {', '.join(SHEAR)}")
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
-    if len(table) > 1:
-        print(f"M of all: {table['M'].mean():.3f} +- {table['M'].std():.3f} between tests (paper: 0.92)")
+    scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
+    print(f"M of all: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
     plots.save(plots.e_p_paths(runs), options.output)
     print(f"figure: {options.output}")
     if options.csv:
@@ -235,7 +235,7 @@ def do_figure(options, argv):
     from labkit import micro_figures, plots
 
     run = labkit.open_run(options.run)
-    output = options.output or str(Path(options.run.removesuffix(".run.nc") + f".{options.figure}.png"))
+    output = options.output or figure_name(options.run, options.figure)
     require_outputs(output, options.csv)
     snapshots = run.sizes["snapshot"]
     if options.figure != "shares" and not snapshots:
@@ -310,8 +310,8 @@ def do_watch(options, argv):
     watch(options.run, options.interval, options.once)
 
 
-def figure_name(run):
-    return str(Path(run).with_name(Path(run).name.removesuffix(".run.nc") + ".verify.png"))
+def figure_name(run, what):
+    return str(Path(run).with_name(Path(run).name.removesuffix(".run.nc") + f".{what}.png"))
 
 
 def do_info(options, argv):

@@ -22,8 +22,7 @@ STEP_LIMIT = 200_000
 
 def pressure_error(state, pressure):
     """Largest deviation of the three normal stresses from `pressure`, over it."""
-    stress = love_stress(contacts_of(state), state.radius, state.volume)
-    return float(np.abs(np.diag(stress) / pressure - 1.0).max())
+    return stress_error(state, Consolidation(pressure).control())
 
 
 def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fraction, text: None):

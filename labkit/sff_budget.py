@@ -12,13 +12,17 @@ fourth: `sampling`. It is the part that has a standard error of its own size (se
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from labkit.micro.contacts import Contacts
+from labkit.micro.directions import second_order
+from labkit.micro.fabric import series_of
 from labkit.micro.normalised import Vectors, vectors_of_contacts
 from labkit.micro.stress import love_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.sff_family import bracket, series_of
+from labkit.sff_family import bracket
 
 PARTS = {
     "normals": "truncation of E_PDF",
@@ -48,7 +52,7 @@ def error_budget(contacts, radius, volume, young_modulus, e="nominal", with_lamb
     second, fourth = series_of(used, 2), series_of(used, 4)
     chain = {
         "C0": own * bracket(second, 0),
-        "normals": own * bracket(series_of(used, 4, normal_order=2), 0),
+        "normals": own * bracket(dataclasses.replace(fourth, normal_force=second_order(fourth.normal_force)), 0),
         "normal_forces": own * bracket(fourth, 0),
         "tangential_forces": own * bracket(fourth, 2),
         "sampling": own * _mean_stress_of(used),

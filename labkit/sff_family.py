@@ -20,45 +20,17 @@ group. The assumption that all sizes carry the same stress, which f~ makes (belo
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.contacts import grain_diameters
-from labkit.micro.directions import directional_mean, normal_density
+from labkit.micro.contacts import contact_arms
+from labkit.micro.fabric import series_of
 from labkit.micro.normalised import Vectors, vectors_of_contacts, vectors_of_sides
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.sff import IDENTITY, symmetric_product
 
 GROUPS = 5
-
-
-@dataclasses.dataclass(frozen=True)
-class Series:
-    """The directional functions of a set of Vectors: E_PDF, mean Lambda_n, and F^t.
-
-    density: the Fit of E_PDF(n); normal_force: the Fit of mean Lambda_n(n), its mean is Lambda;
-    mobilisation (3, 3): F^t of Eq. 27 with the weights of `density`.
-    """
-
-    density: object
-    normal_force: object
-    mobilisation: np.ndarray
-
-
-def series_of(vectors, order, normal_order=None):
-    """The Series of Vectors with E_PDF of order 2 or 4, and Lambda_n of `normal_order` (default: the same)."""
-    n = vectors.normal
-    density = normal_density(n, order)
-    normal_force = directional_mean(n, vectors.normal_component, density)
-    if normal_order == 2:
-        normal_force = dataclasses.replace(normal_force, fourth=np.zeros((3, 3, 3, 3)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weighted = vectors.tangential / density.shape(n)[:, None]
-        mobilisation = -(n.T @ weighted) / len(n) / normal_force.mean  # Eq. 27
-    return Series(density, normal_force, mobilisation)
 
 
 def product_integral(A, F, A4=None, F4=None):
@@ -137,7 +109,7 @@ def _classical(contacts, side, radius, volume):
     mean of 2|l| and f the directional mean of f_n over the sides; 3/2 G^t = 15/2 F^t with F^t that of Eq. 27 for f.
     """
     row, _ = np.nonzero(side)
-    D = (grain_diameters(radius, contacts) - contacts.overlap[:, None])[side].mean()
+    D = 2.0 * contact_arms(radius, contacts)[side].mean()
     forces = Vectors(contacts.normal[row], contacts.normal_force[row], contacts.tangential_force[row])
     found = series_of(forces, 2)
     A, Gn, Gt = found.density.second, found.normal_force.second, 5.0 * found.mobilisation
@@ -157,7 +129,7 @@ def _classical_groups(contacts, radius, volume, E, group):
 def _c0_groups(contacts, radius, volume, E, group):
     """Eq. 17 with C0 in each group, f~ made with the mean grain volume of the group."""
     solid = 4.0 / 3.0 * np.pi * radius**3
-    arm = radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
+    arm = contact_arms(radius, contacts)
     total = np.zeros((3, 3))
     for k, side in _sides_of_groups(contacts, group):
         own = group == k

@@ -128,21 +128,21 @@ def make_specimen(scene, recipe, engine="yade", threads=1, progress=lambda fract
     `progress(fraction, text)` is called as it goes. Raises PhysicsError when it does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
+    return relax(inserted, scene, engine, threads, progress)
+
+
+def relax(inserted, scene, engine, threads, progress):
+    """A State at rest from grains inserted with the frictions of step 1; step 2 has those of `scene`."""
     machine = start_engine(engine, inserted, threads)
-    release_overlaps(machine, inserted, lambda f, text: progress(0.3 * f, text))
+    machine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(machine.state())))
+    release(machine, lambda f, text: progress(0.3 * f, text))
+    released = machine.state().replace(time_step=inserted.scene.time_step)
+    require_stable(released)
+    machine.load(opened(released))
     settle(machine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, "step 1: " + text))
     machine.load(opened(machine.state().at_rest().replace(scene=scene)))
     settle(machine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, "step 2: " + text))
     return machine.reload().at_rest()
-
-
-def release_overlaps(machine, inserted, progress):
-    """Lets an engine release the deep overlaps of inserted grains and gives it the time step of the scene."""
-    machine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(machine.state())))
-    release(machine, progress)
-    released = machine.state().replace(time_step=inserted.scene.time_step)
-    require_stable(released)
-    machine.load(opened(released))
 
 
 def release(machine, progress):

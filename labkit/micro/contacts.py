@@ -74,6 +74,11 @@ def grain_diameters(radius, contacts):
     return 2.0 * radius[contacts.grain]
 
 
+def contact_arms(radius, contacts):
+    """|l| = R - delta/2 of the contact vector l on each side (Eq. 4), shape (n, 2), m."""
+    return radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
+
+
 def contacts_per_grain(number_of_grains, contacts):
     """Number of contacts of each grain, shape (grain,)."""
     return np.bincount(contacts.grain.ravel(), minlength=number_of_grains)

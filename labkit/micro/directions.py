@@ -80,6 +80,11 @@ def fit(n, values, order=2):
     return Fit(mean, B, B4)
 
 
+def second_order(found):
+    """A Fit without its fourth order."""
+    return dataclasses.replace(found, fourth=np.zeros((3, 3, 3, 3)))
+
+
 def normal_density(n, order=2):
     """The Fit to E_PDF(n), f0 = 1/(4 pi) (Eqs. 9 and 10). `n` (m, 3) unit vectors; NaN for m = 0."""
     found = fit(n, np.ones(len(n)), order)

@@ -6,9 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.directions import Fit, fit, normal_density
 from labkit.micro.normalised import vectors_of_contacts
-
-IDENTITY = np.eye(3)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,11 +28,33 @@ class Statistics:
     mobilisation: np.ndarray
 
 
+@dataclasses.dataclass(frozen=True)
+class Series:
+    """The directional functions of a set of Vectors: E_PDF, mean Lambda_n, and F^t.
+
+    density: the Fit of E_PDF(n), its second order is A; normal_force: the Fit of mean Lambda_n(n), its mean is Lambda
+    and its second order F; mobilisation (3, 3): F^t of Eq. 27 with the weights of `density`.
+    """
+
+    density: Fit
+    normal_force: Fit
+    mobilisation: np.ndarray
+
+
+def series_of(vectors, order=2):
+    """The Series of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4; not for an empty set."""
+    n = vectors.normal
+    density = normal_density(n, order)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shape = density.shape(n)  # 1 + n.A n + ...
+        normal_force = fit(n, vectors.normal_component / shape, order)  # Eqs. 24, 25
+        mobilisation = -(n.T @ (vectors.tangential / shape[:, None])) / len(n) / normal_force.mean  # Eq. 27
+    return Series(density, normal_force, mobilisation)
+
+
 def contact_anisotropy(normal):
     """A = 15/2 (<n n> - I/3) (Eq. 10), shape (3, 3). `normal` (n, 3) unit vectors; NaN for n = 0."""
-    if len(normal) == 0:
-        return np.full((3, 3), np.nan)
-    return 7.5 * (normal.T @ normal / len(normal) - IDENTITY / 3.0)
+    return normal_density(normal).second
 
 
 def statistics(contacts, radius, young_modulus):
@@ -44,19 +65,7 @@ def statistics(contacts, radius, young_modulus):
     if len(contacts) == 0:
         nothing = np.full((3, 3), np.nan)
         return Statistics(0.0, nothing, 0.0, nothing, nothing)
-    A, Lam, F, Ft = fabric_of(vectors_of_contacts(radius, contacts, young_modulus))
-    return Statistics(2 * len(contacts) / len(radius), A, Lam, F, Ft)
-
-
-def fabric_of(vectors):
-    """A, Lambda, F, F^t of Vectors (Eqs. 10, 24, 25, 27); not for an empty set."""
-    n, rows = vectors.normal, len(vectors)
-    A = contact_anisotropy(n)
-    density = 1.0 + np.einsum("ci,ci->c", n @ A, n)  # 1 + n.A n
-    with np.errstate(divide="ignore", invalid="ignore"):
-        Lambda_n = vectors.normal_component / density
-        Lambda_t = vectors.tangential / density[:, None]
-        Lam = Lambda_n.sum() / rows  # Eq. 24
-        F = 7.5 * ((n * Lambda_n[:, None]).T @ n / rows / Lam - IDENTITY / 3.0)  # Eq. 25
-        Ft = -(n.T @ Lambda_t) / rows / Lam  # Eq. 27
-    return A, float(Lam), F, Ft
+    found = series_of(vectors_of_contacts(radius, contacts, young_modulus))
+    force = found.normal_force
+    Z = 2 * len(contacts) / len(radius)
+    return Statistics(Z, found.density.second, force.mean, force.second, found.mobilisation)

@@ -6,13 +6,15 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.contacts import contact_arms
+
 
 def network_stress(contacts, radius, volume, side):
     """-(1/V) sum of l (x) f over chosen contact sides (Eq. 4), shape (3, 3), Pa. `side` (n, 2) of bool.
 
     All sides together give Love's stress.
     """
-    arm = np.where(side, radius[contacts.grain] - 0.5 * contacts.overlap[:, None], 0.0).sum(axis=1)
+    arm = np.where(side, contact_arms(radius, contacts), 0.0).sum(axis=1)
     return -((arm[:, None] * contacts.normal).T @ contacts.force_on_first()) / volume
 
 

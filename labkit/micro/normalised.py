@@ -10,6 +10,8 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.contacts import contact_arms
+
 
 def normalisation(radius, contacts, volume=None):
     """f~/f = |l|/v = 3 lambda'/(pi D^2) of each side (below Eq. 18), shape (n, 2), 1/m2.
@@ -17,9 +19,8 @@ def normalisation(radius, contacts, volume=None):
     `radius` (grain,) m. `volume` (grain,) m3: v of each grain, of the sphere if not given. Grains of a plane
     layer are discs there: v = pi D^2/4 times the thickness of the layer, and f~/f = 2 lambda'/(pi D thickness).
     """
-    arm = radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
     volume = 4.0 / 3.0 * np.pi * radius**3 if volume is None else volume
-    return arm / volume[contacts.grain]
+    return contact_arms(radius, contacts) / volume[contacts.grain]
 
 
 def normalised_force(radius, contacts, volume=None):

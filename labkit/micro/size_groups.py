@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.micro.contacts import contact_arms
 from labkit.micro.void_ratio import grain_volume
 
 
@@ -102,6 +103,6 @@ def group_stresses(contacts, radius, volume, group, groups):
 
 def _outer_products(contacts, radius):
     """l (x) f of each side, shape (n, 2, 9), N m."""
-    arm = radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
+    arm = contact_arms(radius, contacts)
     nf = (contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]).reshape(-1, 1, 9)
     return arm[:, :, None] * nf
