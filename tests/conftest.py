@@ -6,6 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples at every run, so that a failure is that of a change;
+# `./lab test --hypothesis-profile search` looks for new ones.
+settings.register_profile("repeat", derandomize=True, database=None)
+settings.register_profile("search", derandomize=False)
+settings.load_profile("repeat")
 
 ROOT = Path(__file__).resolve().parents[1]
 

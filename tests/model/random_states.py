@@ -31,3 +31,9 @@ def random_state(rng, e=None):
         rng.uniform(0.58, 0.74) if e is None else e, rng.uniform(4.2, 6.0), rng.uniform(1e-3, 1.5e-2),
         deviator(rng, rng.uniform(0, 0.5)), deviator(rng, rng.uniform(0, 0.9)), deviator(rng, rng.uniform(0, 0.06)),
     )  # fmt: skip
+
+
+def assert_same_rates(found, expected, state, D):
+    """The rates of e, Z and Lambda (3,) but for rounding: each is a sum of terms that may cancel."""
+    terms = np.linalg.norm(D) * np.array([1.0, state.Z, state.Lam]) + np.abs(expected[:3])
+    np.testing.assert_allclose(found[:3] / terms, expected[:3] / terms, rtol=0, atol=1e-12)
