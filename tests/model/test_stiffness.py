@@ -40,11 +40,14 @@ def test_consistent_tangent_against_finite_differences(seed, size):
     many as they are where a shift does not change their lengths."""
     rng = np.random.default_rng(seed)
     y, d = random_state(rng).vector()[None, :21], to_six(symmetric(rng, size))[None]
-    found = update(Model(), y, d, tolerance=1.0).require()
+    found = update(Model(), y, d, tolerance=1.0)
     h = 1e-5 * size
     assume(abs(d[0, :3].sum()) > 10 * h)
     shifted = np.concatenate([d + h * np.eye(6), d - h * np.eye(6)])
-    moved = update(Model(), np.tile(y, (12, 1)), shifted, tangent=False, tolerance=1.0).require()
+    moved = update(Model(), np.tile(y, (12, 1)), shifted, tangent=False, tolerance=1.0)
+    if found.status[0] or moved.status.any():  # so long an increment can take Lambda to zero, and says so
+        assert size > 1e-3 and (not found.status[0] or np.isnan(found.tangent).all())
+        return
     if found.substeps[0] == 1 and (moved.substeps == 1).all():
         difference = (moved.stress[:6] - moved.stress[6:]).T / (2 * h)
         np.testing.assert_allclose(found.tangent[0], difference, atol=1e-5 * np.abs(difference).max())
