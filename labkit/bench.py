@@ -8,11 +8,11 @@ import statistics
 import subprocess
 import sys
 
-from labkit import bench_lammps, servo
+from labkit import bench_lammps
 from labkit.engines.yade_process import find_script, find_yade, yade_environment
 from labkit.errors import PhysicsError
 from labkit.paths import ConstantVolume
-from labkit.servo import velocity_gradient
+from labkit.servo import STANDARD, velocity_gradient
 from labkit.state import read_state
 
 
@@ -79,7 +79,7 @@ def table(found, grains, time_step, rate):
         speed = [turn["steps_per_second"] for turn in turns]
         ratio = [a / b for a, b in zip(speed, base)]
         record = [turn["steps_per_record"] / between for turn in turns if "steps_per_record" in turn]
-        sums = [turn["steps_per_stress"] / servo.INTERVAL for turn in turns if "steps_per_stress" in turn]
+        sums = [turn["steps_per_stress"] / STANDARD.interval for turn in turns if "steps_per_stress" in turn]
         median = statistics.median(speed)
         row = f"{name:<30} {median:9.1f} {median * grains:14.3g} {statistics.median(ratio):7.2f} "
         row += f"{min(ratio):6.2f}-{max(ratio):<6.2f}"

@@ -13,7 +13,7 @@ from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, compiled
 from labkit.engines.kernel.packing import ordered
 from labkit.paths import ConstantVolume
-from labkit.servo import INTERVAL, velocity_gradient
+from labkit.servo import STANDARD, velocity_gradient
 from labkit.state import grains_in_cell
 
 SIZES = (1_000, 10_000, 40_000, 100_000)  # grains, about: copies of the specimen
@@ -90,8 +90,8 @@ def _seconds_per_step(machine, state, steps, sampled=False):
     gradient = velocity_gradient(ConstantVolume(), 1.0, state.time_step)
     begin = time.perf_counter()
     if sampled:
-        for _ in range(steps // INTERVAL):
-            machine.advance(INTERVAL, gradient)
+        for _ in range(steps // STANDARD.interval):
+            machine.advance(STANDARD.interval, gradient)
             machine.stress()
     else:
         machine.advance(steps, gradient)

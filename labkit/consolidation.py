@@ -50,9 +50,9 @@ def bring_to(specimen, path, engine="yade", threads=1, progress=lambda fraction,
         if step and error < TOLERANCE and unbalanced < UNBALANCED:
             return state.at_rest()
         stiffness, before = servo.cell_stiffness(state), state.velocity_gradient
-        for _ in range(CHECK_INTERVAL // servo.INTERVAL):
+        for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
             before = servo.velocity_gradient(path, 1.0, state.time_step, machine.stress(), stiffness, before)
-            machine.advance(servo.INTERVAL, before)
+            machine.advance(servo.STANDARD.interval, before)
     raise PhysicsError(
         f"the specimen does not reach {np.array2string(control.target, precision=4)} Pa in {STEP_LIMIT} steps "
         f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress nearer to its own"

@@ -14,20 +14,38 @@ the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M: stable for 0
 0.07 to 13.9 the roots have the modulus sqrt(0.75), so that an error falls to a tenth within 16 corrections
 whatever the stiffness is. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 leaves a
 factor of seven to the limit of stability, for the dynamics of the grains that this sketch leaves out, and a lag
-of 0.2 kPa for 10 1/s and T of 5 steps.
+of 0.2 kPa for 10 1/s and T of 5 steps. `labkit speed-error` measures other gains and intervals.
 """
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.micro.contacts import contacts_of
 
-GAIN = 2.0
 LOW_PASS = 0.25
-INTERVAL = 5  # steps between two corrections
 RATE_LIMIT = 3.0  # of the rate of the path
 FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts from being zero
+
+
+@dataclasses.dataclass(frozen=True)
+class Servo:
+    """How strongly and how often stresses are corrected. Raises InputError for values that are not possible."""
+
+    gain: float = 2.0
+    interval: int = 5  # steps between two corrections
+
+    def __post_init__(self):
+        if not 0.0 < self.gain <= 1e3:
+            raise InputError(f"the gain of the servo is {self.gain}: give a number above 0, e.g. 2")
+        if not (isinstance(self.interval, int) and self.interval >= 1):
+            raise InputError(f"the interval of the servo is {self.interval}: give a whole number of steps, e.g. 5")
+
+
+STANDARD = Servo()
 
 
 def cell_stiffness(state):
@@ -45,8 +63,8 @@ def cell_stiffness(state):
     return (normal + tangential) / state.volume + FLOOR * state.scene.young_modulus * np.eye(3)
 
 
-def velocity_gradient(path, sign, time_step, stress=None, stiffness=None, before=None, interval=INTERVAL):
-    """The velocity gradient L (3, 3), 1/s, of a path for the next `interval` steps.
+def velocity_gradient(path, sign, time_step, stress=None, stiffness=None, before=None, servo=STANDARD):
+    """The velocity gradient L (3, 3), 1/s, of a path until the `servo` corrects again.
 
     Given rates make 1 + L dt = exp(-rate dt) in every step: the cell follows the logarithmic strains exactly,
     and a rate without volume keeps the volume. `sign` turns the path round. A path with a Control needs the
@@ -58,7 +76,7 @@ def velocity_gradient(path, sign, time_step, stress=None, stiffness=None, before
     if control is not None:
         missing = control.target - control.measure @ np.diag(stress)
         response = control.measure @ stiffness @ control.free
-        rates = control.free @ (GAIN / (interval * time_step) * np.linalg.solve(response, missing))
+        rates = control.free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
         limit = RATE_LIMIT * path.rate
         wanted = -np.clip(rates, -limit, limit)
         held = control.free.any(axis=1)

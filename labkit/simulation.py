@@ -7,7 +7,6 @@ import time
 
 import numpy as np
 
-from labkit import servo
 from labkit.consolidation import consolidate, pressure_error
 from labkit.energy import opened, require_balanced
 from labkit.engines import start_engine
@@ -17,6 +16,7 @@ from labkit.measure import measure
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import mean_stress
 from labkit.recorder import Recorder
+from labkit.servo import STANDARD, cell_stiffness, velocity_gradient
 from labkit.timestep import require_stable
 
 SNAPSHOTS = 20
@@ -83,28 +83,31 @@ class Schedule:
 
 
 def run(specimen, path, file, engine="yade", threads=1, record_strain=None, snapshots=SNAPSHOTS,
-        save_every=None, progress=lambda fraction, text: None):  # fmt: skip
+        save_every=None, progress=lambda fraction, text: None, servo=STANDARD, guarded=True):  # fmt: skip
     """Takes a specimen along a path and records it in a run file; goes on with a file that is unfinished.
 
+    Not `guarded`, it goes on whatever the time step and the energy balance are: for those who study what comes then.
     Returns False when the file held the finished run already. Raises InputError for a file with another
     run or one that another process is writing, PhysicsError when the simulation fails, Interrupted after a
     SIGINT or SIGTERM, with a checkpoint written.
     """
-    settings = {"record_strain": record_strain or path.record_strain, "snapshots": snapshots, "engine": engine}
+    settings = {"record_strain": record_strain or path.record_strain, "snapshots": snapshots, "engine": engine,
+                **{f"servo_{name}": value for name, value in vars(servo).items()}, "guarded": guarded}  # fmt: skip
     with Recorder(file, path, settings, specimen) as recorder:
         begun = recorder.resume()
         if begun and begun.complete:
             return False
         if not begun:
-            specimen = prepare(specimen, path, engine, threads, progress)
+            specimen = prepare(specimen, path, engine, threads, progress, guarded)
         with stop_on_signals() as signals:
-            return _Run(recorder, specimen, begun, engine, threads, save_every, progress).go(signals)
+            return _Run(recorder, specimen, begun, engine, threads, save_every, progress, servo, guarded).go(signals)
 
 
-def prepare(specimen, path, engine, threads, progress):
+def prepare(specimen, path, engine, threads, progress, guarded=True):
     """The specimen at rest at the pressure that the path holds, consolidated if it is not there yet."""
     specimen = specimen.at_rest().replace(time_step=specimen.scene.time_step, engine=engine)
-    require_stable(specimen)
+    if guarded:
+        require_stable(specimen)
     control = path.control()
     if control is not None and pressure_error(specimen, path.pressure) > CONSOLIDATED:
         specimen = consolidate(specimen, path.pressure, engine, threads, lambda done, text: progress(0.0, text))
@@ -114,8 +117,9 @@ def prepare(specimen, path, engine, threads, progress):
 class _Run:
     """The loop of a run and what it remembers between records."""
 
-    def __init__(self, recorder, specimen, begun, engine, threads, save_every, progress):
+    def __init__(self, recorder, specimen, begun, engine, threads, save_every, progress, servo, guarded):
         self.recorder, self.path, self.progress = recorder, recorder.path, progress
+        self.servo, self.guarded = servo, guarded
         self.first_cell = begun.first_cell if begun else specimen.cell
         self.wall_before = begun.wall_time if begun else 0.0
         self.started = time.monotonic()
@@ -138,7 +142,7 @@ class _Run:
         """What the servo and the schedule need of a record, or of the checkpoint of a run that is resumed."""
         self.step = state.step
         self.time_step, self.gradient = state.time_step, state.velocity_gradient
-        self.stiffness = servo.cell_stiffness(state) if self.path.control() else None
+        self.stiffness = cell_stiffness(state) if self.path.control() else None
 
     def go(self, signals):
         last = False
@@ -166,10 +170,11 @@ class _Run:
         """Moves to the step `end`, or to where the path or a signal stops it."""
         while self.step < end and not self.stopped and not signals.caught:
             stress = self.machine.stress() if self.stiffness is not None else None
-            self.gradient = servo.velocity_gradient(
-                self.path, self.schedule.sign(self.step), self.time_step, stress, self.stiffness, self.gradient
-            )
-            steps = min(servo.INTERVAL if self.stiffness is not None else LISTEN, end - self.step)
+            self.gradient = velocity_gradient(
+                self.path, self.schedule.sign(self.step), self.time_step, stress, self.stiffness, self.gradient,
+                self.servo,
+            )  # fmt: skip
+            steps = min(self.servo.interval if self.stiffness is not None else LISTEN, end - self.step)
             self.machine.advance(steps, self.gradient)
             self.step += steps
             self.stopped = self.path.stops_early and self.path.stops(mean_stress(self.machine.stress()))
@@ -178,7 +183,8 @@ class _Run:
         contacts = contacts_of(state)
         values = measure(state, self.first_cell, contacts)
         require_sane(values, state)
-        require_balanced(state, contacts)
+        if self.guarded:
+            require_balanced(state, contacts)
         snapshot = self.schedule.is_snapshot(self.recorder.records, last)
         self.recorder.record(values, *((contacts, state.position) if snapshot else ()))
         self.go_on_from(state)

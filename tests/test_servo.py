@@ -29,7 +29,7 @@ def test_stiffness_without_contacts_is_small_and_not_singular():
 @pytest.mark.parametrize("name", ["cr", "cp"])
 def test_the_loop_is_stable_and_its_lag_is_what_the_derivation_says(name, softer):
     """An elastic cell, `softer` than the bound that the servo knows, sheared at 10 1/s."""
-    dt, interval = 1.2e-7, servo.INTERVAL
+    dt, interval = 1.2e-7, servo.STANDARD.interval
     stiffness = np.array([[6.0, 2.0, 2.0], [2.0, 6.0, 2.0], [2.0, 2.0, 6.0]]) * 1e7
     path = make_path(name, pressure=0.5e6)
     stress, L = np.eye(3) * 0.499e6, np.zeros((3, 3))
@@ -42,7 +42,7 @@ def test_the_loop_is_stable_and_its_lag_is_what_the_derivation_says(name, softer
     assert np.abs(error[200:]).max() < 0.002 * 0.5e6
     steady = np.diag(L)[0]
     response = path.control().measure @ stiffness @ path.control().free
-    lag = -steady * response.sum(axis=1) * interval * dt / servo.GAIN
+    lag = -steady * response.sum(axis=1) * interval * dt / servo.STANDARD.gain
     np.testing.assert_allclose(error[-1], -lag, rtol=0.02, atol=1.0)
 
 

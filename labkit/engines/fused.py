@@ -32,12 +32,15 @@ IN_KERNEL = (
 
 
 class FusedEngine(Engine):
-    """The kernel holding a State. Raises InputError when the machine has fewer than `threads` threads for it."""
+    """The kernel holding a State. Raises InputError when the machine has fewer than `threads` threads for it.
+
+    `skin`: the gap of the pairs that are kept at hand, of the mean diameter; None: the engine fits it as it goes.
+    """
 
     name = "fused"
     version = labkit.__version__
 
-    def __init__(self, state, threads=1):
+    def __init__(self, state, threads=1, skin=None):
         return_large_arrays()
         if threads > numba.config.NUMBA_NUM_THREADS:
             raise InputError(
@@ -46,6 +49,7 @@ class FusedEngine(Engine):
             )
         if threads > 1:
             numba.set_num_threads(threads)
+        self._skin = skin
         self._advance = steps.advance_one_thread if threads == 1 else steps.advance_threads
         self.load(state)
 
@@ -56,7 +60,7 @@ class FusedEngine(Engine):
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
-        self._margin, self._since_search = LEAST_MARGIN * 2.0 * state.radius.mean(), 0
+        self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._law = _law(scene)
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
@@ -91,6 +95,8 @@ class FusedEngine(Engine):
     def _fit_margin(self):
         """A wider or narrower gap for the next search, after how long the last one has lasted."""
         diameter = 2.0 * self._start.radius.mean()
+        if self._skin is not None:
+            return
         if self._since_search < SEARCH_STEPS[0]:
             self._margin = min(2.0 * self._margin, MOST_MARGIN * diameter)
         elif self._since_search > SEARCH_STEPS[1]:
