@@ -10,6 +10,7 @@ from labkit.engines import ENGINES
 from labkit.errors import InputError
 from labkit.paths import PATHS
 from labkit.scene import LAWS
+from labkit.settings import SETTINGS
 from labkit.simulation import SNAPSHOTS
 
 
@@ -28,12 +29,21 @@ def add_engine_options(parser):
     parser.add_argument("--threads", type=threads, default=1, help="threads of the engine (default: 1)")
 
 
+def add_settings_options(parser):
+    """Options of labkit.settings: for a specimen and for a run."""
+    parser.add_argument("--settings", choices=SETTINGS, help="how fast and how accurate, see results/speed_error: size "
+                        "of a specimen, rate of a run, time step of both (default: standard)")  # fmt: skip
+    parser.add_argument("--time-step-factor", type=float, help="time step over sqrt(m/kn) of the mean grain (default: "
+                        "0.2; for a run that of its specimen)")  # fmt: skip
+
+
 def add_specimen_options(parser):
     """Options of a specimen; their names are also the columns of a yade-batch table."""
     parser.add_argument("--void-ratio", type=float, help="target, overlaps not taken out, e.g. 0.67")
     parser.add_argument("--step1-friction", type=float, default=0.15, help="mu of step 1 (default: 0.15)")
     parser.add_argument("--step1-rolling-friction", type=float, default=0.1, help="mu_r of step 1 (default: 0.1)")
-    parser.add_argument("--side", type=float, default=4e-3, help="side of the cube in m (default: 4e-3)")
+    add_settings_options(parser)
+    parser.add_argument("--side", type=float, help="side of the cube in m (default: 4e-3)")
     parser.add_argument("--grains", type=positive_int, help="choose the side for about so many grains instead")
     parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")
     parser.add_argument("--law", choices=LAWS, default="yade", help="contact law: YADE's, or Eqs. 1-3 of the paper "
@@ -70,6 +80,7 @@ def add_run_options(parser):
     parser.add_argument("specimen", nargs="?", help="state file to start from")
     parser.add_argument("--pressure", type=float, help="stress in Pa that cr, cp and cyclic_cp hold (default: the "
                         "specimen's), isoc stops at (3e6), isod stops under (20e3)")  # fmt: skip
+    add_settings_options(parser)
     parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4; isoc 0.1, isod -0.1)")
     parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10; isoc 5, isod 2.5)")
     parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns, the last one ends "

@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -122,6 +122,16 @@ def build_parser():
     bench.add_argument("--steps", type=arguments.positive_int, default=500, help="steps of one measurement")
     bench.add_argument("--rounds", type=arguments.positive_int, default=5, help="measurements of each, in turn")
     bench.set_defaults(command=do_bench)
+
+    study = commands_.add_parser("speed-error", help="speed against error of all settings: data, figures and a page")
+    study.add_argument("--design", choices=("full", "small"), default="full", help="full: hours; small: the same in a "
+                       "minute (default: full)")  # fmt: skip
+    study.add_argument("--work", help="folder of specimens and runs, from which an interrupted study goes on "
+                       "(default: speed_error_full or speed_error_small)")  # fmt: skip
+    study.add_argument("--jobs", type=arguments.positive_int, help="runs at a time (default: as many as cores)")
+    study.add_argument("-o", "--output", default="results/speed_error", help="folder of the results (default: "
+                       "results/speed_error)")  # fmt: skip
+    study.set_defaults(command=do_speed_error)
 
     statistics = commands_.add_parser("bench-statistics", help="speed and memory of the statistics of a run")
     statistics.add_argument("run", help="run file")
@@ -338,6 +348,16 @@ def do_bench(options, argv):
             print(bench_kernel.features(state, options.steps, options.rounds, progress))
         else:
             print(bench_kernel.sizes(state, options.steps, progress))
+
+
+def do_speed_error(options, argv):
+    from labkit.study.command import speed_error
+
+    find_yade()
+    work = options.work or f"speed_error_{options.design}"
+    jobs = options.jobs or os.cpu_count() or 1
+    for file in speed_error(options.design, work, options.output, jobs, reporter("speed-error")):
+        print(file)
 
 
 def do_bench_statistics(options, argv):

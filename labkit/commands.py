@@ -17,6 +17,7 @@ from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths import Consolidation, make_path, path_class
 from labkit.scene import Scene
+from labkit.settings import settings
 from labkit.simulation import Schedule, run
 from labkit.specimen import Recipe, make_specimen, require_size, side_for, summary
 from labkit.state import read_state, write_state
@@ -26,24 +27,29 @@ from labkit.stratified import Layer, make_layer
 def check_specimen(options):
     """Recipe and Scene of the options. Raises InputError for anything that cannot work, before work begins."""
     void_ratio = require(options.void_ratio, "--void-ratio")
-    scene = Scene(law=options.law)
+    chosen = settings(options.settings or "standard")
+    factor = chosen.time_step_factor if options.time_step_factor is None else options.time_step_factor
+    scene = Scene(law=options.law, time_step_factor=factor)
     require_law(options.engine, scene)
-    side = options.side
-    if options.grains is not None:
+    side, grains = options.side, options.grains
+    if side is None and grains is None:
+        side, grains = chosen.side, chosen.grains
+    if grains is not None:
         Recipe(void_ratio)
-        side = side_for(options.grains, void_ratio, scene)
+        side = side_for(grains, void_ratio, scene)
     recipe = Recipe(void_ratio, options.step1_friction, options.step1_rolling_friction, side, options.seed)
-    options.output = options.output or specimen_name(recipe, options.grains, scene.law)
+    options.output = options.output or specimen_name(recipe, grains, scene)
     require_size(recipe, scene)
     require_writable(options.output, "state")
     return recipe, scene
 
 
-def specimen_name(recipe, grains, law):
+def specimen_name(recipe, grains, scene):
     """A file name from the parameters."""
     size = f"n{grains}" if grains else f"l{recipe.side:g}"
     friction = f"f{recipe.step1_friction:g}_r{recipe.step1_rolling_friction:g}"
-    suffix = "" if law == "yade" else f"_{law}"
+    suffix = "" if scene.law == Scene.law else f"_{scene.law}"
+    suffix += "" if scene.time_step_factor == Scene.time_step_factor else f"_t{scene.time_step_factor:g}"
     return f"e{recipe.void_ratio:g}_{friction}_{size}_s{recipe.seed}{suffix}.state.nc"
 
 
@@ -99,12 +105,19 @@ LAYER_OPTIONS = ("size_ratio", "width", "height", "pressure", "ratio", "seed")
 
 def check_run(options):
     """Path and specimen of the options. Raises InputError for anything that cannot work."""
-    path_class(require(options.path, "the path"))
+    kind = path_class(require(options.path, "the path"))
     state = read_state(require(options.specimen, "the specimen (a state file)"))
     require_law(options.engine, state.scene)
+    rate, factor = options.rate, options.time_step_factor
+    if options.settings is not None:
+        chosen = settings(options.settings)
+        rate = kind.rate * chosen.rate_factor if rate is None else rate
+        factor = chosen.time_step_factor if factor is None else factor
+    if factor is not None:
+        state = state.replace(scene=dataclasses.replace(state.scene, time_step_factor=factor))
     path = make_path(
         options.path, mean_stress(love_stress(contacts_of(state), state.radius, state.volume)),
-        pressure=options.pressure, strain=options.strain, rate=options.rate, reversals=options.reversals,
+        pressure=options.pressure, strain=options.strain, rate=rate, reversals=options.reversals,
     )  # fmt: skip
     interval = options.record_strain
     if interval is not None and not (math.isfinite(interval) and 0.0 < interval <= 1.0):
@@ -123,6 +136,8 @@ def run_name(options):
     words += [f"p{options.pressure / 1e3:g}kPa"] if options.pressure is not None else []
     words += [f"e{options.strain:g}"] if options.strain is not None else []
     words += [f"r{options.rate:g}"] if options.rate is not None else []
+    words += [options.settings] if options.settings is not None else []
+    words += [f"t{options.time_step_factor:g}"] if options.time_step_factor is not None else []
     words += ["c" + "_".join(f"{x:g}" for x in options.reversals)] if options.reversals is not None else []
     return str(Path(options.specimen).with_name("_".join(words) + ".run.nc"))
 

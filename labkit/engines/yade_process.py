@@ -55,7 +55,7 @@ def run_script(name, arguments, threads, progress):
     environment = {**yade_environment(), PIPE: "1"}
     child = subprocess.Popen(
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, errors="replace", preexec_fn=_die_with_parent,
+        text=True, errors="replace", preexec_fn=die_with_parent,
     )  # fmt: skip
     errors = collections.deque(maxlen=20)
     reader = threading.Thread(target=lambda: errors.extend(child.stderr), daemon=True)
@@ -87,7 +87,7 @@ def _raise(code, errors):
     raise PhysicsError(f"YADE ended with exit status {code}")
 
 
-def _die_with_parent():
+def die_with_parent():
     """On Linux the child is killed with its parent, so that no orphan goes on writing the run file."""
     try:
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

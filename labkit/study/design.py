@@ -56,9 +56,11 @@ class Case:
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """All cases; each path has one of the factor BASELINE and one PRESET of the level "reference"."""
+    """All cases; each path has one of the factor BASELINE and one PRESET of the level "reference". `measures`: which
+    of labkit.study.measures go with them."""
 
     cases: tuple[Case, ...]
+    measures: tuple[str, ...]
 
     def baseline(self, path="cp"):
         return next(case for case in self.cases if (case.path, case.factor) == (path, BASELINE))
@@ -162,7 +164,7 @@ def full():
     cases += constant_volume(base)
     along_cv = preset("quick", seeds), preset("standard", (1, 2, 3)), preset("reference", (1, 2))
     cases += [dataclasses.replace(case, path="cv") for case in along_cv]
-    return Design(tuple(cases))
+    return Design(tuple(cases), ("engines", "lammps", "skin", "collisions", "sff_family", "model"))
 
 
 def small():
@@ -182,7 +184,7 @@ def small():
         case = preset(name, seeds, 150 if name == "quick" else 300)
         case = dataclasses.replace(case, rate=10.0 * case.rate, strain=0.06)
         cases += [case, dataclasses.replace(case, path="cv")]
-    return Design(tuple(cases))
+    return Design(tuple(cases), ("collisions", "sff_family"))
 
 
 DESIGNS = {"full": full, "small": small}

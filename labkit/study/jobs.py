@@ -21,6 +21,7 @@ import numpy as np
 import labkit
 from labkit.consolidation import consolidate
 from labkit.engines.fused import FusedEngine
+from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError
 from labkit.files import whole_file
 from labkit.paths import ConstantVolume, make_path
@@ -33,6 +34,7 @@ from labkit.study.design import PRESSURE, STEP1_FRICTION, VOID_RATIO
 from labkit.study.observables import observables
 from labkit.timestep import critical_time_step
 
+SPECIMEN_COST = 0.05  # of that of a test with the specimen, about
 YARDSTICK_STEPS, YARDSTICK_ROUNDS = 1500, 5
 
 
@@ -46,30 +48,41 @@ def run_study(design, work, jobs, progress):
     make(work, *first)
     yardstick = specimen_file(work, *first)
     specimens = {specimen_file(work, *task): task for task in tasks}
+    missing = [task for file, task in specimens.items() if not file.exists()]
+    todo = [task for task in tasks if not result_file(work, *task).exists()]
+    calls = [(make, (work, *task), SPECIMEN_COST * task[0].cost) for task in _longest_first(missing)]
+    tests = [(run_case, (work, *task, yardstick), task[0].cost) for task in _longest_first(todo)]
+    remaining = _Remaining(sum(cost for *_, cost in calls + tests), progress)
     context = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(jobs, context) as pool:
-        _all(pool, [(make, (work, *task)) for task in _longest_first(specimens.values())], progress, "specimens")
-        todo = [task for task in _longest_first(tasks) if not result_file(work, *task).exists()]
-        _all(pool, [(run_case, (work, *task, yardstick)) for task in todo], progress, "tests")
+    with concurrent.futures.ProcessPoolExecutor(jobs, context, die_with_parent) as pool:
+        _all(pool, calls, remaining, "specimens")
+        _all(pool, tests, remaining, "tests")
 
 
 def _longest_first(tasks):
     return sorted(tasks, key=lambda task: -task[0].cost)
 
 
-def _all(pool, calls, progress, what):
-    futures = [pool.submit(function, *arguments) for function, arguments in calls]
-    total = sum(arguments[1].cost for _, arguments in calls) or 1.0
-    done = 0.0
-    costs = {future: arguments[1].cost for future, (_, arguments) in zip(futures, calls)}
+def _all(pool, calls, remaining, what):
+    costs = {pool.submit(function, *arguments): cost for function, arguments, cost in calls}
     try:
-        for number, future in enumerate(concurrent.futures.as_completed(futures), 1):
+        for number, future in enumerate(concurrent.futures.as_completed(costs), 1):
             future.result()
-            done += costs[future]
-            progress(done / total, f"{what}: {number} of {len(calls)}")
+            remaining.less(costs[future], f"{what}, {number} of {len(costs)}")
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         raise
+
+
+class _Remaining:
+    """Tells `progress` how much of the cost of all jobs is done."""
+
+    def __init__(self, total, progress):
+        self.total, self.done, self.progress = total, 0.0, progress
+
+    def less(self, cost, text):
+        self.done += cost
+        self.progress(self.done / self.total, text)
 
 
 def specimen_file(work, case, seed):
@@ -80,6 +93,10 @@ def specimen_file(work, case, seed):
 
 def result_file(work, case, seed):
     return Path(work) / "results" / f"{case.name}_{seed}.json"
+
+
+def run_file(work, case, seed):
+    return Path(work) / "runs" / f"{case.name}_{seed}.run.nc"
 
 
 def make(work, case, seed):
@@ -99,7 +116,7 @@ def run_case(work, case, seed, yardstick):
     """Runs a case with one seed and writes its result: observables, cost, and what a guard said."""
     state = read_state(specimen_file(work, case, seed))
     state = state.replace(scene=dataclasses.replace(state.scene, **dict(case.scene)))
-    file = Path(work) / "runs" / f"{case.name}_{seed}.run.nc"
+    file = run_file(work, case, seed)
     result = {
         "case": case.name, "seed": seed, "grains": state.number_of_grains, "status": "", "values": {},
         "time_step_over_limit": state.scene.time_step / critical_time_step(state),
@@ -111,7 +128,7 @@ def run_case(work, case, seed, yardstick):
         result["values"] = observables(found, PRESSURE if case.path == "cp" else None)
         result |= {"wall_time": float(found.attrs["wall_time"]), "steps": int(found.attrs["steps"])}
         found.close()
-    except (InputError, PhysicsError) as error:
+    except PhysicsError as error:  # a guard spoke up; anything else stops the study
         result["status"] = str(error)
     result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick))
     with whole_file(result_file(work, case, seed)) as temporary:
@@ -138,9 +155,10 @@ def _run_in_yade(state, case, file):
     options = {"pressure": PRESSURE, "rate": case.rate, "strain": case.strain, "record-strain": case.record_strain,
                "snapshots": case.snapshots, "engine": "yade", "threads": case.threads, "output": file}  # fmt: skip
     words = ["run", case.path, start, *(f"--{name}={value}" for name, value in options.items())]
-    done = subprocess.run([sys.executable, "-m", "labkit.cli", *map(str, words)], capture_output=True, text=True)
+    command = [sys.executable, "-m", "labkit.cli", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, preexec_fn=die_with_parent)
     if done.returncode:
-        raise PhysicsError(done.stderr.strip().splitlines()[-1])
+        raise (PhysicsError if done.returncode == 1 else InputError)(done.stderr.strip().splitlines()[-1])
 
 
 def measure_yardstick(file):

@@ -1,0 +1,46 @@
+"""`labkit speed-error`: runs a study, or goes on with it, and writes its data, figures and page."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from labkit import plots
+from labkit.files import require_writable, whole_file
+from labkit.study import figures
+from labkit.study.design import DESIGNS
+from labkit.study.errors import errors
+from labkit.study.jobs import run_study
+from labkit.study.measures import measure_others
+from labkit.study.page import page
+from labkit.study.table import collect
+
+
+def speed_error(design_name, work, output, jobs, progress):
+    """Runs the design in the folder `work`, writes the folder `output`; returns the files."""
+    output = Path(output)
+    output.mkdir(parents=True, exist_ok=True)
+    require_writable(output / "study.nc")
+    design = DESIGNS[design_name]()
+    run_study(design, work, jobs, progress)
+    measures = measure_others(design, work, progress)
+    return write(design, work, output, measures, f"./lab speed-error --design {design_name}")
+
+
+def write(design, work, output, measures, command):
+    data = collect(design, work)
+    table = errors(data)
+    with whole_file(output / "study.nc") as temporary:
+        data.to_netcdf(temporary)
+    with whole_file(output / "errors.csv") as temporary:
+        table.to_csv(temporary, index=False, float_format="%.5g")
+    for file in sorted((Path(work) / "measures").iterdir()):
+        if file.name != "model.csv":  # the lines of model_speed.txt
+            shutil.copyfile(file, output / file.name)
+    drawn = {"pareto_cp.png": figures.pareto(table), "pareto_cv.png": figures.pareto(table, "cv"),
+             "changes.png": figures.changes(table), "sizes.png": figures.sizes(table)}  # fmt: skip
+    for name, figure in drawn.items():
+        plots.save(figure, output / name)
+    with whole_file(output / "README.md") as temporary:
+        temporary.write_text(page(data, table, measures, command))
+    return sorted(output.iterdir())

@@ -1,0 +1,122 @@
+"""What a study measures beside its runs: engines in turn on one scene, the Verlet skin, two grains, the family of
+stress-force-fabric relationships, the integrators of the model. Each is kept as a table in the study's folder."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas
+
+import labkit
+from labkit import bench, micro_figures, plots
+from labkit.engines.fused import FusedEngine
+from labkit.files import whole_file
+from labkit.model.speed import measure_all
+from labkit.paths import ConstantVolume
+from labkit.servo import velocity_gradient
+from labkit.state import read_state
+from labkit.study.design import PRESET
+from labkit.study.jobs import run_file, specimen_file
+
+SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the mean diameter; None: what the engine chooses
+SKIN_STEPS, SKIN_ROUNDS = 2000, 5
+
+
+def measure_others(design, work, progress):
+    """name -> table of the design's measures; those that are in the folder already are read."""
+    folder = Path(work) / "measures"
+    folder.mkdir(exist_ok=True)
+    found = {}
+    for number, name in enumerate(design.measures):
+        progress(number / len(design.measures), name)
+        file = folder / f"{name}.csv"
+        if not file.exists():
+            table = MEASURES[name](design, work, folder)
+            with whole_file(file) as temporary:
+                table.to_csv(temporary, index=False, float_format="%.6g")
+        found[name] = pandas.read_csv(file)
+    progress(1.0, "measured")
+    return found
+
+
+def standard(design):
+    return next(c for c in design.cases if (c.path, c.factor, c.level) == ("cp", PRESET, "standard"))
+
+
+def engines(design, work, folder):
+    """Steps per second of every engine in turn, on the specimens of the baseline and of the standard settings."""
+    rows = []
+    for case in (design.baseline(), standard(design)):
+        file = specimen_file(work, case, case.seeds[0])
+        grains = read_state(file).number_of_grains
+        found = bench.bench(file, max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
+        base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
+        for name, turns in found.items():
+            speed = [turn["steps_per_second"] for turn in turns]
+            ratio = [a / b for a, b in zip(speed, base)]
+            rows.append({
+                "grains": grains, "engine": name, "steps_per_second": statistics.median(speed),
+                "grain_steps_per_second": statistics.median(speed) * grains, "over_stock": statistics.median(ratio),
+                "over_stock_least": min(ratio), "over_stock_most": max(ratio),
+            })  # fmt: skip
+    return pandas.DataFrame(rows)
+
+
+def skin(design, work, folder):
+    """Time per step and the largest difference of positions, over the mean diameter, with different Verlet skins."""
+    rows = []
+    for case in (design.baseline(), standard(design)):
+        state = read_state(specimen_file(work, case, case.seeds[0]))
+        for rate in (10.0, 200.0):
+            seconds, ends = _skins(state, velocity_gradient(ConstantVolume(rate), 1.0, state.time_step))
+            for value in SKINS:
+                moved = np.abs(ends[value] - ends[None]).max() / (2.0 * state.radius.mean())
+                rows.append({
+                    "grains": state.number_of_grains, "rate": rate, "skin": "auto" if value is None else value,
+                    "microseconds_per_step": 1e6 * statistics.median(seconds[value]) / SKIN_STEPS,
+                    "over_auto": statistics.median(a / b for a, b in zip(seconds[value], seconds[None])),
+                    "position_difference": moved,
+                })  # fmt: skip
+    return pandas.DataFrame(rows)
+
+
+def _skins(state, gradient):
+    seconds, ends = {value: [] for value in SKINS}, {}
+    for _ in range(SKIN_ROUNDS):
+        for value in SKINS:
+            machine = FusedEngine(state, skin=value)
+            begin = time.perf_counter()
+            machine.advance(SKIN_STEPS, gradient)
+            seconds[value].append(time.perf_counter() - begin)
+            ends[value] = machine.state().position
+    return seconds, ends
+
+
+def sff_family(design, work, folder):
+    """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
+    case = standard(design)
+    with labkit.open_run(run_file(work, case, case.seeds[0])) as run:
+        figure, table = micro_figures.family(run)
+    plots.save(figure, folder / "sff_family.png")
+    return table
+
+
+def model(design, work, folder):
+    """Time and error of the integrators of the model; text and figure lie beside the table."""
+    text = measure_all(folder)
+    return pandas.DataFrame({"line": text.splitlines()})
+
+
+def collisions(design, work, folder):
+    """Two grains against closed forms, over the time step."""
+    from labkit.study.collisions import collision_errors
+
+    return collision_errors((0.4, 0.2, 0.1, 0.05, 0.025))
+
+
+MEASURES = {
+    "engines": engines, "skin": skin, "collisions": collisions, "sff_family": sff_family, "model": model,
+}  # fmt: skip

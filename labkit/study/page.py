@@ -1,0 +1,270 @@
+"""The page of a study: Markdown with tables made of its data set. No number is written by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.settings import SETTINGS
+from labkit.study.design import BASELINE, PRESET, RATE
+from labkit.study.observables import CHECKS, OBSERVABLES
+from labkit.study.table import cost
+
+NAMES = {"quick": "quick look", "standard": "standard", "reference": "reference", "the paper's": "the paper's"}
+
+
+def page(data, table, measures, command):
+    """The text of results/speed_error/README.md. `table`: of labkit.study.errors, `measures`: of labkit.study.measures,
+    `command`: what wrote it."""
+    sections = [
+        _head(data, command), _settings(data, table, "cp"), _settings(data, table, "cv"), _paper(table),
+        _how_to_read(), _factors(data, table), _time_step(data), _sizes(), _same_on_both(table),
+    ]  # fmt: skip
+    others = {"engines": _engines, "lammps": _lammps, "skin": _skin, "collisions": _collisions, "sff_family": _family,
+              "model": _model}  # fmt: skip
+    sections += [write(measures[name]) for name, write in others.items() if name in measures]
+    return "\n\n".join(section for section in [*sections, _failed(data)] if section) + "\n"
+
+
+def markdown(header, rows):
+    """A table; cells are text."""
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def percent(value, digits=2):
+    return "-" if not np.isfinite(value) else f"{100 * value:+.{digits}g} %"
+
+
+def with_interval(value, within):
+    """An error or change with its 95 % half-width; in brackets if the interval reaches zero."""
+    if not np.isfinite(value):
+        return "-"
+    if not np.isfinite(within):
+        return percent(value)
+    text = f"{100 * value:+.2g} ± {100 * within:.2g} %"
+    return f"({text})" if abs(value) <= within else text
+
+
+def _head(data, command):
+    tests = int((data["status"] == "").sum())
+    whole = float(data["wall_time"].sum()) / 3600.0
+    return f"""# Speed against error
+
+How fast can a test run, and what does that cost in accuracy? {data.sizes["case"]} cases, {tests} tests,
+{whole:.1f} hours of computing, made by one command, which goes on where it was cut off:
+
+    {command}
+
+The data: `study.nc` (every observable of every test), `errors.csv` (what the tables here are made of), and a table for
+each of the other measurements. [The hard cases](../hard_cases/README.md) have a page of their own."""
+
+
+def _settings(data, table, path):
+    some = table[(table["path"] == path) & (table["factor"] == PRESET)]
+    levels = [level for level in NAMES if (some["level"] == level).any()]
+    if not levels:
+        return ""
+    costs = cost(data)
+    cases = {level: some.loc[some["level"] == level, "case"].iloc[0] for level in levels}
+    standard = float(costs.sel(case=cases["standard"]))
+    yardstick = float(data["yardstick"].median())
+
+    def of(level, name):
+        return some[(some["level"] == level) & (some["observable"] == name)].iloc[0]
+
+    def cell(level, name):
+        row = of(level, name)
+        if level == "reference":
+            return f"{row['mean']:.4g}, scatter {100 * row['scatter']:.2g} %"
+        return f"{with_interval(row['error'], row['error_within'])}; one test {100 * row['one_run']:.2g} %"
+
+    grains = {level: float(of(level, "ratio_1")["number_of_grains"]) for level in levels}
+    rows = [["grains"] + [f"{grains[level]:.0f}" for level in levels]]
+    chosen = [SETTINGS.get(level, SETTINGS["standard"]) for level in levels]
+    rows.append(["axial rate, 1/s"] + [f"{RATE * s.rate_factor:g}" for s in chosen])
+    rows.append(["time step over sqrt(m/kn)"] + [f"{s.time_step_factor:g}" if level in SETTINGS else "0.106 (law paper)"
+                                                 for level, s in zip(levels, chosen)])  # fmt: skip
+    time = {level: float(costs.sel(case=case)) for level, case in cases.items()}
+    rows.append(["**cost over standard**"] + [f"**{time[level] / standard:.3g}**" for level in levels])
+    rows.append(["minutes on one core here"] + [f"{time[level] * yardstick / 60:.2g}" for level in levels])
+    steps = (data["steps"] * data["grains"]).mean("replicate")
+    rows.append(["10^9 grain-steps"] + [f"{float(steps.sel(case=c)) / 1e9:.3g}" for c in cases.values()])
+    inertial = data["check"].sel(check_name="inertial_number").mean("replicate")
+    rows.append(["inertial number"] + [f"{float(inertial.sel(case=c)):.2g}" for c in cases.values()])
+    rows.append(["specimens (seeds)"] + [f"{of(level, 'ratio_1')['replicates']}" for level in levels])
+    held = "pressure_critical" if path == "cp" else "void_ratio_critical"
+    for name, (label, unit, _) in OBSERVABLES.items():
+        if name != held:
+            rows.append([f"{label}{f', {unit}' if unit else ''}"] + [cell(level, name) for level in levels])
+    titles = {"cp": "## Recommended settings", "cv": "## The same settings along CV"}
+    words = {
+        "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; standard is what they do without the "
+        "option. CP at 0.5 MPa from e = 0.64 to 30 % axial strain:",
+        "cv": "From the same specimens at constant volume, where the pressure finds itself:",
+    }
+    return f"{titles[path]}\n\n{words[path]}\n\n" + markdown(["", *(NAMES[level] for level in levels)], rows)
+
+
+def _paper(table):
+    some = table[(table["factor"] == PRESET) & (table["level"] == "the paper's")]
+    if some.empty:
+        return ""
+    clear = some[np.abs(some["error"]) > some["error_within"]]
+    told = ", ".join(f"{row.label} ({percent(row.error)})" for row in clear.itertuples()) or "none"
+    return f"""## The paper's own settings
+
+A cube of 4 mm with 14,000 grains, 10 1/s, dashpots of 0.2: the red star below, the last column above. Its contact
+law is the paper's (Eqs. 1-3), the other columns have YADE's. Observables that differ from the reference by more
+than their interval: {told}. The paper does not say its time step.
+
+![cost against error, CP](pareto_cp.png)
+
+![cost against error, CV](pareto_cv.png)"""
+
+
+def _how_to_read():
+    return """## How to read this
+
+**error**: mean over the specimens less that of the reference, with its 95 % interval (Welch); in brackets where the
+interval reaches zero: such a difference is not told from the scatter of specimens. **one test**: what a single test is
+off by, sqrt(error² + scatter²). **change**: mean difference to the baseline (standard settings, 1,000 grains) with
+the same specimens, which takes most of the scatter out. About one in twenty intervals misses zero by chance.
+Critical: means over the last quarter of the strain. **cost**: wall time over that of a yardstick (the same steps of
+the same specimen, timed just before and after in the same process), so that what else the machine does cancels."""
+
+
+def _factors(data, table):
+    costs = cost(data)
+    text = ["## One factor at a time, and pairs", "![what each factor changes](changes.png)"]
+    for path, held in (("cp", "pressure_critical"), ("cv", "void_ratio_critical")):
+        base = data["case"].values[(data["path"].values == path) & (data["factor"].values == BASELINE)]
+        some = table[(table["path"] == path) & ~table["factor"].isin([PRESET, BASELINE, "grains", "engine"])]
+        if some.empty:
+            continue
+        names = [name for name in OBSERVABLES if name != held]
+        rows = []
+        for case, lines in some.groupby("case", sort=False):
+            lines = lines.set_index("observable")
+            ratio = float(costs.sel(case=case) / costs.sel(case=base[0]))
+            cells = [_change(lines.loc[name]) for name in names]
+            factor, level = lines["factor"].iloc[0], _number(lines["level"].iloc[0])
+            rows.append([factor, level, f"{ratio:.2g}" if np.isfinite(ratio) else "-", *cells])
+        text.append(
+            f"Changes along {path.upper()} against the baseline, %. A bold one is outside its 95 % interval; where "
+            "there is only an interval, the change lies inside it and is not told from zero."
+        )
+        text.append(markdown(["factor", "level", "cost", *(OBSERVABLES[name][0] for name in names)], rows))
+    return "\n\n".join(text)
+
+
+def _change(row):
+    change, within = 100 * row["change"], 100 * row["change_within"]
+    if not np.isfinite(change):
+        return "-"
+    if not np.isfinite(within):
+        return f"{change:+.2g}"
+    return f"**{change:+.2g}** ± {within:.1g}" if abs(change) > within else f"± {within:.2g}"
+
+
+def _number(text):
+    """A level as short as it can be written."""
+    try:
+        return f"{float(text):g}"
+    except ValueError:
+        return text
+
+
+def _time_step(data):
+    rows = []
+    at = np.flatnonzero([("time step" in f) and p == "cp" for f, p in zip(data["factor"].values, data["path"].values)])
+    for k in at:
+        case = data.isel(case=int(k))
+        limit = float(case["time_step_over_limit"].mean())
+        energy = float(case["check"].sel(check_name="energy_balance_error").max())
+        held = float(case["check"].sel(check_name="held_error").mean())
+        said = [s for s in np.unique(case["status"].values.astype(str)) if s]
+        guard = "refuses at the start" if limit > 1.0 else ("stops the run" if energy > 0.05 else "silent")
+        balance = f"{100 * energy:.2g} %" if np.isfinite(energy) else f"ends: {said[0][:60]}"
+        names = case["factor"].item(), case["level"].item()
+        rows.append([*names, f"{limit:.2f}", balance, f"{100 * held:.2g} %", guard])
+    return """## The time step, through the limit and past it
+
+Here the guards were off, to see what comes. The limit is that of `labkit.timestep`, a bound that is on the safe side.
+
+""" + markdown(["factor", "level", "step over limit", CHECKS["energy_balance_error"][0], CHECKS["held_error"][0],
+                "what the guards say"], rows)  # fmt: skip
+
+
+def _sizes():
+    return "## How many grains\n\n![scatter and error over the number of grains](sizes.png)"
+
+
+def _same_on_both(table):
+    same = table[table["factor"] == "engine"]
+    both = same.pivot_table(index="observable", columns="level", values="mean", sort=False)
+    if not {"yade", "fused"} <= set(both):
+        return ""
+    rows = [[OBSERVABLES[name][0], f"{yade:.4g}", f"{fused:.4g}", percent(fused / yade - 1.0)]
+            for name, yade, fused in zip(both.index, both["yade"], both["fused"])]  # fmt: skip
+    return (
+        "## YADE and fused\n\nThe same specimens on both engines, law yade, one thread; means over "
+        f"{same['replicates'].max()}. More threads give the same bits on `fused`; on YADE they change the order of "
+        "sums.\n\n" + markdown(["", "YADE", "fused", "difference"], rows)
+    )  # fmt: skip
+
+
+def _engines(engines):
+    rows = [[f"{r.grains:.0f}", r.engine, f"{r.steps_per_second:.4g}", f"{r.grain_steps_per_second:.3g}",
+             f"{r.over_stock:.3g} ({r.over_stock_least:.3g} to {r.over_stock_most:.3g})"]
+            for r in engines.itertuples()]  # fmt: skip
+    text = "## Engines and threads\n\nIn turn on one scene, medians of three rounds:\n\n"
+    return text + markdown(["grains", "engine", "steps/s", "grain-steps/s", "over stock (range)"], rows)
+
+
+def _skin(skin):
+    rows = [[f"{r.grains:.0f}", f"{r.rate:g}", str(r.skin), f"{r.microseconds_per_step:.4g}", f"{r.over_auto:.3g}",
+             f"{r.position_difference:.1e}"] for r in skin.itertuples()]  # fmt: skip
+    header = ["grains", "rate, 1/s", "skin, D", "us/step", "over auto", "difference of positions, D"]
+    return (
+        "## Verlet skin of the engine fused\n\nNo skin changes the physics: positions after 2,000 steps differ by "
+        "rounding that grows. `auto` is what the engine does.\n\n" + markdown(header, rows)
+    )
+
+
+def _collisions(collisions):
+    rows = [[r.quantity, r.law, f"{r.fraction:g}", f"{r.measured:.6g}", f"{r.exact:.6g}", f"{r.error:.1e}"]
+            for r in collisions.itertuples()]  # fmt: skip
+    return "## Two grains against closed forms\n\n" + markdown(
+        ["quantity", "law", "time step over sqrt(m/kn)", "measured", "exact", "error"], rows
+    )
+
+
+def _family(family):
+    rows = [[r.form, f"{100 * r.mean_error:.2f} %", f"{100 * r.worst_error:.2f} %", f"{r.cost_over_c0:.2f}"]
+            for r in family.itertuples()]  # fmt: skip
+    return (
+        "## The stress-force-fabric family: terms against error\n\nIn one test with the standard settings, against "
+        "Love.\n\n" + markdown(["form", "mean error", "worst error", "cost over C0"], rows)
+        + "\n\n![family](sff_family.png)"
+    )  # fmt: skip
+
+
+def _model(lines):
+    told = "\n".join(line for line in lines["line"].dropna() if line.startswith("one CV path"))
+    return f"""## The model's integrators: steps against error
+
+All integrators at all steps and tolerances, and the speed of the finite-element interface, are in
+[model_speed.txt](model_speed.txt). With the defaults, {told}.
+
+![integrators](model_speed.png)"""
+
+
+def _failed(data):
+    said = {}
+    for case, statuses in zip(data["case"].values, data["status"].values.astype(str)):
+        for status in filter(None, statuses):
+            said.setdefault(str(case), status)
+    if not said:
+        return ""
+    rows = [[case, status] for case, status in said.items()]
+    return "## Tests that ended with an error\n\n" + markdown(["case", "what was said"], rows)

@@ -1,0 +1,72 @@
+"""The results of a study as one labelled data set, the netCDF file that everything else is made of."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import xarray
+
+import labkit
+from labkit.study.jobs import result_file
+from labkit.study.observables import CHECKS, OBSERVABLES
+
+ABOUT = {
+    "value": "observable of a test",
+    "check": "what tells whether a test can be believed",
+    "seed": "seed of the specimen, 0 where there is no such replicate",
+    "grains": "number of grains",
+    "steps": "number of time steps",
+    "wall_time": "wall time of the test, consolidation left out",
+    "yardstick": "time of a fixed number of steps of a fixed specimen, just before and after the test",
+    "time_step_over_limit": "time step over the stability limit of the specimen",
+    "status": "why there are no values",
+}
+UNITS = {"wall_time": "s", "yardstick": "s"}
+
+
+def collect(design, work):
+    """An xarray.Dataset (case, replicate, observable or check) of all results in the folder `work`.
+
+    Units of values are those of labkit.study.observables. What is not there yet is NaN, with the status "not run".
+    """
+    replicates = max(len(case.seeds) for case in design.cases)
+    shape = len(design.cases), replicates
+    columns = {name: np.full(shape, np.nan) for name in ("grains", "steps", "wall_time", "yardstick",
+                                                         "time_step_over_limit")}  # fmt: skip
+    value, check = np.full((*shape, len(OBSERVABLES)), np.nan), np.full((*shape, len(CHECKS)), np.nan)
+    status, seeds = np.full(shape, "", dtype=object), np.zeros(shape, dtype=int)
+    for i, case in enumerate(design.cases):
+        for k, seed in enumerate(case.seeds):
+            file = result_file(work, case, seed)
+            found = json.loads(file.read_text()) if file.exists() else {"status": "not run", "values": {}}
+            seeds[i, k], status[i, k] = seed, found["status"]
+            for name, column in columns.items():
+                column[i, k] = found.get(name, np.nan)
+            value[i, k] = [found["values"].get(name, np.nan) for name in OBSERVABLES]
+            check[i, k] = [found["values"].get(name, np.nan) for name in CHECKS]
+    cells = ("case", "replicate")
+    data = xarray.Dataset(
+        {
+            "value": ((*cells, "observable"), value), "check": ((*cells, "check_name"), check),
+            "seed": (cells, seeds), "status": (cells, status.astype(str)),
+            **{name: (cells, column) for name, column in columns.items()},
+        },
+        coords={
+            "case": [case.name for case in design.cases], "observable": list(OBSERVABLES), "check_name": list(CHECKS),
+            **{name: ("case", [str(getattr(case, name)) for case in design.cases])
+               for name in ("path", "factor", "level", "engine")},
+            "guarded": ("case", [int(case.guarded) for case in design.cases]),
+            "rate": ("case", [case.rate for case in design.cases], {"units": "s-1"}),
+        },
+        attrs={"Conventions": "CF-1.11", "labkit_version": labkit.__version__,
+               "title": "speed against error of labkit's settings"},
+    )  # fmt: skip
+    for name, words in ABOUT.items():
+        data[name].attrs |= {"long_name": words, "units": UNITS.get(name, "1")}
+    return data
+
+
+def cost(data):
+    """Wall time over the yardstick, mean over replicates, (case,): seconds of a machine on which it takes a second."""
+    return (data["wall_time"] / data["yardstick"]).mean("replicate")
