@@ -1,0 +1,1 @@
+"""Speed against error: designed studies of what a setting gains and costs."""
