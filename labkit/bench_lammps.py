@@ -51,9 +51,9 @@ thermo_modify format float %.15g
 thermo {settle}
 run {settle}
 reset_timestep 0
-velocity all ramp vx {start[0]:.17g} {end[0]:.17g} x 0 {size[0]:.17g} sum yes
-velocity all ramp vy {start[1]:.17g} {end[1]:.17g} y 0 {size[1]:.17g} sum yes
-velocity all ramp vz {start[2]:.17g} {end[2]:.17g} z 0 {size[2]:.17g} sum yes
+velocity all ramp vx {start[0]:.17g} {end[0]:.17g} x 0 {size[0]:.17g} sum yes units box
+velocity all ramp vy {start[1]:.17g} {end[1]:.17g} y 0 {size[1]:.17g} sum yes units box
+velocity all ramp vz {start[2]:.17g} {end[2]:.17g} z 0 {size[2]:.17g} sum yes units box
 fix cell all deform 1 x trate {rates[0]:.17g} y trate {rates[1]:.17g} z trate {rates[2]:.17g} remap v
 thermo {every}
 run {steps}
