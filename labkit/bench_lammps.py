@@ -1,10 +1,23 @@
-"""The scene of `labkit bench` for LAMMPS: pair style granular with the same grains, stiffness, friction and rolling.
+"""A specimen in LAMMPS: pair style granular with the same grains, stiffness, friction, dashpots and rolling.
 
-LAMMPS has one stiffness for all pairs: that of two mean grains. Energy leaves through its normal dashpot.
+LAMMPS has one set of coefficients for each pair of atom types, where labkit has one for each pair of grains: grains
+are sorted into `classes` of equal width in radius, and a pair has the coefficients of the middles of its classes. In
+the terms of LAMMPS (k the index of a pair of classes, r* = Ra Rb/(Ra + Rb), which it takes of the very grains):
+
+    hooke kn eta, damping velocity      fn = kn delta + eta ddelta/dt               eta = 2 beta_n sqrt(m* kn)
+    linear_history kt xgammat mu        |kt xi + xgammat eta dxi/dt| <= mu |fn|     xgammat = ct/cn
+    rolling sds k gamma mu              M = k r*^2 theta, |M| <= mu r* |fn|         k = kr/r*^2, gamma = 0, mu = mu_r
+
+so that k is kt and xgammat is sqrt(kt/kn) beta_t/beta_n. Dashpot `tsuji` would take m* of the very grains, but knows
+the restitution alone, through a polynomial fitted for Hertz's law.
+
+What differs from law paper: the limits of friction and of rolling bound springs and dashpots together, and fn in them
+counts the dashpot; histories do not turn about the normal; the forces of a State's history are not taken over.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import subprocess
 import tempfile
@@ -15,8 +28,9 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 
 SKIN = 0.05  # of the mean diameter: the fastest of 0.02 to 0.2 on the full specimen
-DASHPOT = 0.2  # of the critical damping of a mean pair
 
+# remap v: grains keep their places and their own velocity, and an image moves with the cell. The velocity of the mean
+# field is given to them at the start, because no fix does it.
 INPUT = """\
 units si
 atom_style sphere
@@ -27,54 +41,118 @@ read_data {data}
 neighbor {skin:.17g} bin
 neigh_modify every 1 delay 0 check yes
 pair_style granular
-pair_coeff * * hooke {kn:.17g} {damping:.17g} tangential linear_history {kt:.17g} 0.0 {friction:.17g} &
-    rolling sds {kr:.17g} 0.0 {rolling:.17g} damping velocity
+{coefficients}
 fix motion all nve/sphere
-fix cell all deform 1 x trate {x:.17g} y trate {y:.17g} z trate {z:.17g} remap v
-timestep {dt:.17g}
-thermo_style custom step atoms pxx pzz
-thermo {warm}
-run {warm}
+timestep {time_step:.17g}
+compute stress all pressure NULL virial
+thermo_style custom step lx ly lz &
+    c_stress[1] c_stress[2] c_stress[3] c_stress[4] c_stress[5] c_stress[6]
+thermo_modify format float %.15g
+thermo {settle}
+run {settle}
+reset_timestep 0
+velocity all ramp vx {start[0]:.17g} {end[0]:.17g} x 0 {size[0]:.17g} sum yes units box
+velocity all ramp vy {start[1]:.17g} {end[1]:.17g} y 0 {size[1]:.17g} sum yes units box
+velocity all ramp vz {start[2]:.17g} {end[2]:.17g} z 0 {size[2]:.17g} sum yes units box
+fix cell all deform 1 x trate {rates[0]:.17g} y trate {rates[1]:.17g} z trate {rates[2]:.17g} remap v
+thermo {every}
 run {steps}
 """
 
 
-def write_input(folder, state, rates, steps):
-    """Writes data and input file of a State into a folder; returns the input file. rates (3,): of the cell, 1/s.
+@dataclasses.dataclass(frozen=True)
+class LammpsRun:
+    """What LAMMPS writes while the cell deforms: `size` (record, 3) of the cell, m, `stress` (record, 3, 3) of all
+    contact forces, Pa, compression positive, and the seconds of its loop over `steps` steps."""
 
-    Raises InputError for a cell that is no box.
+    size: np.ndarray
+    stress: np.ndarray
+    seconds: float
+    steps: int
+
+
+def write_input(folder, state, rates, steps, settle, every, classes):
+    """Writes data and input file of a State into a folder; returns the input file.
+
+    rates (3,): logarithmic rates of the cell, 1/s, expansion positive. settle: steps at rest before. every: steps
+    between two records. classes: of grain size. Raises InputError for a cell that is no box.
     """
     cell = state.cell
     if np.abs(cell - np.diag(np.diag(cell))).max() > 1e-12 * cell.max():
-        raise InputError("the specimen's cell is not rectangular: bench a specimen, not a sheared state")
-    scene = state.scene
-    mean = 0.5 * scene.mean_diameter
-    kn, kt = scene.normal_stiffness(mean, mean), scene.tangential_stiffness(mean, mean)
-    size = np.diag(cell)
-    lines = [f"grains\n\n{state.number_of_grains} atoms\n1 atom types\n"]
-    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist())]
-    lines += ["\nAtoms # sphere\n"]
-    position = np.mod(state.position, size)
-    for number, (radius, place) in enumerate(zip(state.radius.tolist(), position.tolist()), 1):
-        lines.append(f"{number} 1 {2.0 * radius!r} {scene.density!r} " + " ".join(map(repr, place)))
+        raise InputError("the specimen's cell is not rectangular: give a specimen, not a sheared state")
+    size, rates = np.diag(cell), np.asarray(rates, dtype=float)
+    kind, middle = size_classes(state.radius, classes)
     data = Path(folder) / "grains.data"
-    data.write_text("\n".join(lines) + "\n")
+    data.write_text(_grains(state, size, kind, classes))
     file = Path(folder) / "in.shear"
     file.write_text(INPUT.format(
-        data=data, skin=SKIN * scene.mean_diameter, kn=kn, kt=kt, kr=scene.rolling_stiffness(mean, mean),
-        damping=2.0 * DASHPOT * np.sqrt(0.5 * scene.mass(mean) * kn), friction=scene.friction,
-        rolling=scene.rolling_friction * mean / 2.0, x=rates[0], y=rates[1], z=rates[2], dt=state.time_step,
-        warm=max(1, steps // 5), steps=steps,
+        data=data, skin=SKIN * state.scene.mean_diameter, coefficients=_coefficients(state.scene, middle),
+        time_step=state.time_step, settle=settle, every=every, steps=steps, size=size, rates=rates,
+        start=-0.5 * rates * size, end=0.5 * rates * size,
     ))  # fmt: skip
     return file
 
 
-def steps_per_second(program, state, rates, steps):
-    """Speed of LAMMPS on one core. Raises PhysicsError with its message when it fails."""
+def size_classes(radius, classes):
+    """Class of each grain (grain,), from 0, and the middle radius of each class (classes,), m."""
+    low, high = radius.min(), radius.max()
+    width = (high - low) / classes
+    kind = np.minimum(((radius - low) / width).astype(int), classes - 1) if width > 0.0 else np.zeros(len(radius), int)
+    return kind, low + width * (np.arange(classes) + 0.5)
+
+
+def _grains(state, size, kind, classes):
+    """The data file: cell and grains."""
+    lines = [f"grains\n\n{state.number_of_grains} atoms\n{classes} atom types\n"]
+    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist())]
+    lines += ["\nAtoms # sphere\n"]
+    position = np.mod(state.position, size)
+    grains = zip(kind.tolist(), state.radius.tolist(), position.tolist())
+    for number, (of, radius, place) in enumerate(grains, 1):
+        x, y, z = place
+        lines.append(f"{number} {of + 1} {2.0 * radius!r} {state.scene.density!r} {x!r} {y!r} {z!r}")
+    return "\n".join(lines) + "\n"
+
+
+def _coefficients(scene, middle):
+    """A pair_coeff for each pair of classes with the radii `middle` (classes,), m."""
+    lines = []
+    for first, a in enumerate(middle):
+        for second, b in enumerate(middle[first:], first):
+            kn, kt, kr = (
+                stiffness(a, b)
+                for stiffness in (scene.normal_stiffness, scene.tangential_stiffness, scene.rolling_stiffness)
+            )
+            cn, ct = scene.dashpots(a, b)
+            if cn == 0.0 < ct:
+                raise InputError("beta_t without beta_n is nothing that LAMMPS has: give beta_n above 0 or beta_t = 0")
+            share = ct / cn if cn > 0.0 else 0.0
+            rolling = kr / (a * b / (a + b)) ** 2
+            lines.append(
+                f"pair_coeff {first + 1} {second + 1} hooke {kn:.17g} {cn:.17g} "
+                f"tangential linear_history {kt:.17g} {share:.17g} {scene.friction:.17g} "
+                f"rolling sds {rolling:.17g} 0.0 {scene.rolling_friction:.17g} damping velocity"
+            )
+    return "\n".join(lines)
+
+
+def deform(program, state, rates, steps, settle, every, classes):
+    """A LammpsRun on one core; arguments as in write_input. Raises PhysicsError with its message when LAMMPS fails."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [program, "-in", str(write_input(folder, state, rates, steps)), "-log", "none"]
+        file = write_input(folder, state, rates, steps, settle, every, classes)
+        command = [program, "-in", str(file), "-log", "none"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    loops = re.findall(r"Loop time of (\S+) on", done.stdout)
+    loops = re.findall(r"\nStep .*\n((?:[ \d.e+-]+\n)+)Loop time of (\S+) on", done.stdout)
     if done.returncode or len(loops) != 2:
         raise PhysicsError(f"{program} ended with exit status {done.returncode}: {(done.stdout + done.stderr)[-300:]}")
-    return steps / float(loops[1])
+    rows, seconds = loops[1]
+    values = np.array([line.split() for line in rows.splitlines()], dtype=float)
+    xx, yy, zz, xy, xz, yz = values[:, 4:].T
+    stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+    return LammpsRun(values[:, 1:4], stress, float(seconds), steps)
+
+
+def steps_per_second(program, state, rates, steps):
+    """Speed of LAMMPS on one core, one class of grains. Raises PhysicsError with its message when it fails."""
+    run = deform(program, state, rates, steps, settle=max(1, steps // 5), every=steps, classes=1)
+    return run.steps / run.seconds
