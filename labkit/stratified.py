@@ -5,8 +5,8 @@ two grains. Grains cannot leave the plane. A stress is a force over the thicknes
 for a disc of that thickness: its volume in the normalised force is pi D^2/4 times the thickness.
 
 Equilibrium makes sigma_zz equal in both strata; the servo holds only the mean of sigma_xx. With a few hundred coarse
-grains the strata share it as chance will have it, and rounding moves it: sigma_zz/sigma_xx of the coarse one was 2.00 for
-the default seed on YADE and 2.08 on fused, 1.95 to 2.3 for other seeds.
+grains the strata share it as chance will have it, and rounding moves it: sigma_zz/sigma_xx of the coarse one was 2.00
+for the default seed on YADE and 2.08 on fused, 1.95 to 2.3 for other seeds.
 """
 
 from __future__ import annotations

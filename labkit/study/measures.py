@@ -3,6 +3,8 @@ stress-force-fabric relationships, the integrators of the model. Each is kept as
 
 from __future__ import annotations
 
+import dataclasses
+import shutil
 import statistics
 import time
 from pathlib import Path
@@ -12,17 +14,25 @@ import pandas
 
 import labkit
 from labkit import bench, micro_figures, plots
+from labkit.critical import WINDOW
 from labkit.engines.fused import FusedEngine
 from labkit.files import whole_file
+from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.speed import measure_all
 from labkit.paths import ConstantVolume
 from labkit.servo import velocity_gradient
+from labkit.simulation import run
 from labkit.state import read_state
+from labkit.study.collisions import collision_errors
 from labkit.study.design import PRESET
 from labkit.study.jobs import run_file, specimen_file
+from labkit.study.lammps import shear_in_lammps
+from labkit.study.observables import AROUND, max_of_means
 
 SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the mean diameter; None: what the engine chooses
 SKIN_STEPS, SKIN_ROUNDS = 2000, 5
+COLLISION_STEPS = (0.4, 0.2, 0.1, 0.05, 0.025)  # of sqrt(m/kn) of the mean grain
+LAMMPS_RATE = 40.0  # 1/s
 
 
 def measure_others(design, work, progress):
@@ -98,8 +108,8 @@ def _skins(state, gradient):
 def sff_family(design, work, folder):
     """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
     case = standard(design)
-    with labkit.open_run(run_file(work, case, case.seeds[0])) as run:
-        figure, table = micro_figures.family(run)
+    with labkit.open_run(run_file(work, case, case.seeds[0])) as found:
+        figure, table = micro_figures.family(found)
     plots.save(figure, folder / "sff_family.png")
     return table
 
@@ -112,11 +122,45 @@ def model(design, work, folder):
 
 def collisions(design, work, folder):
     """Two grains against closed forms, over the time step."""
-    from labkit.study.collisions import collision_errors
+    return collision_errors(COLLISION_STEPS)
 
-    return collision_errors((0.4, 0.2, 0.1, 0.05, 0.025))
+
+def lammps(design, work, folder):
+    """The CV test of the baseline in LAMMPS and, law paper, on the engine fused: q/p and p, and how long they take.
+
+    One row per seed and program; none where LAMMPS is not installed. `seconds`: of the loop alone, in turn.
+    """
+    program, rows = shutil.which("lmp"), []
+    base = design.baseline("cv")
+    for seed in base.seeds if program else ():
+        state = read_state(specimen_file(work, base, seed))
+        state = state.replace(scene=dataclasses.replace(state.scene, law="paper"))
+        state = state.replace(time_step=state.scene.time_step)
+        found = shear_in_lammps(program, state, LAMMPS_RATE, base.strain, round(base.strain / base.record_strain))
+        p, q = mean_stress(found.stress), deviatoric_stress(found.stress)
+        rows.append({"program": "LAMMPS", **_ratios(seed, found.axial_strain, p, q, found.seconds, found.steps)})
+        file = folder / f"lammps_{seed}.run.nc"
+        FusedEngine(state).advance(1, np.zeros((3, 3)))
+        run(state, ConstantVolume(LAMMPS_RATE, base.strain), file, "fused", snapshots=0)
+        with labkit.open_run(file) as done:
+            p, q = done.lab.mean_stress().values, done.lab.deviatoric_stress().values
+            attributes = done.attrs["wall_time"], done.attrs["steps"]
+            rows.append({"program": "fused", **_ratios(seed, done["axial_strain"].values, p, q, *attributes)})
+        file.unlink()
+    return pandas.DataFrame(rows, columns=["program", "seed", "ratio_1", "ratio_peak", "ratio_critical",
+                                           "pressure_critical", "seconds", "steps"])  # fmt: skip
+
+
+def _ratios(seed, strain, p, q, seconds, steps):
+    end = strain >= (1.0 - WINDOW) * strain[-1]
+    return {
+        "seed": seed, "ratio_1": float((q / p)[np.abs(strain - 0.01) <= AROUND].mean()),
+        "ratio_peak": max_of_means(strain, q / p), "ratio_critical": float((q / p)[end].mean()),
+        "pressure_critical": float(p[end].mean()), "seconds": seconds, "steps": steps,
+    }  # fmt: skip
 
 
 MEASURES = {
-    "engines": engines, "skin": skin, "collisions": collisions, "sff_family": sff_family, "model": model,
+    "engines": engines, "lammps": lammps, "skin": skin, "collisions": collisions, "sff_family": sff_family,
+    "model": model,
 }  # fmt: skip

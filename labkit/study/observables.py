@@ -43,7 +43,8 @@ def observables(run, held):
     sff = run.lab.sff_error().values[judged]
 
     def at(x):
-        return float(ratio[np.abs(strain - x) <= AROUND].mean())
+        near = np.abs(strain - x) <= AROUND
+        return float(ratio[near].mean()) if near.any() else np.nan
 
     def critical(values):
         return float(np.mean(values[end]))

@@ -221,6 +221,24 @@ def _engines(engines):
     return text + markdown(["grains", "engine", "steps/s", "grain-steps/s", "over stock (range)"], rows)
 
 
+def _lammps(found):
+    if found.empty:
+        return ""
+    mean = found.groupby("program", sort=False).mean(numeric_only=True)
+    spread = found.groupby("program", sort=False).std(numeric_only=True)
+    names = {"ratio_1": "q/p at 1 %", "ratio_peak": "q/p at the peak", "ratio_critical": "q/p, critical",
+             "pressure_critical": "p, critical, Pa"}  # fmt: skip
+    rows = [[label] + [f"{mean.loc[p, name]:.4g} ± {spread.loc[p, name]:.2g}" for p in mean.index]
+            for name, label in names.items()]  # fmt: skip
+    rows.append(["steps/s of the test"] + [f"{mean.loc[p, 'steps'] / mean.loc[p, 'seconds']:.4g}" for p in mean.index])
+    return (
+        "## LAMMPS\n\nThe same specimens along CV at 40 1/s, law paper on the engine fused, and what is nearest to it "
+        f"in LAMMPS; means over {found['seed'].nunique()} specimens and their scatter. LAMMPS is not told the "
+        "tangential forces at the start (labkit/study/lammps.py says what else differs).\n\n"
+        + markdown(["", *mean.index], rows)
+    )  # fmt: skip
+
+
 def _skin(skin):
     rows = [[f"{r.grains:.0f}", f"{r.rate:g}", str(r.skin), f"{r.microseconds_per_step:.4g}", f"{r.over_auto:.3g}",
              f"{r.position_difference:.1e}"] for r in skin.itertuples()]  # fmt: skip

@@ -61,7 +61,8 @@ def test_zero_strain_rate_gives_zero_rates_and_rates_scale_with_it(seed):
     found, expected = state_rate(Model(), state, 7 * D), 7 * state_rate(Model(), state, D)
     assert_same_rates(found, expected, state, 7 * D)
     for k in (3, 9, 15):
-        np.testing.assert_allclose(found[k : k + 6], expected[k : k + 6], atol=1e-12 * np.abs(expected[k : k + 6]).max())
+        tensor = expected[k : k + 6]
+        np.testing.assert_allclose(found[k : k + 6], tensor, atol=1e-12 * np.abs(tensor).max())
 
 
 @settings(max_examples=20, deadline=None)

@@ -1,0 +1,78 @@
+"""The design covers what it must, and its standard settings are the defaults of the commands."""
+
+import argparse
+import dataclasses
+
+import pytest
+
+from labkit import arguments, commands
+from labkit.errors import InputError
+from labkit.settings import SETTINGS, settings
+from labkit.study.design import BASELINE, DESIGNS, PRESET, full
+
+
+def parsed(add_options, words):
+    parser = argparse.ArgumentParser()
+    add_options(parser)
+    return parser.parse_args(words)
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_cases_have_names_of_their_own_and_something_to_be_compared_with(name):
+    design = DESIGNS[name]()
+    names = [case.name for case in design.cases]
+    assert len(set(names)) == len(names)
+    for path in {case.path for case in design.cases}:
+        assert design.baseline(path).factor == BASELINE and design.reference(path).level == "reference"
+
+
+def test_a_factor_is_varied_alone():
+    """Each case of one factor differs from the baseline in nothing else."""
+    base = full().baseline()
+    for case in full().cases:
+        if case.path == "cp" and " x " not in case.factor and case.factor not in (PRESET, BASELINE, "law", "rolling"):
+            shared = {"factor", "level", "guarded", "seeds"}
+            different = {f.name for f in dataclasses.fields(case) if getattr(case, f.name) != getattr(base, f.name)}
+            assert len(different - shared) + max(0, len(case.scene) - 1) <= (2 if case.factor == "engine" else 1), case
+
+
+def test_rates_and_sizes_cover_the_range():
+    rates = [case.rate for case in full().cases]
+    sizes = [case.grains for case in full().cases if case.factor == "grains"]
+    assert max(rates) / min(rates) > 999 and min(sizes) <= 500 and any(case.side == 4e-3 for case in full().cases)
+    steps = [dict(case.scene).get("time_step_factor", 0.2) for case in full().cases]
+    assert min(steps) < 0.1 and max(steps) > 1.0
+
+
+def test_standard_is_what_the_commands_do_without_options(specimen_file):
+    words = ["--void-ratio", "0.67"]
+    plain, standard = (
+        commands.check_specimen(parsed(arguments.add_specimen_options, words + more))
+        for more in ([], ["--settings", "standard"])
+    )
+    assert plain == standard
+    assert (plain[0].side, plain[1].time_step_factor) == (SETTINGS["standard"].side, 0.2)
+    plain, standard = (
+        commands.check_run(parsed(arguments.add_run_options, ["cv", str(specimen_file), "-o", "x.run.nc", *more]))
+        for more in ([], ["--settings", "standard"])
+    )
+    assert plain[0] == standard[0] and plain[1].scene == standard[1].scene
+
+
+def test_settings_change_size_rate_and_time_step(specimen_file):
+    quick = SETTINGS["quick"]
+    recipe, scene = commands.check_specimen(
+        parsed(arguments.add_specimen_options, ["--void-ratio", "0.67", "--settings", "quick"])
+    )
+    assert recipe.side < SETTINGS["standard"].side and scene.time_step_factor == quick.time_step_factor
+    words = ["isoc", str(specimen_file), "-o", "x.run.nc", "--settings", "quick"]
+    path, state = commands.check_run(parsed(arguments.add_run_options, words))
+    assert path.rate == pytest.approx(5.0 * quick.rate_factor) and state.scene.time_step_factor == 0.3
+    path, state = commands.check_run(parsed(arguments.add_run_options, [*words, "--rate", "7", "--time-step-factor",
+                                                                        "0.1"]))  # fmt: skip
+    assert path.rate == 7.0 and state.scene.time_step_factor == 0.1
+
+
+def test_unknown_settings():
+    with pytest.raises(InputError, match="quick, standard, reference"):
+        settings("fast")
