@@ -16,10 +16,11 @@ from labkit.servo import STANDARD, velocity_gradient
 from labkit.state import read_state
 
 
-def variants():
-    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has."""
+def variants(scene):
+    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has and
+    what knows the contact law of the scene."""
     found = {}
-    if shutil.which("yade"):
+    if shutil.which("yade") and scene.law == "yade":
         found["stock YADE script, 1 thread"] = lambda file, steps: _in_yade("stock.py", 1, file, steps)
         found["labkit on YADE, 1 thread"] = lambda file, steps: _in_yade("speed.py", 1, file, steps)
         found["labkit on YADE, 2 threads"] = lambda file, steps: _in_yade("speed.py", 2, file, steps)
@@ -35,7 +36,7 @@ FASTER = 10  # the engine fused takes so many times more steps, so that a measur
 
 def bench(specimen, steps, rounds, progress):
     """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
-    machines = variants()
+    machines = variants(read_state(specimen).scene)
     found = {name: [] for name in machines}
     for turn in range(rounds):
         for number, (name, run) in enumerate(machines.items()):

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit.paths import ConstantVolume
+from labkit.scene import Scene
+from labkit.servo import STANDARD
 from labkit.settings import SETTINGS
 from labkit.study.design import BASELINE, PRESET, RATE
 from labkit.study.observables import CHECKS, OBSERVABLES
@@ -17,7 +20,7 @@ def page(data, table, measures, command):
     `command`: what wrote it."""
     sections = [
         _head(data, command), _settings(data, table, "cp"), _settings(data, table, "cv"), _paper(table),
-        _how_to_read(), _factors(data, table), _time_step(data), _sizes(), _same_on_both(table),
+        _how_to_read(), _defaults(data, table), _factors(data, table), _time_step(data), _sizes(), _same_on_both(table),
     ]  # fmt: skip
     others = {"engines": _engines, "lammps": _lammps, "skin": _skin, "collisions": _collisions, "sff_family": _family,
               "model": _model}  # fmt: skip
@@ -31,8 +34,8 @@ def markdown(header, rows):
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
-def percent(value, digits=2):
-    return "-" if not np.isfinite(value) else f"{100 * value:+.{digits}g} %"
+def percent(value):
+    return "-" if not np.isfinite(value) else f"{_short(100 * value, '+')} %"
 
 
 def with_interval(value, within):
@@ -41,7 +44,7 @@ def with_interval(value, within):
         return "-"
     if not np.isfinite(within):
         return percent(value)
-    text = f"{100 * value:+.2g} ± {100 * within:.2g} %"
+    text = f"{_short(100 * value, '+')} ± {_short(100 * within)} %"
     return f"({text})" if abs(value) <= within else text
 
 
@@ -163,15 +166,54 @@ def _change(row):
         return "-"
     if not np.isfinite(within):
         return f"{change:+.2g}"
-    return f"**{change:+.2g}** ± {within:.1g}" if abs(change) > within else f"± {within:.2g}"
+    return f"**{_short(change, '+')}** ± {_short(within)}" if abs(change) > within else f"± {_short(within)}"
+
+
+def _short(value, sign=""):
+    """Two digits, without an exponent."""
+    return f"{value:{sign}.0f}" if abs(value) >= 99.5 else f"{value:{sign}.2g}"
 
 
 def _number(text):
     """A level as short as it can be written."""
     try:
-        return f"{float(text):g}"
+        return f"{float(text):g}" if float(text) < 1e6 else f"{float(text) / 1e9:g} GPa"
     except ValueError:
         return text
+
+
+DEFAULTS = {  # factor -> what the default is, where it lives
+    "time step": (Scene.time_step_factor, "`--time-step-factor`, Scene.time_step_factor"),
+    "rate": (RATE, "`--rate`, paths.ConstantVolume.rate"),
+    "servo interval": (STANDARD.interval, "servo.Servo.interval"),
+    "servo gain": (STANDARD.gain, "servo.Servo.gain"),
+    "record interval": (ConstantVolume.record_strain, "`--record-strain`"),
+    "local damping": (Scene.local_damping, "Scene.local_damping"),
+}
+
+
+def _defaults(data, table):
+    """Every default beside the next lower and the next higher level that was measured."""
+    rows = []
+    for factor, (value, where) in DEFAULTS.items():
+        some = table[(table["path"] == "cp") & (table["factor"] == factor)]
+        levels = np.array(sorted(some["level"].astype(float).unique()))
+        cells = []
+        for level in (*levels[levels < value][-1:], *levels[levels > value][:1]):
+            lines = some[(some["level"].astype(float) == level) & (some["observable"] != "pressure_critical")]
+            clear = lines[np.abs(lines["change"]) > lines["change_within"]]
+            told = f"cost {lines['cost'].iloc[0]:.2g}, {len(clear)} of {len(lines)} changed"
+            if len(clear):
+                largest = clear.loc[clear["change"].abs().idxmax()]
+                told += f", most {largest['label']} ({percent(largest['change'])})"
+            held = float(data["check"].sel(case=lines["case"].iloc[0], check_name="held_error").mean())
+            cells.append(f"{level:g}: {told}; held stress off by {100 * held:.2g} %")
+        rows.append([f"{factor}: **{value:g}**", where, *(cells + ["-"] * (2 - len(cells)))])
+    return (
+        "## Every default beside its neighbours\n\nBaseline of 1,000 grains along CP. Cost is over that of the "
+        "default; observables that changed are those outside their 95 % interval.\n\n"
+        + markdown(["default", "where", "next lower", "next higher"], rows)
+    )  # fmt: skip
 
 
 def _time_step(data):
