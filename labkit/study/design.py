@@ -164,8 +164,8 @@ def full():
     cases += [preset("quick", seeds), preset("standard", (1, 2, 3)), preset("reference", (1, 2, 3))]
     cases.append(dataclasses.replace(preset("standard", (1, 2, 3)), level="the paper's", scene=(("law", "paper"),)))
     cases += constant_volume(base)
-    along_cv = preset("quick", seeds), preset("standard", (1, 2, 3)), preset("reference", (1, 2))
-    cases += [dataclasses.replace(case, path="cv") for case in along_cv]
+    along_cv = preset("quick", seeds), preset("standard", seeds, 4000), preset("reference", seeds, 4000)
+    cases += [dataclasses.replace(case, path="cv", snapshots=2) for case in along_cv]
     return Design(tuple(cases), ("engines", "lammps", "skin", "collisions", "sff_family", "model"))
 
 

@@ -103,7 +103,8 @@ def _settings(data, table, path):
     words = {
         "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; standard is what they do without the "
         "option. CP at 0.5 MPa from e = 0.64 to 30 % axial strain:",
-        "cv": "From the same specimens at constant volume, where the pressure finds itself:",
+        "cv": "At constant volume, where the pressure finds itself. Standard and reference with fewer grains here: the "
+        "specimens' scatter is that of this size.",
     }
     return f"{titles[path]}\n\n{words[path]}\n\n" + markdown(["", *(NAMES[level] for level in levels)], rows)
 
