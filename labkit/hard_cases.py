@@ -540,9 +540,11 @@ def size_ratio_5(lab):
     run, reference = lab.run(made), lab.half_step(made)
     lab.said += [f"labkit verify: {finding}" for finding in findings(run) if finding.decides and not finding.holds]
     sizes = state.radius.max() / state.radius.min()
-    return f"sizes 1 to {sizes:.2f}; usual step refused; {pressure_words(run)}; {ratio_words(run)}", [
+    refused, limit = "beyond the stable" in said and "time_step_factor" in said, critical_time_step(state)
+    usual_words = f"usual step {usual.time_step / limit:.2f} of the limit" + ", refused" * refused
+    return f"sizes 1 to {sizes:.2f}; {usual_words}; {pressure_words(run)}; {ratio_words(run)}", [
         between("ratio of sizes", sizes, 4.0, 5.1),
-        true("the usual step is refused", "beyond the stable" in said and "time_step_factor" in said),
+        true("the usual step is refused if it is beyond the limit", refused == (usual.time_step > limit)),
         true("labkit verify says that C0 is not Love", any("C0 against Love" in words for words in lab.said)),
         *agree(run, reference, p=0.2, ratio=0.1, Z=0.2),
     ]

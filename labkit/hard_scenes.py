@@ -112,7 +112,7 @@ _ALL = (
         path="cv", strain=0.02, rate=20.0,
     ),
     HardScene(
-        "size_ratio_5", "grains from 1 to 5: the usual step is refused, for it is beyond the limit of the small ones; "
+        "size_ratio_5", "grains from 1 to 5: the usual step is refused where it is beyond the limit of the small ones; "
         "with a step below it the test is that of half that step; labkit verify says that C0, which takes equal stress "
         "in grains of all sizes, is not Love's stress", LIMIT_SAID,
         void_ratio=0.6, path="cv", strain=0.1, rate=20.0, judges_c0=False,

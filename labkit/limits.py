@@ -7,7 +7,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.micro.contacts import contacts_of
 from labkit.micro.indicators import overlap_ratio
-from labkit.micro.stress import mean_stress
+from labkit.micro.stress import love_stress, mean_stress
 
 PRESSURE_LIMIT = 3e6  # Pa
 OVERLAP_LIMIT = 0.02  # mean delta/D
@@ -34,6 +34,20 @@ def exceeded(run):
                 f"{strain.min():.2%} to {strain.max():.2%}, at most {values[beyond].max():.3g}"
             )
     return found
+
+
+def exceeded_by(state):
+    """Where a specimen is outside the limits before any test: a list of sentences."""
+    contacts = contacts_of(state)
+    pressure = mean_stress(love_stress(contacts, state.radius, state.volume))
+    return [
+        f"{what} {value:.3g} is above {limit:g}"
+        for what, value, limit in (
+            ("mean overlap", overlap_ratio(state.radius, contacts), OVERLAP_LIMIT),
+            ("mean stress in Pa", pressure, PRESSURE_LIMIT),
+        )
+        if value > limit
+    ]
 
 
 def require_shallow(state):
