@@ -40,6 +40,7 @@ C0_TOLERANCE = 0.06  # of Love with 500 grains; it falls with the root of their 
 MOMENTUM_TOLERANCE = 1e-10  # of sum m |c|
 FREE_STEPS = 50  # for which a state is followed without contacts, or without damping
 QUASI_STATIC = 20.0  # 1/s, beside which `fast` is judged
+CRASH = "YADE ended with exit status"  # which is no clear error: the study ends with it
 KILLS = 10  # attempts to kill a run before it ends
 
 
@@ -172,6 +173,8 @@ def examine(scene, engine, grains, extent, folder, shared, command):
         did, checks = CASES[scene.name](lab)
     except PhysicsError as given_up:
         error = str(given_up)
+        if CRASH in error:
+            raise
         lab.said.append(error)
     measured = [measure(file) for file in lab.runs if file.exists()]
     if not error:
@@ -602,7 +605,7 @@ def restart_in_reversal(lab):
 
 
 def _kill_after(record, file, words):
-    """Starts a run and kills it once the file holds `record`. Raises PhysicsError when it always ends before."""
+    """Starts a run and kills it once the file holds `record`. Raises InputError when it always ends before."""
     for _ in range(KILLS):
         process = subprocess.Popen(
             [sys.executable, "-m", "labkit.cli", *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
@@ -614,9 +617,9 @@ def _kill_after(record, file, words):
             process.wait()
             return
         if process.returncode:
-            raise PhysicsError(f"the run that was to be killed ended with exit status {process.returncode}")
+            raise InputError(f"the run that was to be killed ended with exit status {process.returncode}: run {words}")
         file.unlink()
-    raise PhysicsError(f"the run ended before it could be killed, {KILLS} times: take more --grains")
+    raise InputError(f"the run ended before it could be killed, {KILLS} times: take more --grains")
 
 
 def _length(file):

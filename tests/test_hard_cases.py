@@ -77,7 +77,7 @@ def test_a_cycle_ends_at_its_upper_turn(examined):
 
 
 def tamper(file, name, factor):
-    """Multiplies the last record of a variable, in a copy that takes the place of the file: readers may have it open."""
+    """Multiplies the last record of a variable, in a copy that then takes its place: a reader may have it open."""
     copy = file.with_suffix(".copy")
     shutil.copy(file, copy)
     with netCDF4.Dataset(copy, "a") as dataset:
