@@ -176,7 +176,7 @@ def examine(scene, engine, grains, extent, folder, shared, command):
         if CRASH in error:
             raise
         lab.said.append(error)
-    measured = [measure(file) for file in lab.runs if file.exists()]
+    measured = [] if error else [measure(file) for file in lab.runs]
     if not error:
         checks = [*checks, *(check for found in measured for check in common_checks(found, scene.judges_c0))]
         if scene.verdict == LIMIT_SAID:
