@@ -51,7 +51,7 @@ def exceeded_by(state):
 
 
 def require_shallow(state):
-    """Raises InputError when grains overlap as they do where they were put at random, and not as pressure makes them."""
+    """Raises InputError when grains overlap as where they were put at random, and not as pressure makes them."""
     overlap = overlap_ratio(state.radius, contacts_of(state))
     if overlap > OVERLAP_END:
         raise InputError(
