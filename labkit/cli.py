@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ from pathlib import Path
 
 import labkit
 from labkit import arguments, commands
+from labkit.engines import ENGINES
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
+from labkit.hard_scenes import GRAINS, SCENES
 from labkit.memory import return_large_arrays
 from labkit.model import options as model_options
 from labkit.progress import reporter
@@ -27,8 +29,7 @@ def main(argv=None):
     argv = sys.argv[1:] if argv is None else argv
     return_large_arrays()
     try:
-        options = arguments.parse(build_parser(), argv)
-        return options.command(options, argv) or 0
+        return call(argv)
     except InputError as error:
         return fail(error, 2)
     except PhysicsError as error:
@@ -42,6 +43,12 @@ def main(argv=None):
         return fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
+
+
+def call(argv):
+    """Runs a command and returns its exit code. Raises InputError, PhysicsError or Interrupted where it gives up."""
+    options = arguments.parse(build_parser(), argv)
+    return options.command(options, argv) or 0
 
 
 def build_parser():
@@ -136,6 +143,17 @@ def build_parser():
     statistics = commands_.add_parser("bench-statistics", help="speed and memory of the statistics of a run")
     statistics.add_argument("run", help="run file")
     statistics.set_defaults(command=do_bench_statistics)
+
+    hard = commands_.add_parser("hard-cases", help="scenes at which a simulation may go wrong: run, judged, a page")
+    hard.add_argument("name", nargs="*", help=f"which ones: {', '.join(SCENES)} (default: all)")
+    hard.add_argument("--engine", choices=(*ENGINES, "both"), default="both", help="(default: both)")
+    hard.add_argument("--grains", type=arguments.positive_int, default=GRAINS, help="of a specimen (default: "
+                      f"{GRAINS})")  # fmt: skip
+    hard.add_argument("-o", "--output", default="results/hard_cases", help="folder of the page, the table and the "
+                      "figure (default: results/hard_cases)")  # fmt: skip
+    hard.add_argument("--work", default="hard_cases", help="folder of the run files; finished cases there are not run "
+                      "again (default: hard_cases)")  # fmt: skip
+    hard.set_defaults(command=do_hard_cases)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -364,6 +382,18 @@ def do_bench_statistics(options, argv):
     from labkit.bench_statistics import bench_statistics
 
     print(bench_statistics(options.run).to_string(index=False, float_format="%.2f", na_rep=""))
+
+
+def do_hard_cases(options, argv):
+    from labkit.hard_report import study
+
+    engines = ENGINES if options.engine == "both" else (options.engine,)
+    if "yade" in engines:
+        find_yade()
+    return study(
+        options.name or list(SCENES), engines, options.grains, Path(options.output), Path(options.work), call,
+        reporter("hard cases"), history_of(argv),
+    )  # fmt: skip
 
 
 def do_demo(options, argv):

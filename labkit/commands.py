@@ -12,7 +12,7 @@ from labkit.consolidation import consolidate, pressure_error
 from labkit.engines import require_law
 from labkit.errors import InputError
 from labkit.files import open_netcdf, require_writable
-from labkit.limits import exceeded
+from labkit.limits import exceeded, exceeded_by
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths import Consolidation, make_path, path_class
@@ -65,6 +65,8 @@ def specimen(options, progress, history):
     state = make_specimen(scene, recipe, options.engine, options.threads, progress)
     write_state(options.output, state.replace(history=history, recipe=text))
     print(f"{options.output}: " + describe(summary(state)))
+    for sentence in exceeded_by(state):
+        print(f"{options.output}: {sentence}")
 
 
 def check_consolidation(options):

@@ -13,6 +13,7 @@ from labkit.micro.indicators import unbalanced_force
 from labkit.micro.stress import love_stress
 from labkit.paths import Consolidation
 from labkit.progress import log_fraction
+from labkit.specimen import ready
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
 UNBALANCED = 1e-3
@@ -38,7 +39,7 @@ def stress_error(state, control):
 
 def bring_to(specimen, path, engine="yade", threads=1, progress=lambda fraction, text: None):
     """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit."""
-    machine = start_engine(engine, opened(specimen.at_rest().replace(time_step=specimen.scene.time_step)), threads)
+    machine = start_engine(engine, opened(ready(specimen, engine, threads)), threads)
     control = path.control()
     first = max(stress_error(specimen, control), 2 * TOLERANCE)
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):

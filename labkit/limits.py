@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.micro.stress import mean_stress
+from labkit.errors import InputError
+from labkit.micro.contacts import contacts_of
+from labkit.micro.indicators import overlap_ratio
+from labkit.micro.stress import love_stress, mean_stress
 
 PRESSURE_LIMIT = 3e6  # Pa
 OVERLAP_LIMIT = 0.02  # mean delta/D
+OVERLAP_END = 0.1  # mean delta/D at which a specimen is no specimen: random insertion leaves 0.2, e = 0.3 makes 0.053
 INERTIAL_LIMIT = 3e-4
 GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
 DRIFT_LIMIT = 0.01  # share of the kinetic energy that is motion of the whole
@@ -30,3 +34,27 @@ def exceeded(run):
                 f"{strain.min():.2%} to {strain.max():.2%}, at most {values[beyond].max():.3g}"
             )
     return found
+
+
+def exceeded_by(state):
+    """Where a specimen is outside the limits before any test: a list of sentences."""
+    contacts = contacts_of(state)
+    pressure = mean_stress(love_stress(contacts, state.radius, state.volume))
+    return [
+        f"{what} {value:.3g} is above {limit:g}"
+        for what, value, limit in (
+            ("mean overlap", overlap_ratio(state.radius, contacts), OVERLAP_LIMIT),
+            ("mean stress in Pa", pressure, PRESSURE_LIMIT),
+        )
+        if value > limit
+    ]
+
+
+def require_shallow(state):
+    """Raises InputError when grains overlap as where they were put at random, and not as pressure makes them."""
+    overlap = overlap_ratio(state.radius, contacts_of(state))
+    if overlap > OVERLAP_END:
+        raise InputError(
+            f"the grains overlap by {overlap:.0%} of their diameter on average, too deep for the contact law: let them "
+            f"come to rest below {OVERLAP_END:.0%} first, as labkit specimen does"
+        )

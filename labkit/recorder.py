@@ -140,10 +140,19 @@ class Recorder:
             if getattr(dataset, "specimen", None) != self.specimen:
                 raise InputError(f"{self.file} was begun with another specimen: give another -o")
             self.records = len(dataset.dimensions["time"])
-            group = dataset["checkpoint"]
-            state = read_group(group, dataset, int(group.contacts))
             first_cell = dataset["cell"][0].filled()
-            return Begun(state, first_cell, float(dataset.wall_time), bool(dataset.complete))
+            return Begun(_read_checkpoint(dataset), first_cell, float(dataset.wall_time), bool(dataset.complete))
+
+
+def read_checkpoint(file):
+    """The State of the last save of a run file. Raises InputError when it is none."""
+    with open_netcdf(file, "run") as dataset:
+        return _read_checkpoint(dataset)
+
+
+def _read_checkpoint(dataset):
+    group = dataset["checkpoint"]
+    return read_group(group, dataset, int(group.contacts))
 
 
 def _write_checkpoint(dataset, state):

@@ -17,7 +17,7 @@ from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import mean_stress
 from labkit.recorder import Recorder
 from labkit.servo import STANDARD, cell_stiffness, velocity_gradient
-from labkit.timestep import require_stable
+from labkit.specimen import ready
 
 SNAPSHOTS = 20
 LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
@@ -105,9 +105,7 @@ def run(specimen, path, file, engine="yade", threads=1, record_strain=None, snap
 
 def prepare(specimen, path, engine, threads, progress, guarded=True):
     """The specimen at rest at the pressure that the path holds, consolidated if it is not there yet."""
-    specimen = specimen.at_rest().replace(time_step=specimen.scene.time_step, engine=engine)
-    if guarded:
-        require_stable(specimen)
+    specimen = ready(specimen, engine, threads, guarded)
     control = path.control()
     if control is not None and pressure_error(specimen, path.pressure) > CONSOLIDATED:
         specimen = consolidate(specimen, path.pressure, engine, threads, lambda done, text: progress(0.0, text))

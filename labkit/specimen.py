@@ -9,6 +9,7 @@ import numpy as np
 from labkit.energy import opened, require_balanced
 from labkit.engines import start_engine
 from labkit.errors import InputError, PhysicsError
+from labkit.limits import require_shallow
 from labkit.micro.contacts import contacts_of
 from labkit.micro.indicators import elastic_energy, kinetic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.stress import love_stress, mean_stress
@@ -190,6 +191,22 @@ def settle(machine, target, progress):
         f"kinetic over elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
         "a lower void ratio or a higher step-1 friction gives it a skeleton that carries load"
     )
+
+
+def ready(specimen, engine, threads=1, guarded=True):
+    """The specimen at rest with the time step of its scene, fit for a test.
+
+    Grains that list no contacts, of another program or placed by hand, get those that the engine finds: their energy
+    is in the balance from the start, and their stiffness in the stability limit. Raises InputError when they overlap
+    too deeply, PhysicsError when the time step is beyond the limit and the test is `guarded`.
+    """
+    state = specimen.at_rest().replace(time_step=specimen.scene.time_step, engine=engine)
+    if len(state.contact_grain) == 0:
+        state = start_engine(engine, state, threads).state()
+    require_shallow(state)
+    if guarded:
+        require_stable(state)
+    return state
 
 
 def summary(state):
