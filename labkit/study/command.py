@@ -29,7 +29,7 @@ def speed_error(design_name, work, output, jobs, progress):
 
 def write(design, work, output, measures, command):
     data = collect(design, work)
-    table = errors(data)
+    table = errors(data, measures["settings"])
     with whole_file(output / "study.nc") as temporary:
         data.to_netcdf(temporary)
     with whole_file(output / "errors.csv") as temporary:

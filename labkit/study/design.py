@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from labkit.paths import ConstantMeanStress
+from labkit.paths import ConstantMeanStress, make_path
 from labkit.servo import Servo
 from labkit.settings import SETTINGS
 
@@ -44,6 +44,19 @@ class Case:
     @property
     def name(self):
         return f"{self.path}_{self.factor}={self.level}".replace(" ", "_")
+
+    def state(self, specimen):
+        """The specimen with the scene of the test."""
+        return specimen.replace(scene=dataclasses.replace(specimen.scene, **dict(self.scene)))
+
+    def loading(self, strain=None):
+        """The path, to its own or another axial strain."""
+        pressure = {"pressure": PRESSURE} if self.path == "cp" else {}
+        return make_path(self.path, rate=self.rate, strain=strain or self.strain, **pressure)
+
+    def steps(self, scene):
+        """Of the test, for the Scene of its specimen."""
+        return round(self.strain / (self.rate * dataclasses.replace(scene, **dict(self.scene)).time_step))
 
     @property
     def cost(self):
@@ -166,7 +179,7 @@ def full():
     cases += constant_volume(base)
     along_cv = preset("quick", seeds), preset("standard", seeds, 4000), preset("reference", seeds, 4000)
     cases += [dataclasses.replace(case, path="cv", snapshots=2) for case in along_cv]
-    return Design(tuple(cases), ("engines", "lammps", "skin", "collisions", "sff_family", "model"))
+    return Design(tuple(cases), ("settings", "engines", "lammps", "skin", "collisions", "sff_family", "model"))
 
 
 def small():
@@ -186,7 +199,7 @@ def small():
         case = preset(name, seeds, 150 if name == "quick" else 300)
         case = dataclasses.replace(case, rate=10.0 * case.rate, strain=0.06)
         cases += [case, dataclasses.replace(case, path="cv")]
-    return Design(tuple(cases), ("collisions", "sff_family"))
+    return Design(tuple(cases), ("settings", "collisions", "sff_family"))
 
 
 DESIGNS = {"full": full, "small": small}

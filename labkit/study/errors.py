@@ -13,23 +13,27 @@ from labkit.study.table import cost
 CONFIDENCE = 0.95
 
 
-def errors(data):
-    """A pandas.DataFrame, a row per case and observable, from the data set of labkit.study.table.
+def errors(data, timed):
+    """A pandas.DataFrame, a row per case and observable, from the data set of labkit.study.table; `timed`: the table
+    of labkit.study.measures.settings.
 
     mean, scatter: over the replicates, scatter being their standard deviation.
     error, error_within: mean less that of the reference on the same path, over that of the reference where
         OBSERVABLES says relative, and the half-width of its 95 % interval (Welch: unequal variances, few replicates).
     one_run: what one test is off by, sqrt(error^2 + scatter^2).
     change, change_within: mean difference to the baseline with the same specimens, and its 95 % half-width (paired).
-    cost: over that of the baseline of the same path.
+    cost: over that of the baseline of the same path; over_standard: over that of the standard settings, which for
+        these and the baseline was measured in turn.
     A NaN width: fewer than two replicates.
     """
-    costs = cost(data)
+    costs, over_standard = cost(data), timed.set_index("case")["over_standard"]
     rows = []
     for path in dict.fromkeys(data["path"].values.tolist()):
         some = data.isel(case=np.flatnonzero(data["path"].values == path))
         baseline, reference = _case(some, BASELINE), _case(some, PRESET, "reference")
+        base = baseline["case"].item()
         for k, case in enumerate(some["case"].values):
+            over_base = float(costs.sel(case=case) / costs.sel(case=base))
             for name, (label, _, relative) in OBSERVABLES.items():
                 values = some["value"].sel(case=case, observable=name).values
                 sound, ideal = _sound(values), _sound(reference["value"].sel(observable=name).values)
@@ -45,7 +49,7 @@ def errors(data):
                     "mean": sound.mean() if sound.size else np.nan, "scatter": scatter / scale, "error": error,
                     "error_within": _welch(sound, ideal) / scale, "one_run": np.hypot(error, scatter / scale),
                     "change": change, "change_within": change_within,
-                    "cost": float(costs.sel(case=case) / costs.sel(case=baseline["case"].item())),
+                    "cost": over_base, "over_standard": over_standard.get(case, over_base * over_standard[base]),
                 })  # fmt: skip
     return pandas.DataFrame(rows)
 

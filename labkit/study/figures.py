@@ -36,15 +36,14 @@ def pareto(table, path="cp"):
     colors = dict(zip(factors, plt.get_cmap("tab20").colors + plt.get_cmap("Dark2").colors))
     for axes, name in zip(grid.ravel(), names):
         some = table[table["observable"] == name]
-        standard = some.loc[(some["factor"] == PRESET) & (some["level"] == "standard"), "cost"].iloc[0]
         for factor, points in some[some["factor"] != PRESET].groupby("factor"):
-            axes.loglog(points["cost"] / standard, 100 * points["one_run"], "o", ms=3.5, color=colors[factor])
+            axes.loglog(points["over_standard"], 100 * points["one_run"], "o", ms=3.5, color=colors[factor])
         rivals = some[some["level"] != "reference"]
-        best = rivals.iloc[front(rivals["cost"].values, rivals["one_run"].values)]
-        axes.loglog(best["cost"] / standard, 100 * best["one_run"], "-", color="0.6", lw=1, zorder=0)
+        best = rivals.iloc[front(rivals["over_standard"].values, rivals["one_run"].values)]
+        axes.loglog(best["over_standard"], 100 * best["one_run"], "-", color="0.6", lw=1, zorder=0)
         for level, color in STARS.items():
             star = some[(some["factor"] == PRESET) & (some["level"] == level)]
-            axes.loglog(star["cost"] / standard, 100 * star["one_run"], "*", ms=13, color=color, mec="w", mew=0.5)
+            axes.loglog(star["over_standard"], 100 * star["one_run"], "*", ms=13, color=color, mec="w", mew=0.5)
         relative = "(%)" if name != "sff_error" else "(% of Love)"
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set(title=some["label"].iloc[0], xlabel="cost over standard", ylabel=f"error of one test {relative}")

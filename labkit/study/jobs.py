@@ -24,7 +24,7 @@ from labkit.engines.fused import FusedEngine
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError
 from labkit.files import whole_file
-from labkit.paths import ConstantVolume, make_path
+from labkit.paths import ConstantVolume
 from labkit.scene import Scene
 from labkit.servo import velocity_gradient
 from labkit.simulation import run
@@ -114,8 +114,7 @@ def make(work, case, seed):
 
 def run_case(work, case, seed, yardstick):
     """Runs a case with one seed and writes its result: observables, cost, and what a guard said."""
-    state = read_state(specimen_file(work, case, seed))
-    state = state.replace(scene=dataclasses.replace(state.scene, **dict(case.scene)))
+    state = case.state(read_state(specimen_file(work, case, seed)))
     file = run_file(work, case, seed)
     result = {
         "case": case.name, "seed": seed, "grains": state.number_of_grains, "status": "", "values": {},
@@ -136,14 +135,12 @@ def run_case(work, case, seed, yardstick):
 
 
 def _run(state, case, file):
-    pressure = {"pressure": PRESSURE} if case.path == "cp" else {}
-    path = make_path(case.path, rate=case.rate, strain=case.strain, **pressure)
     if case.engine == "yade":
         _run_in_yade(state, case, file)
         return
     FusedEngine(state.replace(time_step=state.scene.time_step)).advance(1, np.zeros((3, 3)))  # compiles for the scene
     run(
-        state, path, file, case.engine, case.threads, case.record_strain, case.snapshots,
+        state, case.loading(), file, case.engine, case.threads, case.record_strain, case.snapshots,
         servo=case.servo, guarded=case.guarded,
     )  # fmt: skip
 

@@ -24,7 +24,7 @@ from labkit.servo import velocity_gradient
 from labkit.simulation import run
 from labkit.state import read_state
 from labkit.study.collisions import collision_errors
-from labkit.study.design import PRESET
+from labkit.study.design import BASELINE, PRESET
 from labkit.study.jobs import run_file, specimen_file
 from labkit.study.lammps import shear_in_lammps
 from labkit.study.observables import AROUND, max_of_means
@@ -33,6 +33,7 @@ SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the mean diameter; None:
 SKIN_STEPS, SKIN_ROUNDS = 2000, 5
 COLLISION_STEPS = (0.4, 0.2, 0.1, 0.05, 0.025)  # of sqrt(m/kn) of the mean grain
 LAMMPS_RATE = 40.0  # 1/s
+SETTINGS_STEPS, SETTINGS_ROUNDS = 5000, 3
 
 
 def measure_others(design, work, progress):
@@ -54,6 +55,33 @@ def measure_others(design, work, progress):
 
 def standard(design):
     return next(c for c in design.cases if (c.path, c.factor, c.level) == ("cp", PRESET, "standard"))
+
+
+def settings(design, work, folder):
+    """Time per step of every set of settings and of the baseline, in turn, servo and records included: what a whole
+    test takes, and that over what one with the standard settings takes."""
+    cases = [case for case in design.cases if case.factor in (PRESET, BASELINE)]
+    seconds = {case: [] for case in cases}
+    for turn in range(SETTINGS_ROUNDS + 1):  # the first one compiles
+        for case in cases:
+            state = case.state(read_state(specimen_file(work, case, case.seeds[0])))
+            file = folder / "settings.run.nc"
+            path = case.loading(case.rate * state.scene.time_step * SETTINGS_STEPS)
+            run(state, path, file, "fused", record_strain=case.record_strain, snapshots=0, servo=case.servo)
+            with labkit.open_run(file) as found:
+                seconds[case].append(found.attrs["wall_time"] / found.attrs["steps"])
+            file.unlink()
+    rows = []
+    for case in cases:
+        steps = case.steps(read_state(specimen_file(work, case, case.seeds[0])).scene)
+        standard = next(other for other in cases if (other.path, other.level) == (case.path, "standard"))
+        each, over = seconds[case][1:], [a / b for a, b in zip(seconds[case][1:], seconds[standard][1:])]
+        ratio = steps / standard.steps(read_state(specimen_file(work, standard, standard.seeds[0])).scene)
+        rows.append({
+            "case": case.name, "steps": steps, "microseconds_per_step": 1e6 * statistics.median(each),
+            "minutes": statistics.median(each) * steps / 60.0, "over_standard": ratio * statistics.median(over),
+        })  # fmt: skip
+    return pandas.DataFrame(rows)
 
 
 def engines(design, work, folder):
@@ -161,6 +189,6 @@ def _ratios(seed, strain, p, q, seconds, steps):
 
 
 MEASURES = {
-    "engines": engines, "lammps": lammps, "skin": skin, "collisions": collisions, "sff_family": sff_family,
-    "model": model,
+    "settings": settings, "engines": engines, "lammps": lammps, "skin": skin, "collisions": collisions,
+    "sff_family": sff_family, "model": model,
 }  # fmt: skip

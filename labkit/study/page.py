@@ -7,8 +7,7 @@ import numpy as np
 from labkit.paths import ConstantVolume
 from labkit.scene import Scene
 from labkit.servo import STANDARD
-from labkit.settings import SETTINGS
-from labkit.study.design import BASELINE, PRESET, RATE
+from labkit.study.design import BASELINE, PRESET, PRESSURE, RATE, VOID_RATIO
 from labkit.study.observables import CHECKS, OBSERVABLES
 from labkit.study.table import cost
 
@@ -19,7 +18,8 @@ def page(data, table, measures, command):
     """The text of results/speed_error/README.md. `table`: of labkit.study.errors, `measures`: of labkit.study.measures,
     `command`: what wrote it."""
     sections = [
-        _head(data, command), _settings(data, table, "cp"), _settings(data, table, "cv"), _paper(table),
+        _head(data, command), _settings(data, table, measures["settings"], "cp"),
+        _settings(data, table, measures["settings"], "cv"), _paper(table),
         _how_to_read(), _defaults(data, table), _factors(data, table), _time_step(data), _sizes(), _same_on_both(table),
     ]  # fmt: skip
     others = {"engines": _engines, "lammps": _lammps, "skin": _skin, "collisions": _collisions, "sff_family": _family,
@@ -62,15 +62,13 @@ The data: `study.nc` (every observable of every test), `errors.csv` (what the ta
 each of the other measurements. [The hard cases](../hard_cases/README.md) have a page of their own."""
 
 
-def _settings(data, table, path):
+def _settings(data, table, measured, path):
     some = table[(table["path"] == path) & (table["factor"] == PRESET)]
     levels = [level for level in NAMES if (some["level"] == level).any()]
     if not levels:
         return ""
-    costs = cost(data)
     cases = {level: some.loc[some["level"] == level, "case"].iloc[0] for level in levels}
-    standard = float(costs.sel(case=cases["standard"]))
-    yardstick = float(data["yardstick"].median())
+    measured = measured.set_index("case")
 
     def of(level, name):
         return some[(some["level"] == level) & (some["observable"] == name)].iloc[0]
@@ -83,15 +81,16 @@ def _settings(data, table, path):
 
     grains = {level: float(of(level, "ratio_1")["number_of_grains"]) for level in levels}
     rows = [["grains"] + [f"{grains[level]:.0f}" for level in levels]]
-    chosen = [SETTINGS.get(level, SETTINGS["standard"]) for level in levels]
-    rows.append(["axial rate, 1/s"] + [f"{RATE * s.rate_factor:g}" for s in chosen])
-    rows.append(["time step over sqrt(m/kn)"] + [f"{s.time_step_factor:g}" if level in SETTINGS else "0.106 (law paper)"
-                                                 for level, s in zip(levels, chosen)])  # fmt: skip
-    time = {level: float(costs.sel(case=case)) for level, case in cases.items()}
-    rows.append(["**cost over standard**"] + [f"**{time[level] / standard:.3g}**" for level in levels])
-    rows.append(["minutes on one core here"] + [f"{time[level] * yardstick / 60:.2g}" for level in levels])
-    steps = (data["steps"] * data["grains"]).mean("replicate")
-    rows.append(["10^9 grain-steps"] + [f"{float(steps.sel(case=c)) / 1e9:.3g}" for c in cases.values()])
+    rates = [float(data["rate"].sel(case=case)) for case in cases.values()]
+    strain = float(data["strain"].sel(case=cases["standard"]))
+    steps = data["steps"].mean("replicate")
+    factors = [strain / (rate * float(steps.sel(case=case)) * Scene().time_unit)
+               for rate, case in zip(rates, cases.values())]  # fmt: skip
+    rows.append(["axial rate, 1/s"] + [f"{rate:g}" for rate in rates])
+    rows.append(["time step over sqrt(m/kn)"] + [f"{factor:.3g}" for factor in factors])
+    rows.append(["**time over standard**"] + [f"**{measured.loc[c, 'over_standard']:.3g}**" for c in cases.values()])
+    rows.append(["minutes, one core, `fused`"] + [f"{measured.loc[c, 'minutes']:.2g}" for c in cases.values()])
+    rows.append(["10^9 grain-steps"] + [f"{float(steps.sel(case=cases[x])) * grains[x] / 1e9:.3g}" for x in levels])
     inertial = data["check"].sel(check_name="inertial_number").mean("replicate")
     rows.append(["inertial number"] + [f"{float(inertial.sel(case=c)):.2g}" for c in cases.values()])
     rows.append(["specimens (seeds)"] + [f"{of(level, 'ratio_1')['replicates']}" for level in levels])
@@ -102,7 +101,7 @@ def _settings(data, table, path):
     titles = {"cp": "## Recommended settings", "cv": "## The same settings along CV"}
     words = {
         "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; standard is what they do without the "
-        "option. CP at 0.5 MPa from e = 0.64 to 30 % axial strain:",
+        f"option. CP at {PRESSURE / 1e6:g} MPa from e = {VOID_RATIO:g} to {100 * strain:g} % axial strain:",
         "cv": "At constant volume, where the pressure finds itself. Standard and reference with fewer grains here: the "
         "specimens' scatter is that of this size.",
     }

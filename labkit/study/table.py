@@ -57,7 +57,8 @@ def collect(design, work):
             **{name: ("case", [str(getattr(case, name)) for case in design.cases])
                for name in ("path", "factor", "level", "engine")},
             "guarded": ("case", [int(case.guarded) for case in design.cases]),
-            "rate": ("case", [case.rate for case in design.cases], {"units": "s-1"}),
+            "rate": ("case", [case.rate for case in design.cases], {"units": "s-1", "long_name": "axial strain rate"}),
+            "strain": ("case", [case.strain for case in design.cases], {"units": "1", "long_name": "axial strain"}),
         },
         attrs={"Conventions": "CF-1.11", "labkit_version": labkit.__version__,
                "title": "speed against error of labkit's settings"},

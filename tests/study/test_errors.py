@@ -1,12 +1,15 @@
 """Errors with intervals from results that are drawn with known means and scatter; the Pareto front."""
 
+import json
+
 import numpy as np
+import pandas
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from labkit.study.design import BASELINE, PRESET, Case, Design
-from labkit.study.errors import errors, front
+from labkit.study.errors import _welch, errors, front
 from labkit.study.observables import CHECKS, OBSERVABLES
 from labkit.study.table import collect, cost
 
@@ -19,11 +22,12 @@ DESIGN = Design(
     (),
 )  # fmt: skip
 
+TIMED = pandas.DataFrame({"case": ["cp_baseline=base", "cp_settings=reference"], "over_standard": [0.07, 3.0]})
+
 
 @pytest.fixture
 def written(tmp_path):
     """A function that writes results with the given mean for each case and a scatter that seeds share."""
-    import json
 
     def write(means, shared=0.02, own=0.002):
         rng = np.random.default_rng(5)
@@ -49,7 +53,7 @@ def row(table, factor):
 
 def test_a_difference_is_told_from_scatter_when_it_is_larger_and_only_then(written):
     data = written((1.0, 1.01, 1.0, 1.3))
-    table = errors(data)
+    table = errors(data, TIMED)
     rate, grains = row(table, "rate"), row(table, "grains")
     assert rate["change"] == pytest.approx(0.01, abs=0.003) and rate["change_within"] < 0.005  # paired: 1 % is seen
     assert rate["error"] == pytest.approx(1.01 / 1.3 - 1, abs=0.03) and rate["error_within"] > 0.01
@@ -58,12 +62,11 @@ def test_a_difference_is_told_from_scatter_when_it_is_larger_and_only_then(writt
     reference = row(table, PRESET)
     assert reference["error"] == 0.0 and reference["one_run"] == pytest.approx(reference["scatter"])
     np.testing.assert_allclose(cost(data).values, [4.0, 4.04, 4.0, 5.2])
-    assert rate["cost"] == pytest.approx(1.01)
+    assert rate["cost"] == pytest.approx(1.01) and rate["over_standard"] == pytest.approx(0.0707)
+    assert reference["over_standard"] == 3.0  # measured in turn
 
 
 def test_intervals_contain_the_truth_as_often_as_they_say():
-    from labkit.study.errors import _welch
-
     rng = np.random.default_rng(1)
     hits = 0
     for _ in range(400):
@@ -78,7 +81,7 @@ def test_what_has_not_run_yet_says_so(written, tmp_path):
     data = collect(DESIGN, tmp_path)
     case = data.sel(case="cp_rate=50.0")
     assert case["status"].values.tolist() == ["", "not run", "", "", ""]
-    assert row(errors(data), "rate")["replicates"] == 4
+    assert row(errors(data, TIMED), "rate")["replicates"] == 4
 
 
 @given(points=st.lists(st.tuples(st.floats(0.1, 10), st.floats(1e-4, 1)), min_size=1, max_size=30))
