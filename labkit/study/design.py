@@ -119,7 +119,7 @@ def one_factor(base):
     yield _with_scene(base, "law", "yade, mean rolling limit right", rolling_limit_scale=1.064)
     yield _with_scene(base, "rolling", "off, law yade", rolling_friction=0.0)
     yield _with_scene(base, "rolling", "off, law paper", law="paper", rolling_friction=0.0)
-    for modulus in (0.03e9, 0.75e9, 1.5e9):
+    for modulus in (0.03e9, 0.75e9):
         case = dataclasses.replace(base, factor="Young's modulus", level=modulus)
         yield dataclasses.replace(case, material=(("young_modulus", modulus),))
 
@@ -138,7 +138,7 @@ def pairs(base):
         )  # fmt: skip
         soft = dataclasses.replace(fast, factor="rate x Young's modulus", level=f"{rate:g}, 3e7")
         yield dataclasses.replace(soft, material=(("young_modulus", 0.03e9),))
-    for factor in (0.1, 0.4, 0.6, 0.777):  # the last is 0.41 sqrt(m/kn), the trap
+    for factor in (0.4, 0.6, 0.777):  # the last is 0.41 sqrt(m/kn), the trap
         case = _with_scene(base, "time step x law", f"{factor:g}, paper", law="paper", time_step_factor=factor)
         yield dataclasses.replace(case, guarded=False)
     for factor, damping in ((0.36, 0.7), (0.7, 0.7), (0.7, 0.0)):
@@ -169,17 +169,18 @@ def constant_volume(base):
 
 
 def full():
-    """The study of results/speed_error: two hours on two cores."""
-    seeds = (1, 2, 3, 4)
+    """The study of results/speed_error: some three hours of computing."""
+    seeds = (1, 2, 3)
     base = Case(BASELINE, "standard settings, 1000 grains", seeds, 1000)
-    cases = [base, *one_factor(base), *pairs(base), *engines(base, 500, seeds)]
+    cases = [base, *one_factor(base), *pairs(base), *engines(dataclasses.replace(base, rate=40.0), 500, seeds)]
     cases += sizes(base, ((500, tuple(range(1, 9))), (2000, seeds), (4000, seeds)))
-    cases += [preset("quick", seeds), preset("standard", (1, 2, 3)), preset("reference", (1, 2, 3))]
-    cases.append(dataclasses.replace(preset("standard", (1, 2)), level="the paper's", scene=(("law", "paper"),)))
+    cases += [preset("quick", seeds), preset("standard", seeds), preset("reference", seeds)]
+    cases.append(dataclasses.replace(preset("standard", seeds[:2]), level="the paper's", scene=(("law", "paper"),)))
     cases += constant_volume(base)
-    along_cv = preset("quick", seeds), preset("standard", seeds, 4000), preset("reference", seeds, 4000)
+    along_cv = preset("quick", seeds, 1000), preset("standard", seeds, 1000), preset("reference", seeds, 1000)
     cases += [dataclasses.replace(case, path="cv", snapshots=2) for case in along_cv]
-    return Design(tuple(cases), ("settings", "engines", "lammps", "skin", "collisions", "sff_family", "model"))
+    measures = "settings", "engines", "lammps", "skin", "collisions", "sff_family", "model"
+    return Design(tuple(cases), measures)
 
 
 def small():
