@@ -102,8 +102,8 @@ def _settings(data, table, measured, path):
     words = {
         "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; standard is what they do without the "
         f"option. CP at {PRESSURE / 1e6:g} MPa from e = {VOID_RATIO:g} to {100 * strain:g} % axial strain:",
-        "cv": "At constant volume, where the pressure finds itself; rates and steps of the settings, but all with the same "
-        "fewer grains: the scatter of specimens is that of this size.",
+        "cv": "At constant volume, where the pressure finds itself; rates and steps of the settings, but all with the "
+        "same fewer grains: the scatter of specimens is that of this size.",
     }
     return f"{titles[path]}\n\n{words[path]}\n\n" + markdown(["", *(NAMES[level] for level in levels)], rows)
 
