@@ -113,6 +113,7 @@ def build_parser():
 
     info = commands_.add_parser("info", help="what is in a state or run file")
     info.add_argument("file")
+    info.add_argument("--check", action="store_true", help="recompute the hashes of its data and of its inputs")
     info.set_defaults(command=do_info)
 
     bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script, labkit's engines, LAMMPS")
@@ -180,7 +181,7 @@ def do_verify(options, argv):
               + ("" if run.attrs["complete"] else ", not complete yet"))  # fmt: skip
         print(verify.table(run, options.rows))
         print(*found[name], sep="\n")
-    plots.save(plots.sff_against_love(runs), figure)
+    plots.save(plots.sff_against_love(runs), figure, options.run)
     print(f"figure: {figure}")
     if options.csv:
         write_text(options.csv, verify.findings_csv(found))
@@ -200,7 +201,7 @@ def do_critical(options, argv):
     print(table.to_string(index=False, float_format="%.4g"))
     scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
     print(f"M of all: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
-    plots.save(plots.e_p_paths(runs), options.output)
+    plots.save(plots.e_p_paths(runs), options.output, options.run)
     print(f"figure: {options.output}")
     if options.csv:
         write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
@@ -256,7 +257,7 @@ def do_figure(options, argv):
             "end with negative numbers"
         )
     figure, table = getattr(micro_figures, options.figure)(run, options.groups, options.snapshot)
-    plots.save(figure, output)
+    plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
         write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
@@ -282,7 +283,7 @@ def do_stratified(options, argv):
         on_engine(options, ["stratified", *words], "layer", "stratified.py", commands.stratified)
     state = read_state(options.output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in stratified.strata(state)])
-    plots.save(micro_figures.stratified_layer(state), figure)
+    plots.save(micro_figures.stratified_layer(state), figure, [options.output])
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
@@ -325,9 +326,13 @@ def figure_name(run, what):
 
 
 def do_info(options, argv):
-    from labkit.info import describe_file
+    from labkit.info import check_file, describe_file
 
     print(describe_file(options.file))
+    if options.check:
+        lines, same = check_file(options.file)
+        print("hashes", *lines, sep="\n")
+        return 0 if same else 1
 
 
 def do_bench(options, argv):
