@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`; `campaign`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import labkit
 from labkit import arguments, commands
+from labkit.campaign.command import add_campaign_options as campaign_options
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
 from labkit.files import require_writable, whole_file
@@ -137,6 +138,10 @@ def build_parser():
     statistics = commands_.add_parser("bench-statistics", help="speed and memory of the statistics of a run")
     statistics.add_argument("run", help="run file")
     statistics.set_defaults(command=do_bench_statistics)
+
+    campaign = commands_.add_parser("campaign", help="many specimens and runs from one file, here or on a cluster")
+    campaign_options(campaign)
+    campaign.set_defaults(command=do_campaign)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -369,6 +374,12 @@ def do_bench_statistics(options, argv):
     from labkit.bench_statistics import bench_statistics
 
     print(bench_statistics(options.run).to_string(index=False, float_format="%.2f", na_rep=""))
+
+
+def do_campaign(options, argv):
+    from labkit.campaign.command import campaign
+
+    return campaign(options)
 
 
 def do_demo(options, argv):

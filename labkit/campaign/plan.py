@@ -19,6 +19,7 @@ from labkit.campaign.file import Campaign, Consolidated, Run, Specimen
 
 STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
 RECIPES, LOGS, REPORT = "recipes", "logs", "report.md"
+CAMPAIGN = "campaign.yaml"  # a copy of the file
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 HOLDS_A_STRESS = ("cr", "cp", "cyclic_cp")
 
@@ -48,7 +49,11 @@ class Job:
     @property
     def unfinished(self):
         """Where it writes until it is finished: a name of its own for other parameters."""
-        return f"{UNFINISHED}/{self.name}.{self.digest[:12]}{'.run.nc' if self.kind == 'run' else '.state.nc'}"
+        return f"{UNFINISHED}/{self.name}.{self.digest[:12]}.{self.ending}"
+
+    @property
+    def ending(self):
+        return "run.nc" if self.kind == "run" else "state.nc"
 
     @property
     def command(self):
@@ -120,6 +125,7 @@ def _options(item, *names):
 
 
 def _job(kind, item, words, source):
+    # The engine fused gives the same bits on any number of threads.
     decides = [word for word in words if not word.startswith("--threads=") or item.engine == "yade"]
     digest = hashlib.sha256(json.dumps([decides, source.digest if source else None]).encode()).hexdigest()
     output = f"{RUNS}/{item.name}.run.nc" if kind == "run" else f"{STATES}/{item.name}.state.nc"
@@ -142,5 +148,6 @@ def write_recipes(plan, folder):
 
 
 def recipe_text(job):
-    known = {"command": ["labkit", *job.command], "parameters": dataclasses.asdict(job.item), "digest": job.digest}
+    words = [word for word in job.command if not word.startswith("--threads=") or job.item.engine == "yade"]
+    known = {"command": ["labkit", *words], "digest": job.digest}
     return json.dumps(known, indent=1) + "\n"
