@@ -34,6 +34,7 @@ def statistics(name):
     run = labkit.open_run(file)
     found = xr.Dataset({key: ((), value, {"units": units, "long_name": words})
                         for key, (value, units, words) in numbers(run).items()})  # fmt: skip
+    found["grains"] = (), run.sizes["grain"], {"units": "1", "long_name": "number of grains"}
     found.attrs = {
         "labkit_file": "statistics", "run": name, "run_data_sha256": run.attrs.get("data_sha256", ""),
         "path": run.attrs["path"], "engine": run.attrs["engine"], "outside_limits": " ".join(limits(run)),
@@ -45,7 +46,7 @@ def statistics(name):
 
 
 def numbers(run):
-    """name -> (value, units, words) of a run opened with labkit.open_run."""
+    """name -> (value, units, words) of a run opened with labkit.open_run; its records are enough."""
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
     error = run.lab.sff_error().values[p > PRESSURE_JUDGED]
@@ -59,7 +60,6 @@ def numbers(run):
         "initial_coordination_number": (float(run["coordination_number"][0]), "1", "coordination number at the start"),
         "final_coordination_number": (float(run["coordination_number"][-1]), "1", "coordination number at the end"),
         "largest_sff_error": (float(error.max()) if error.size else np.nan, "1", "error of C0 against Love, largest"),
-        "grains": (float(run.sizes["grain"]), "1", "number of grains"),
         "steps": (float(run.attrs["steps"]), "1", "time steps"),
         "wall_time": (float(run.attrs["wall_time"]), "s", "time that the run took"),
     }
