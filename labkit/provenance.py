@@ -7,7 +7,6 @@ is the same wherever the same data came out.
 
 from __future__ import annotations
 
-import datetime
 import functools
 import hashlib
 import importlib.metadata
@@ -17,6 +16,7 @@ import platform
 import shlex
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import netCDF4
@@ -36,7 +36,7 @@ def provenance(command=None, inputs=(), output=None, seed=None):
     folder = Path(output).resolve().parent if output else Path.cwd()
     known = {
         "command": command or shlex.join(["labkit", *sys.argv[1:]]),
-        "made": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "labkit_version": labkit.__version__,
         "commit": commit(),
         "python": platform.python_version(),
@@ -99,8 +99,11 @@ def processor():
 
 def file_sha256(file):
     """SHA-256 of the bytes of a file, hexadecimal."""
+    digest = hashlib.sha256()
     with open(file, "rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()
+        while part := handle.read(1 << 20):
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def data_sha256(dataset):

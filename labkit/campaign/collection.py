@@ -18,6 +18,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from labkit.campaign.plan import RECIPES
 from labkit.campaign.products import numbers
 from labkit.dataset import open_run
 from labkit.errors import InputError
@@ -68,10 +69,16 @@ def run_files(places):
     for place in map(Path, places):
         folder = place / "runs" if (place / "runs").is_dir() else place
         found = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
+        if (place / RECIPES).is_dir():
+            found = [file for file in found if (place / recipe_of(file)).exists()]  # not those of earlier campaign files
         if not found:
             raise InputError(f"{place} holds no run files: give the folder of a campaign, or run files")
         files += found
     return files
+
+
+def recipe_of(file):
+    return f"{RECIPES}/run.{file.name.removesuffix('.run.nc')}.json"
 
 
 def _names(files):

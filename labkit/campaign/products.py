@@ -112,7 +112,7 @@ def report():
 
 def _row(job):
     file = Path(STATISTICS) / f"{job.name}.nc"
-    if not file.exists():
+    if not (file.exists() and Path(job.output).exists()):
         return None
     with xr.open_dataset(file) as found:
         value = {name: float(found[name]) for name in found}
