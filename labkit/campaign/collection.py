@@ -70,7 +70,7 @@ def run_files(places):
         folder = place / "runs" if (place / "runs").is_dir() else place
         found = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
         if (place / RECIPES).is_dir():
-            found = [file for file in found if (place / recipe_of(file)).exists()]  # not those of earlier campaign files
+            found = [file for file in found if (place / recipe_of(file)).exists()]  # not of earlier campaign files
         if not found:
             raise InputError(f"{place} holds no run files: give the folder of a campaign, or run files")
         files += found
