@@ -186,6 +186,9 @@ def compose(file, mistakes):
         mark = error.problem_mark or error.context_mark
         mistakes.add(mark.line + 1, f"this is not YAML: {error.problem}")
         return None
+    except RecursionError:
+        mistakes.add(1, "it is nested too deep: a campaign file has names, and values of these names")
+        return None
     except yaml.YAMLError as error:
         mistakes.add(1, f"this is not YAML: {str(error).splitlines()[0]}")
         return None
@@ -448,6 +451,7 @@ def _runs(node, defaults, groups, mistakes):
             found += [(run, line) for run in _multiplied(name, fields.values, names, defaults)]
     if len(found) > MOST_RUNS:
         mistakes.add(found[-1][1], f"there are {len(found)} runs: give at most {MOST_RUNS} in one campaign")
+        return []
     _unique([(run.name, line) for run, line in found], "run", mistakes)
     return found
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import netCDF4
 import numpy as np
 import pandas
 import xarray as xr
@@ -21,7 +22,7 @@ from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError, fail
 from labkit.files import whole_file
 from labkit.limits import exceeded
-from labkit.provenance import commit, libraries, machine, of_file, provenance
+from labkit.provenance import commit, data_sha256, libraries, machine, of_file, provenance
 from labkit.schema import RECORD
 
 PRESSURE_JUDGED = 50e3  # Pa: below it C0 is not judged
@@ -43,6 +44,8 @@ def statistics(name):
     run.close()
     with whole_file(output) as temporary:
         found.to_netcdf(temporary, engine="netcdf4")
+        with netCDF4.Dataset(temporary, "a") as written:
+            written.data_sha256 = data_sha256(written)
 
 
 def numbers(run):

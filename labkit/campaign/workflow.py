@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import re
@@ -36,7 +37,7 @@ def run_workflow(plan, text, folder, cores, profile=None, progress=lambda fracti
     """
     require_snakemake(profile)
     folder.mkdir(parents=True, exist_ok=True)
-    with only_writer(folder / "campaign"):
+    with alone_in(folder):
         write_recipes(plan, folder)
         if not (folder / CAMPAIGN).exists() or (folder / CAMPAIGN).read_text() != text:
             with whole_file(folder / CAMPAIGN) as temporary:
@@ -45,6 +46,18 @@ def run_workflow(plan, text, folder, cores, profile=None, progress=lambda fracti
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
         return _watched(command(cores, profile), folder, progress)
+
+
+@contextlib.contextmanager
+def alone_in(folder):
+    """Raises InputError when another campaign is under way in the folder."""
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(only_writer(folder / "campaign"))
+        except InputError:
+            said = f"another campaign is under way in {folder}: wait for it, or give another --folder"
+            raise InputError(said) from None
+        yield
 
 
 def _watched(words, folder, progress):

@@ -161,7 +161,7 @@ def test_a_second_campaign_in_the_same_folder_is_refused(finished, labkit_comman
         fcntl.flock(handle, fcntl.LOCK_EX)
         done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=finished)
     lock.unlink(missing_ok=True)
-    assert done.returncode == 2 and "being written by another process" in done.stderr
+    assert done.returncode == 2 and "another campaign is under way in tiny" in done.stderr
 
 
 def test_a_broken_file_starts_nothing(tmp_path, labkit_command):
