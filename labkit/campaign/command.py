@@ -69,7 +69,7 @@ def tell(plan, folder, code):
     for kind, name, reason in failed:
         print(f"labkit: {kind} {name} failed: {reason}", file=sys.stderr)
     if waiting:
-        print(f"labkit: not begun because of these: {', '.join(waiting)}", file=sys.stderr)
+        print(f"labkit: not begun{' because of these' * bool(failed)}: {', '.join(waiting)}", file=sys.stderr)
     there = sum((folder / job.output).exists() for job in plan.runs)
     print(f"{folder}: {there} of {len(plan.runs)} runs are finished; see {folder / REPORT}")
     if code and not failed:

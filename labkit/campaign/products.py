@@ -101,7 +101,8 @@ def report():
     lines = [f"# Campaign {folder}", "", f"{len(rows)} of {len(plan.runs)} runs are finished.", ""]
     if failed:
         lines += ["## Failed", "", *(f"- {kind} `{name}`: {reason}" for kind, name, reason in failed), ""]
-        lines += [f"Not begun because of these: {', '.join(waiting)}.", ""] * bool(waiting)
+    if waiting:
+        lines += [f"Not begun: {', '.join(waiting)}.", ""]
     if rows:
         table = pandas.DataFrame(rows)
         lines += ["## Runs", "", *_markdown(table), ""]

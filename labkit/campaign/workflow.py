@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-import os
 import re
 import subprocess
 import sys
@@ -23,10 +22,12 @@ LOG = f"{LOGS}/snakemake.log"
 
 
 def require_snakemake(profile=None):
-    """Raises InputError with the way to get Snakemake, and the executor of the profile, unless they are there."""
+    """Raises InputError with the way to get Snakemake, and SLURM's executor, unless they are there."""
     needed = ["snakemake"] + ["snakemake_executor_plugin_slurm"] * (profile == "slurm")
     if any(importlib.util.find_spec(name) is None for name in needed):
         raise InputError("Snakemake is not installed here: pip install 'labkit[campaign]' brings it")
+    if profile is not None:
+        profile_folder(profile)
 
 
 def run_workflow(plan, text, folder, cores, profile=None, progress=lambda fraction, text: None):
@@ -64,8 +65,8 @@ def _watched(words, folder, progress):
     """Runs Snakemake, tells `progress` how far it is and keeps what it says in its log; its exit code."""
     with open(folder / LOG, "w") as log:
         child = subprocess.Popen(
-            words, cwd=folder, env=environment(), preexec_fn=die_with_parent, text=True, errors="replace",
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            words, cwd=folder, preexec_fn=die_with_parent, text=True, errors="replace", stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:
             for line in child.stdout:
@@ -91,28 +92,30 @@ def command(cores, profile):
     if profile is None:
         words += ["--cores", str(cores)]
     else:
-        known = PROFILES / profile
-        words += ["--profile", str(known if known.is_dir() else Path(profile).resolve())]
+        words += ["--profile", str(profile_folder(profile))]
     return [sys.executable, "-m", "snakemake", *words]
 
 
-def environment():
-    """Python's numerical libraries take one core each: the workflow fills the cores with jobs."""
-    one = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")}
-    return {**one, **os.environ, "MPLBACKEND": "Agg"}
+def profile_folder(profile):
+    """The folder of a profile of Snakemake: one of labkit's by its name, or the user's own. Raises InputError."""
+    for folder in (PROFILES / profile, Path(profile).resolve()):
+        if (folder / "config.yaml").is_file():
+            return folder
+    known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
+    raise InputError(f"--profile {profile} is no folder with a config.yaml: give one, or {known}")
 
 
 def failures(plan, folder):
-    """What is not there: (kind, name, reason) of the jobs that failed, names of those that wait for them."""
+    """What is not there: (kind, name, reason) of the jobs that failed, names of those that were not begun."""
     folder = Path(folder)
     failed, waiting = [], []
     for job in plan.jobs:
         if (folder / job.output).exists():
             continue
-        if job.source and not (folder / job.source).exists():
-            waiting.append(job.name)
-        else:
+        if (folder / job.log).exists():
             failed.append((job.kind, job.name, reason(folder / job.log)))
+        else:
+            waiting.append(job.name)
     for job in plan.runs:
         for kind, file in (("statistics", f"{STATISTICS}/{job.name}.nc"), ("figure", f"{FIGURES}/{job.name}.png")):
             if (folder / job.output).exists() and not (folder / file).exists():
@@ -122,8 +125,6 @@ def failures(plan, folder):
 
 def reason(log):
     """What a job said last, without labkit's name."""
-    if not log.exists():
-        return "was not begun"
     lines = log.read_text(errors="replace").strip().splitlines()
     said = [line for line in lines if line.startswith("labkit: ")]
     if said:

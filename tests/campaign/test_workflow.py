@@ -173,6 +173,26 @@ def test_a_broken_file_starts_nothing(tmp_path, labkit_command):
     assert [p.name for p in tmp_path.iterdir()] == ["bad.yaml"]
 
 
+def test_a_profile_that_is_not_there_is_refused(tmp_path, labkit_command):
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    done = labkit_command("campaign", "tiny.yaml", "--profile", "nowhere", cwd=tmp_path)
+    assert done.returncode == 2 and "--profile nowhere is no folder with a config.yaml" in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]
+
+
+def test_a_specimen_that_fails_keeps_its_runs_from_beginning(tmp_path, labkit_command):
+    (tmp_path / "loose.yaml").write_text(
+        "settings: quick\nengine: fused\nsnapshots: 1\nspecimens:\n"
+        "  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n  apart: {void_ratio: 1.4, grains: 120}\n"
+        "runs:\n  cv: {path: cv, specimen: [a, apart], strain: 0.005}\n"
+    )
+    done = labkit_command("campaign", "loose.yaml", "--cores", 1, cwd=tmp_path)
+    assert done.returncode == 1 and "specimen apart failed: the grains have come apart" in done.stderr
+    assert "not begun because of these: cv-apart" in done.stderr and "1 of 2 runs are finished" in done.stdout
+    report = (tmp_path / "loose/report.md").read_text()
+    assert "specimen `apart`: the grains" in report and "Not begun: cv-apart." in report and "| cv-a | cv |" in report
+
+
 def test_without_snakemake_the_way_to_get_it_is_told(tmp_path):
     (tmp_path / "tiny.yaml").write_text(TINY)
     code = (
