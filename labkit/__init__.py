@@ -6,7 +6,7 @@ xarray are loaded when they are first used.
 
 __version__ = "0.1.0"
 
-_LAZY = {"open_run": "labkit.dataset", "open_state": "labkit.dataset"}
+_LAZY = {"open_run": "labkit.dataset", "open_state": "labkit.dataset", "open_campaign": "labkit.campaign.collection"}
 __all__ = ["__version__", *_LAZY]
 
 

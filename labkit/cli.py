@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`, `campaign`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import labkit
 from labkit import arguments, commands
+from labkit.campaign.command import add_campaign_options as campaign_options
 from labkit.engines import ENGINES
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
@@ -120,6 +121,7 @@ def build_parser():
 
     info = commands_.add_parser("info", help="what is in a state or run file")
     info.add_argument("file")
+    info.add_argument("--check", action="store_true", help="recompute the hashes of its data and of its inputs")
     info.set_defaults(command=do_info)
 
     bench = commands_.add_parser("bench", help="speed on one scene: a stock YADE script, labkit's engines, LAMMPS")
@@ -154,6 +156,10 @@ def build_parser():
     hard.add_argument("--work", default="hard_cases", help="folder of the run files; finished cases there are not run "
                       "again (default: hard_cases)")  # fmt: skip
     hard.set_defaults(command=do_hard_cases)
+
+    campaign = commands_.add_parser("campaign", help="many specimens and runs from one file, here or on a cluster")
+    campaign_options(campaign)
+    campaign.set_defaults(command=do_campaign)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -198,7 +204,7 @@ def do_verify(options, argv):
               + ("" if run.attrs["complete"] else ", not complete yet"))  # fmt: skip
         print(verify.table(run, options.rows))
         print(*found[name], sep="\n")
-    plots.save(plots.sff_against_love(runs), figure)
+    plots.save(plots.sff_against_love(runs), figure, options.run)
     print(f"figure: {figure}")
     if options.csv:
         write_text(options.csv, verify.findings_csv(found))
@@ -218,7 +224,7 @@ def do_critical(options, argv):
     print(table.to_string(index=False, float_format="%.4g"))
     scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
     print(f"M of all: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
-    plots.save(plots.e_p_paths(runs), options.output)
+    plots.save(plots.e_p_paths(runs), options.output, options.run)
     print(f"figure: {options.output}")
     if options.csv:
         write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
@@ -274,7 +280,7 @@ def do_figure(options, argv):
             "end with negative numbers"
         )
     figure, table = getattr(micro_figures, options.figure)(run, options.groups, options.snapshot)
-    plots.save(figure, output)
+    plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
         write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
@@ -300,7 +306,7 @@ def do_stratified(options, argv):
         on_engine(options, ["stratified", *words], "layer", "stratified.py", commands.stratified)
     state = read_state(options.output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in stratified.strata(state)])
-    plots.save(micro_figures.stratified_layer(state), figure)
+    plots.save(micro_figures.stratified_layer(state), figure, [options.output])
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
@@ -343,9 +349,13 @@ def figure_name(run, what):
 
 
 def do_info(options, argv):
-    from labkit.info import describe_file
+    from labkit.info import check_file, describe_file
 
     print(describe_file(options.file))
+    if options.check:
+        lines, same = check_file(options.file)
+        print("hashes", *lines, sep="\n")
+        return 0 if same else 1
 
 
 def do_bench(options, argv):
@@ -394,6 +404,12 @@ def do_hard_cases(options, argv):
         options.name or list(SCENES), engines, options.grains, Path(options.output), Path(options.work), call,
         reporter("hard cases"), history_of(argv),
     )  # fmt: skip
+
+
+def do_campaign(options, argv):
+    from labkit.campaign.command import campaign
+
+    return campaign(options)
 
 
 def do_demo(options, argv):

@@ -16,6 +16,7 @@ from labkit.limits import exceeded, exceeded_by
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths import Consolidation, make_path, path_class
+from labkit.provenance import provenance
 from labkit.scene import Scene
 from labkit.settings import settings
 from labkit.simulation import Schedule, run
@@ -63,7 +64,8 @@ def specimen(options, progress, history):
             print(f"{options.output}: holds this specimen already, nothing to do")
             return
     state = make_specimen(scene, recipe, options.engine, options.threads, progress)
-    write_state(options.output, state.replace(history=history, recipe=text))
+    made = provenance(history, output=options.output, seed=recipe.seed)
+    write_state(options.output, state.replace(history=history, recipe=text, provenance=made))
     print(f"{options.output}: " + describe(summary(state)))
     for sentence in exceeded_by(state):
         print(f"{options.output}: {sentence}")
@@ -83,7 +85,8 @@ def consolidation(options, progress, history):
     """Brings a specimen to a pressure and writes its state file."""
     state, path = check_consolidation(options)
     state = consolidate(state, path.pressure, options.engine, options.threads, progress)
-    write_state(options.output, state.replace(history=state.history + "\n" + history))
+    made = provenance(history, [options.specimen], options.output, state.seed)
+    write_state(options.output, state.replace(history=state.history + "\n" + history, provenance=made))
     print(f"{options.output}: {describe(summary(state))}, pressure off by {pressure_error(state, path.pressure):.2%}")
 
 
@@ -98,7 +101,9 @@ def stratified(options, progress, history):
     """Makes the stratified layer of Fig. 3 and writes its state file."""
     layer = check_layer(options)
     state = make_layer(layer, options.engine, options.threads, progress)
-    write_state(options.output, state.replace(history=history, recipe=json.dumps(dataclasses.asdict(layer))))
+    made = provenance(history, output=options.output, seed=layer.seed)
+    recipe = json.dumps(dataclasses.asdict(layer))
+    write_state(options.output, state.replace(history=history, recipe=recipe, provenance=made))
     print(f"{options.output}: {state.number_of_grains} grains")
 
 
@@ -147,9 +152,10 @@ def run_name(options):
 def run_path(options, progress, history):
     """Takes a specimen along a path into a run file; says so when that is done already."""
     path, state = check_run(options)
+    made = provenance(history, [options.specimen], options.output, state.seed)
     done = run(
-        state.replace(history=state.history + "\n" + history), path, options.output, options.engine, options.threads,
-        options.record_strain, options.snapshots, options.save_every, progress,
+        state.replace(history=state.history + "\n" + history, provenance=made), path, options.output, options.engine,
+        options.threads, options.record_strain, options.snapshots, options.save_every, progress,
     )  # fmt: skip
     print(f"{options.output}: " + ("complete" if done else "was complete already, nothing to do"))
     with open_netcdf(options.output, "run") as dataset:

@@ -13,6 +13,7 @@ import numpy as np  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 
 from labkit.files import whole_file  # noqa: E402
+from labkit.provenance import provenance  # noqa: E402
 
 WIDTH = 10.0  # inches
 FORMATS = (".png", ".pdf", ".svg")
@@ -164,8 +165,11 @@ def _colors(number):
     return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 
 
-def save(figure, path):
-    """Writes a figure, whole or not at all, in the format of the name's ending, and closes it."""
+def save(figure, path, inputs=()):
+    """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
+    provenance; `inputs`: the files that it shows."""
+    ending = Path(path).suffix[1:].lower()
+    metadata = {"provenance": provenance(inputs=inputs, output=path)} if ending == "png" else None
     with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=150, format=Path(path).suffix[1:].lower())
+        figure.savefig(temporary, dpi=150, format=ending, metadata=metadata)
     plt.close(figure)

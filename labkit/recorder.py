@@ -18,6 +18,7 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 from labkit.files import create_variables, open_netcdf, remove_leftovers, whole_file
 from labkit.interruption import only_writer
+from labkit.provenance import data_sha256
 from labkit.schema import CONTACTS, GRAINS, RECORD, STATE
 from labkit.state import State, read_group, write_attributes
 
@@ -89,6 +90,8 @@ class Recorder:
                 dataset.wall_time = float(wall_time)
                 dataset.steps = np.int64(state.step)
                 _write_checkpoint(dataset, state)
+                if complete:
+                    dataset.data_sha256 = data_sha256(dataset)
 
     def _create(self, dataset, state):
         dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own

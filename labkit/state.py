@@ -16,6 +16,7 @@ import numpy as np
 import labkit
 from labkit.errors import InputError
 from labkit.files import create_variables, open_netcdf, whole_file
+from labkit.provenance import data_sha256
 from labkit.scene import Scene
 from labkit.schema import SIZES, STATE
 
@@ -60,6 +61,7 @@ class State:
     engine_version: str = ""
     history: str = ""
     recipe: str = ""  # JSON of the Recipe that made the specimen
+    provenance: str = ""  # JSON of labkit.provenance
     ledger: Ledger = Ledger()
 
     @property
@@ -103,7 +105,7 @@ def grains_in_cell(scene, radius, position, cell, seed=0, history=""):
 
 FAR = 1000  # cells: no grain travels so far
 
-ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe")
+ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
 def write_attributes(dataset, state, kind):
@@ -143,6 +145,7 @@ def write_state(path, state):
         create_variables(dataset, STATE, {"grain": state.number_of_grains, "contact": len(state.contact_grain)})
         for name in STATE:
             dataset[name][...] = getattr(state, name)
+        dataset.data_sha256 = data_sha256(dataset)
 
 
 def read_state(path):

@@ -15,6 +15,7 @@ sys.meta_path.insert(0, Refuse())
 sys.path.append(sys.argv[1])
 import labkit.arguments, labkit.commands, labkit.measure, labkit.micro.fabric, labkit.paths, labkit.recorder
 import labkit.scene, labkit.sff, labkit.simulation, labkit.specimen, labkit.state, labkit.yade_main, labkit.progress
+import labkit.provenance
 from labkit.specimen import Recipe, insert_grains
 from labkit.measure import measure
 state = insert_grains(labkit.scene.Scene(), Recipe(0.67, side=1e-3))

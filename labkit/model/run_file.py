@@ -18,6 +18,7 @@ import labkit
 import labkit.dataset  # gives the accessor .lab to as_run
 from labkit.files import create_variables, whole_file
 from labkit.model.parameters import Model
+from labkit.provenance import data_sha256, provenance
 from labkit.scene import Scene
 from labkit.schema import CONTACTS, GRAINS, RECORD
 
@@ -80,6 +81,7 @@ def write_result(file, result, history="", wall_time=0.0, parameters=None):
         dataset.wall_time = float(wall_time)
         dataset.steps = np.int64(result.calls)
         dataset.history = history
+        dataset.provenance = provenance(history or None, output=file)
         create_variables(dataset, RECORD, {})
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
@@ -87,6 +89,7 @@ def write_result(file, result, history="", wall_time=0.0, parameters=None):
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
         for name, values in records(result).items():
             dataset[name][:] = values
+        dataset.data_sha256 = data_sha256(dataset)
 
 
 def model_of(run):

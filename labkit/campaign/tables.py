@@ -1,0 +1,57 @@
+"""The same campaign as tables for yade-batch, for those who work so: specimens, consolidations and paths on YADE."""
+
+from __future__ import annotations
+
+from labkit.errors import InputError
+from labkit.files import require_writable, whole_file
+
+SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
+
+
+def write_tables(plan, folder):
+    """Writes a table per kind of job into the folder; returns the files. Raises InputError for law paper or a run
+    that needs the engine fused, which yade-batch cannot start."""
+    fused = [job.name for job in plan.jobs if job.item.engine != "yade"]
+    if fused:
+        raise InputError(f"yade-batch runs the engine yade alone, {fused[0]} has the engine fused: give `engine: yade`")
+    folder.mkdir(parents=True, exist_ok=True)
+    groups = {"specimen": plan.specimens, "consolidation": plan.consolidations, "run": plan.runs}
+    written = []
+    for kind, jobs in groups.items():
+        if not jobs:
+            continue
+        file = folder / f"{kind}.table"
+        require_writable(file)
+        with whole_file(file) as temporary:
+            temporary.write_text(table_text(kind, jobs))
+        written.append(file)
+    return written
+
+
+def table_text(kind, jobs):
+    """A table: a line of columns, a row per job. `*` is the default of an option."""
+    rows = [_row(job) for job in jobs]
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    script = f"yade_scripts/{SCRIPTS[kind]}"
+    lines = [f"# yade-batch --log %.log {kind}.table {script}", " ".join(columns)]
+    lines += [" ".join(row.get(name, "*") for name in columns) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _row(job):
+    row = {"path": f"'{job.item.path}'"} if job.kind == "run" else {}
+    if job.source:
+        row["specimen"] = f"'{job.source.rpartition('/')[2]}'"
+    for word in job.words:
+        if word.startswith("--"):
+            name, _, value = word[2:].partition("=")
+            row[name.replace("-", "_")] = value if _is_number(value) else f"'{value}'"
+    return {**row, "output": f"'{job.output.rpartition('/')[2]}'"}
+
+
+def _is_number(text):
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

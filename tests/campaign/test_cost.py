@@ -1,0 +1,88 @@
+"""The cost model and the tables for yade-batch."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from labkit.campaign.command import QUICK
+from labkit.campaign.cost import TYPICAL, cost_of, expected_seconds
+from labkit.campaign.file import read_campaign
+from labkit.campaign.plan import plan_of
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
+
+
+def plan(text, folder):
+    (folder / "c.yaml").write_text(text)
+    return plan_of(read_campaign(folder / "c.yaml"))
+
+
+SEEDS = "engine: {}\nspecimens:\n  a: {{void_ratio: 0.65, grains: {}, seed: [1, 2, 3, 4]}}\n"
+ONE = SEEDS + "runs:\n  cv: {{path: cv, specimen: a, strain: {}}}\n"
+
+
+def test_cost_grows_with_grains_strain_and_engine(tmp_path):
+    def seconds(*words):
+        found = plan(ONE.format(*words), tmp_path)
+        return cost_of(found.runs[0], found.campaign, TYPICAL)
+
+    small, more, longer = (seconds("fused", n, strain) for n, strain in ((1000, 0.1), (4000, 0.1), (1000, 0.4)))
+    assert more.grain_steps == pytest.approx(4 * small.grain_steps) and more.disk > small.disk
+    assert longer.grain_steps == pytest.approx(4 * small.grain_steps, rel=1e-3) and longer.seconds > small.seconds
+    assert seconds("yade", 1000, 0.1).seconds > small.seconds
+
+
+def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
+    found = plan(ONE.format("fused", 4000, 0.4), tmp_path)
+    costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
+    one, two, many = (expected_seconds(found, costs, cores) for cores in (1, 2, 100))
+    assert two == pytest.approx(one / 2) and many < two
+    longest = max(costs[job].seconds + costs[made].seconds for job in found.runs for made in found.specimens)
+    assert many >= longest * 0.999
+
+
+def test_the_quick_campaign_is_what_it_says():
+    found = plan_of(read_campaign(QUICK))
+    assert {(run.path, run.engine) for run in found.campaign.runs} == {
+        (path, engine) for path in ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp") for engine in ("yade", "fused")
+    }
+    assert len({specimen.void_ratio for specimen in found.campaign.specimens}) == 3 and len(found.runs) == 36
+    costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
+    assert expected_seconds(found, costs, 2) < 15 * 60
+
+
+def test_a_dry_run_measures_this_machine_and_writes_nothing(tmp_path, labkit_command):
+    (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
+    assert done.returncode == 0, done.stderr
+    assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this machine" in done.stdout
+    assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "on the disk" in done.stdout
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "cache"]
+    again = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
+    assert "measuring" not in again.stdout and again.stdout in done.stdout
+
+
+def test_tables_for_yade_batch(tmp_path, labkit_command):
+    (tmp_path / "c.yaml").write_text(
+        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n"
+        "runs:\n  cv: {path: cv, specimen: a, strain: 0.005, snapshots: 1}\n"
+        "  cp: {path: cp, specimen: a, strain: 0.005, pressure: 500 kPa, snapshots: 1}\n"
+    )
+    done = labkit_command("campaign", "c.yaml", "--tables", ".", cwd=tmp_path)
+    assert done.returncode == 0 and done.stdout.split() == ["specimen.table", "consolidation.table", "run.table"]
+    environment = {**os.environ, "HOME": str(tmp_path)}
+    for table, script in (("specimen", "specimen"), ("consolidation", "consolidate"), ("run", "path")):
+        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", SCRIPTS / f"{script}.py"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "cv.run.nc").exists() and (tmp_path / "cp.run.nc").exists()
+
+
+def test_tables_need_yade(tmp_path, labkit_command):
+    (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
+    done = labkit_command("campaign", "c.yaml", "--tables", "new", cwd=tmp_path)
+    assert done.returncode == 2 and "has the engine fused" in done.stderr and not (tmp_path / "new").exists()

@@ -1,0 +1,168 @@
+"""Campaign files that are right, and many that are wrong: every mistake with its line, nothing started."""
+
+import pytest
+
+from labkit.campaign.file import read_campaign
+from labkit.errors import InputError
+
+GOOD = """\
+settings: quick
+engine: fused
+specimens:
+  dense: {void_ratio: 0.606, step1_friction: 0.05, grains: 150, seed: [1, 2]}
+  loose: {void_ratio: 0.72, side: 1 mm, time_step_factor: 0.2}
+  dense_1MPa: {from: dense, pressure: 1 MPa}
+runs:
+  cv: {path: cv, specimen: loose, strain: 0.05, rate: 20 1/s, snapshots: 3}
+  cp: {path: cp, specimen: [dense, loose], pressure: [500 kPa, 1 MPa], engine: [yade, fused]}
+  cyclic: {path: cyclic_cp, specimen: dense_1MPa, reversals: [0.01, -0.01]}
+"""
+
+HEAD = "engine: fused\nspecimens:\n  a: {void_ratio: 0.67, grains: 150}\n"
+RUNS = "runs:\n  cv: {path: cv, specimen: a}\n"
+
+
+def specimen(fields):
+    return f"engine: fused\nspecimens:\n  a: {{{fields}}}\n{RUNS}"
+
+
+def run(fields):
+    return f"{HEAD}runs:\n  r: {{{fields}}}\n"
+
+
+# name -> (text, [(line, words)]): all that must be said, and nothing else
+BROKEN = {
+    "empty": ("", [(1, "holds `specimens:`")]),
+    "a list": ("- a\n- b\n", [(1, "holds `specimens:`")]),
+    "a word": ("campaign\n", [(1, "holds `specimens:`")]),
+    "not YAML": ("specimens: {a: [\nruns: 3\n", [(3, "not YAML")]),
+    "a tab": ("specimens:\n\ta: 1\n", [(2, "not YAML")]),
+    "a character that may not be": ("specimens: \x00\n", [(1, "not YAML")]),
+    "nested without end": ("[" * 5000, [(1, "nested too deep")]),
+    "too many runs": (specimen("void_ratio: 0.67, grains: 150, seed: [" + ", ".join(map(str, range(11000))) + "]"),
+                      [(5, "there are 11000 runs: give at most 10000")]),
+    "no runs": (HEAD, [(1, "`runs:` is missing")]),
+    "no specimens": (RUNS, [(1, "`specimens:` is missing"), (2, "no specimen 'a'")]),
+    "empty runs": (HEAD + "runs: {}\n", [(4, "`runs:` is empty")]),
+    "runs without a value": (HEAD + "runs:\n", [(4, "`runs:` is empty")]),
+    "runs as a list": (HEAD + "runs: [cv]\n", [(4, "is a list")]),
+    "unknown key of the file": (HEAD + RUNS + "colour: red\n", [(6, "'colour' is unknown")]),
+    "misspelt key of the file": (HEAD + RUNS + "setings: quick\n", [(6, "did you mean 'settings'")]),
+    "unknown settings": ("settings: fast\n" + HEAD + RUNS, [(1, "'fast' is unknown: use quick")]),
+    "unknown engine": (HEAD.replace("fused", "warp") + RUNS, [(1, "'warp' is unknown: use yade, fused")]),
+    "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 is not possible")]),
+    "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "'many' is no whole number")]),
+    "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "makes no name of a folder")]),
+    "void ratio missing": (specimen("grains: 150"), [(3, "void_ratio is missing")]),
+    "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 is not possible")]),
+    "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 is not possible")]),
+    "void ratio a word": (specimen("void_ratio: dense, grains: 150"), [(3, "'dense' is no number")]),
+    "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "nan is no number")]),
+    "void ratio a list": (specimen("void_ratio: [0.6, 0.7], grains: 150"), [(3, "void_ratio is a list")]),
+    "void ratio empty": (specimen("void_ratio: , grains: 150"), [(3, "void_ratio is empty")]),
+    "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 are not possible: give 100 to")]),
+    "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 are not possible")]),
+    "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "'150.5' is no whole number")]),
+    "a side without a unit": (specimen("void_ratio: 0.67, side: 4"), [(3, "4 has no unit: write e.g. 4 mm")]),
+    "a side in MPa": (specimen("void_ratio: 0.67, side: 4 MPa"), [(3, "'MPa' is no unit of a length: use m, mm")]),
+    "a side of a metre": (specimen("void_ratio: 0.67, side: 1 m"), [(3, "side 1 m is not possible")]),
+    "a side that holds nothing": (specimen("void_ratio: 0.67, side: 0.1 mm"), [(3, "side for 0 grains")]),
+    "side and grains": (specimen("void_ratio: 0.67, side: 1 mm, grains: 150"), [(3, "both given")]),
+    "negative friction": (specimen("void_ratio: 0.67, grains: 150, step1_friction: -1"), [(3, "step1_friction -1")]),
+    "a seed below zero": (specimen("void_ratio: 0.67, grains: 150, seed: -3"), [(3, "seed -3")]),
+    "the same seed twice": (specimen("void_ratio: 0.67, grains: 150, seed: [1, 1]"), [(3, "same value twice")]),
+    "no seeds": (specimen("void_ratio: 0.67, grains: 150, seed: []"), [(3, "empty list")]),
+    "unknown key of a specimen": (specimen("void_ratio: 0.67, frction: 1"), [(3, "'frction' is unknown")]),
+    "law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper, engine: yade"),
+                          [(3, "does not know contact law 'paper'")]),
+    "a run of law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper")
+                                   .replace("cv,", "cv, engine: yade,"),
+                                   [(5, "does not know contact law 'paper'")]),
+    "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time step factor is 0")]),
+    "a specimen that is a number": (HEAD + "  b: 3\n" + RUNS,
+                     [(4, "specimen b is a single value"), (4, "void_ratio is missing")]),
+    "the same specimen twice": (HEAD + "  a: {void_ratio: 0.7}\n" + RUNS, [(4, "'a' is there twice, first in line 3")]),
+    "the same run twice": (HEAD + RUNS + "  cv: {path: cr, specimen: a}\n",
+                     [(6, "'cv' is there twice, first in line 5")]),
+    "names that come out the same": (HEAD + "  b: {void_ratio: 0.67, grains: 150}\nruns:\n  cv: {path: cv, specimen: "
+                                     "[a, b]}\n  cv-a: {path: cv, specimen: a}\n",
+                     [(7, "run cv-a is made twice, also in line 6")]),
+    "a name with a slash": (HEAD + "  a/b: {void_ratio: 0.7}\n" + RUNS, [(4, "makes no name of a file")]),
+    "made of itself": (HEAD + "  b: {from: b, pressure: 1 MPa}\n" + RUNS, [(4, "made of itself (b from b)")]),
+    "a cycle of three": (HEAD + "  b: {from: d, pressure: 1 MPa}\n  c: {from: b, pressure: 1 MPa}\n"
+                         "  d: {from: c, pressure: 1 MPa}\n" + RUNS, [(4, "b from d from c from b")]),
+    "a run on a cycle": (HEAD + "  b: {from: b, pressure: 1 MPa}\nruns:\n  r: {path: cv, specimen: b}\n",
+                     [(4, "itself")]),
+    "made of nothing known": (HEAD + "  b: {from: aa, pressure: 1 MPa}\n" + RUNS,
+                     [(4, "no specimen 'aa': did you mean 'a'")]),
+    "consolidated to no pressure": (HEAD + "  b: {from: a}\n" + RUNS, [(4, "pressure is missing")]),
+    "consolidated too far": (HEAD + "  b: {from: a, pressure: 5 MPa}\n" + RUNS, [(4, "5e+06 Pa is not possible")]),
+    "consolidated with a void ratio": (HEAD + "  b: {from: a, pressure: 1 MPa, void_ratio: 0.6}\n" + RUNS,
+                     [(4, "'void_ratio' is unknown")]),
+    "path missing": (run("specimen: a"), [(5, "path is missing")]),
+    "path unknown": (run("path: cx, specimen: a"), [(5, "'cx' is unknown: use cv")]),
+    "specimen missing": (run("path: cv"), [(5, "specimen is missing")]),
+    "specimen unknown": (run("path: cv, specimen: dense"), [(5, "no specimen 'dense'")]),
+    "pressure without a unit": (run("path: cp, specimen: a, pressure: 0.5"),
+                     [(5, "0.5 has no unit: write e.g. 0.5 MPa")]),
+    "pressure in bar": (run("path: cp, specimen: a, pressure: 5 bar"), [(5, "'bar' is no unit of a pressure")]),
+    "pressure below zero": (run("path: cp, specimen: a, pressure: -1 MPa"), [(5, "-1e+06 Pa is not possible")]),
+    "pressure of cv": (run("path: cv, specimen: a, pressure: 1 MPa"), [(5, "not a parameter of cv")]),
+    "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
+    "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 is not possible")]),
+    "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 is not possible")]),
+    "rate without a unit": (run("path: cv, specimen: a, rate: 10"), [(5, "10 has no unit: write e.g. 10 1/s")]),
+    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps of the shortest way")]),
+    "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 is not possible")]),
+    "reversals that do not turn": (run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
+                     [(5, "does not turn")]),
+    "reversals of cv": (run("path: cv, specimen: a, reversals: [0.01]"), [(5, "not a parameter of cv")]),
+    "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
+    "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
+    "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"), [(5, "time step factor is 100")]),
+    "five at once": ("settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1")
+                     + "  r: {path: cx, specimen: a}\n",
+                     [(1, "'fast'"), (4, "void_ratio 9"), (4, "grains 0"), (4, "seed -1"), (7, "'cx'")]),
+    "two in one run": (run("path: cp, specimen: a, pressure: 9 MPa, rate: 0 1/s"), [(5, "9e+06"), (5, "rate 0")]),
+}  # fmt: skip
+
+
+def test_a_good_file_is_multiplied_out(tmp_path):
+    file = tmp_path / "good.yaml"
+    file.write_text(GOOD)
+    campaign = read_campaign(file)
+    assert campaign.name == "good"
+    assert [s.name for s in campaign.specimens] == ["dense-s1", "dense-s2", "loose"]
+    assert [(s.seed, s.grains, s.side) for s in campaign.specimens] == [(1, 150, None), (2, 150, None), (1, None, 1e-3)]
+    assert [(c.name, c.source) for c in campaign.consolidated] == [
+        ("dense_1MPa-s1", "dense-s1"), ("dense_1MPa-s2", "dense-s2")
+    ]  # fmt: skip
+    names = [r.name for r in campaign.runs]
+    assert len(names) == len(set(names)) == 1 + 3 * 2 * 2 + 2
+    assert "cp-dense-s2-p500kPa-yade" in names and "cv" in names and "cyclic-dense_1MPa-s1" in names
+    cv = campaign.runs[0]
+    assert (cv.strain, cv.rate, cv.snapshots, cv.settings, cv.engine) == (0.05, 20.0, 3, "quick", "fused")
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_refused_with_all_its_mistakes(name, tmp_path):
+    text, expected = BROKEN[name]
+    file = tmp_path / "broken.yaml"
+    file.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_campaign(file)
+    first, *said = str(caught.value).splitlines()
+    assert first.startswith(f"{file} has ") and first.endswith("nothing was started")
+    for line, words in expected:
+        assert any(one.startswith(f"  line {line}: ") and words in one for one in said), "\n".join(said)
+    assert len(said) == len(expected), "\n".join(said)
+
+
+def test_a_file_that_cannot_be_read(tmp_path):
+    for make in (lambda f: None, lambda f: f.mkdir(), lambda f: f.write_bytes(b"\xff\xfe\x00")):
+        file = tmp_path / "nothing.yaml"
+        make(file)
+        with pytest.raises(InputError, match="cannot be read|not UTF-8"):
+            read_campaign(file)
+        if file.is_dir():
+            file.rmdir()

@@ -1,0 +1,75 @@
+"""The same campaign on a real SLURM of one node gives the same data. Needs root, slurm-wlm and munge."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import netCDF4
+import pytest
+
+from labkit.campaign.workflow import PROFILES
+
+pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake: pip install 'labkit[campaign]'")
+
+SCRIPT = Path(__file__).with_name("single_node.sh")
+TINY = """\
+settings: quick
+engine: fused
+snapshots: 2
+specimens:
+  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}
+runs:
+  cv: {path: cv, specimen: a, strain: 0.01}
+  cp: {path: cp, specimen: a, pressure: 500 kPa, strain: 0.01}
+  wild: {path: cv, specimen: a, strain: 0.2, time_step_factor: 2}
+"""
+
+
+@pytest.fixture(scope="module")
+def slurm(tmp_path_factory):
+    """A SLURM of one node for the time of the tests."""
+    missing = [name for name in ("slurmctld", "slurmd", "munged", "sbatch") if not shutil.which(name)]
+    if missing:
+        pytest.skip(f"needs SLURM: apt-get install slurm-wlm munge ({missing[0]} is missing)")
+    if os.geteuid() != 0:
+        pytest.skip("needs root to start SLURM's daemons")
+    if os.path.exists("/etc/slurm/slurm.conf") or os.path.lexists("/run/slurm/conf/slurm.conf"):
+        pytest.skip("there is a SLURM on this machine already")
+    folder = tmp_path_factory.mktemp("slurm")
+    try:
+        started = subprocess.run([SCRIPT, "start", folder], capture_output=True, text=True)
+        assert started.returncode == 0, started.stderr
+        yield folder
+    finally:
+        subprocess.run([SCRIPT, "stop", folder])
+
+
+@pytest.fixture
+def profile(tmp_path):
+    """The profile that comes with labkit, less patient, as a user would adapt it."""
+    text = (PROFILES / "slurm/config.yaml").read_text()
+    assert "checks: 20" in text and "retries: 1" in text
+    (tmp_path / "profile").mkdir()
+    text = text.replace("checks: 20", "checks: 2").replace("retries: 1", "retries: 0")
+    (tmp_path / "profile/config.yaml").write_text(text)
+    return tmp_path / "profile"
+
+
+def data(folder):
+    found = {}
+    for file in [*(folder / "specimens").iterdir(), *(folder / "runs").iterdir()]:
+        with netCDF4.Dataset(file) as dataset:
+            found[file.name] = dataset.data_sha256
+    return found
+
+
+def test_the_same_campaign_gives_the_same_data(slurm, profile, tmp_path, labkit_command):
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    here = labkit_command("campaign", "tiny.yaml", "--cores", 1, "--folder", "here", cwd=tmp_path)
+    there = labkit_command("campaign", "tiny.yaml", "--profile", profile, "--folder", "there", cwd=tmp_path)
+    for done in (here, there):
+        assert done.returncode == 1 and "run wild failed: the time step" in done.stderr, done.stdout + done.stderr
+        assert "2 of 3 runs are finished" in done.stdout
+    assert data(tmp_path / "here") == data(tmp_path / "there")
+    assert "has been submitted with SLURM jobid" in (tmp_path / "there/logs/snakemake.log").read_text()

@@ -1,0 +1,89 @@
+"""Where a file comes from: every output says it, and the hashes notice a change."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import netCDF4
+import pytest
+
+from labkit import provenance
+
+KNOWN = ("command", "made", "labkit_version", "commit", "python", "libraries", "machine", "inputs", "seed")
+
+
+@pytest.fixture
+def folder(tmp_path, labkit_command):
+    """A specimen, a run and a figure, made in one folder by the engine fused."""
+    for words in (
+        "specimen --void-ratio 0.606 --step1-friction 0.06 --grains 120 --seed 7 --engine fused -o s.state.nc",
+        "consolidate s.state.nc --pressure 0.5e6 --engine fused -o c.state.nc",
+        "run cv c.state.nc --strain 0.01 --rate 40 --snapshots 1 --engine fused -o r.run.nc",
+        "figure shares r.run.nc -o f.png",
+    ):
+        done = labkit_command(*words.split(), cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    return tmp_path
+
+
+def test_every_output_says_what_made_it_and_a_change_is_noticed(folder, labkit_command):
+    inputs = {"s.state.nc": [], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"], "f.png": ["r.run.nc"]}
+    for name, sources in inputs.items():
+        known = provenance.of_file(folder / name)
+        assert set(KNOWN) - set(known) <= ({"seed"} if name == "f.png" else set())
+        assert [item["file"] for item in known["inputs"]] == sources
+        assert known["command"].startswith("labkit ") and known["libraries"]["numpy"] and known["machine"]["cores"]
+        assert known.get("seed", 7) == 7
+        for source in known["inputs"]:
+            assert source["sha256"] == provenance.file_sha256(folder / source["file"])
+        done = labkit_command("info", name, "--check", cwd=folder)
+        assert done.returncode == 0 and "same" in done.stdout and known["command"] in done.stdout
+
+    with netCDF4.Dataset(folder / "c.state.nc", "a") as state:
+        state["velocity"][0, 0] = 1e-9
+    for name, said in (("c.state.nc", "the data of this file"), ("r.run.nc", "input c.state.nc")):
+        done = labkit_command("info", name, "--check", cwd=folder)
+        assert done.returncode == 1 and any(said in line and "differs" in line for line in done.stdout.splitlines())
+    (folder / "c.state.nc").unlink()
+    done = labkit_command("info", "r.run.nc", "--check", cwd=folder)
+    assert done.returncode == 1 and "missing" in done.stdout
+
+
+def test_the_hash_of_the_data_is_that_of_the_data_alone(folder, labkit_command):
+    """Made again, at another time in another place, it is the same; what the file says of its making is not."""
+    (folder / "again").mkdir()
+    words = "specimen --void-ratio 0.606 --step1-friction 0.06 --grains 120 --seed 7 --engine fused -o again/s.state.nc"
+    assert labkit_command(*words.split(), cwd=folder).returncode == 0
+    hashes = {}
+    for name in ("s.state.nc", "again/s.state.nc"):
+        with netCDF4.Dataset(folder / name) as state:
+            hashes[name] = state.data_sha256, provenance.file_sha256(folder / name)
+    assert hashes["s.state.nc"][0] == hashes["again/s.state.nc"][0]
+    assert hashes["s.state.nc"][1] != hashes["again/s.state.nc"][1]
+
+
+def test_a_file_without_hashes_is_no_success(folder, labkit_command):
+    with netCDF4.Dataset(folder / "s.state.nc", "a") as state:
+        del state.data_sha256, state.provenance
+    done = labkit_command("info", "s.state.nc", cwd=folder)
+    assert done.returncode == 0 and "provenance" not in done.stdout
+    done = labkit_command("info", "s.state.nc", "--check", cwd=folder)
+    assert done.returncode == 2 and "holds no hashes" in done.stderr
+
+
+def test_the_commit_is_that_of_the_checkout_alone(tmp_path):
+    """A copy that somebody keeps in a repository of his own has no commit of labkit."""
+    root = provenance.Path(provenance.__file__).parent
+    shutil.copytree(root, tmp_path / "site" / "labkit", ignore=shutil.ignore_patterns("__pycache__"))
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", "-C", str(tmp_path)]
+    for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "x"]):
+        subprocess.run([*git, *words], check=True)
+    code = "import json, labkit.provenance as p; print(json.dumps(p.commit()))"
+    for place, expected in (("site", ""), (root.parent, None)):
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path / place, capture_output=True, text=True)
+        found = json.loads(done.stdout)
+        if expected is not None:
+            assert found == expected
+        elif (root.parent / ".git").exists():
+            assert len(found.removesuffix("+changes")) == 40
