@@ -137,6 +137,7 @@ def build_parser():
                        "minute (default: full)")  # fmt: skip
     study.add_argument("--work", help="folder of specimens and runs, from which an interrupted study goes on "
                        "(default: speed_error_full or speed_error_small)")  # fmt: skip
+    study.add_argument("--from", dest="earlier", help="study.nc of a study whose tests need not be repeated")
     study.add_argument("--jobs", type=arguments.positive_int, help="runs at a time (default: as many as cores)")
     study.add_argument("-o", "--output", default="results/speed_error", help="folder of the results (default: "
                        "results/speed_error)")  # fmt: skip
@@ -384,7 +385,8 @@ def do_speed_error(options, argv):
     find_yade()
     work = options.work or f"speed_error_{options.design}"
     jobs = options.jobs or os.cpu_count() or 1
-    for file in speed_error(options.design, work, options.output, jobs, reporter("speed-error")):
+    progress = reporter("speed-error")
+    for file in speed_error(options.design, work, options.output, jobs, progress, options.earlier):
         print(file)
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import xarray
+
 from labkit import plots
+from labkit.errors import InputError
 from labkit.files import require_writable, whole_file
 from labkit.study import figures
 from labkit.study.design import DESIGNS
@@ -13,18 +16,32 @@ from labkit.study.errors import errors
 from labkit.study.jobs import run_study
 from labkit.study.measures import measure_others
 from labkit.study.page import page
-from labkit.study.table import collect
+from labkit.study.table import collect, restore
 
 
-def speed_error(design_name, work, output, jobs, progress):
-    """Runs the design in the folder `work`, writes the folder `output`; returns the files."""
-    output = Path(output)
+def speed_error(design_name, work, output, jobs, progress, earlier=None):
+    """Runs the design in the folder `work`, writes the folder `output`; returns the files. `earlier`: the study.nc of a
+    study whose tests need not be repeated."""
+    design, output = DESIGNS[design_name](), Path(output)
+    if earlier:
+        with open_study(earlier) as data:
+            restore(data, design, work)
     output.mkdir(parents=True, exist_ok=True)
     require_writable(output / "study.nc")
-    design = DESIGNS[design_name]()
     run_study(design, work, jobs, progress)
     measures = measure_others(design, work, progress)
     return write(design, work, output, measures, f"./lab speed-error --design {design_name}")
+
+
+def open_study(file):
+    """The data set of an earlier study. Raises InputError for anything else."""
+    try:
+        data = xarray.open_dataset(file)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file} cannot be read as a study ({error}): give the study.nc of one") from None
+    if not {"value", "check", "status", "yardstick"} <= set(data):
+        raise InputError(f"{file} is not a study: give the study.nc of one")
+    return data
 
 
 def write(design, work, output, measures, command):

@@ -25,7 +25,7 @@ from labkit.simulation import run
 from labkit.state import read_state
 from labkit.study.collisions import collision_errors
 from labkit.study.design import BASELINE, PRESET
-from labkit.study.jobs import run_file, specimen_file
+from labkit.study.jobs import run_case, run_file, specimen_file
 from labkit.study.lammps import shear_in_lammps
 from labkit.study.observables import AROUND, max_of_means
 
@@ -136,6 +136,8 @@ def _skins(state, gradient):
 def sff_family(design, work, folder):
     """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
     case = standard(design)
+    if not run_file(work, case, case.seeds[0]).exists():  # its result came from an earlier study
+        run_case(work, case, case.seeds[0], specimen_file(work, design.baseline(), design.baseline().seeds[0]))
     with labkit.open_run(run_file(work, case, case.seeds[0])) as found:
         figure, table = micro_figures.family(found)
     plots.save(figure, folder / "sff_family.png")

@@ -8,6 +8,7 @@ import numpy as np
 import xarray
 
 import labkit
+from labkit.files import whole_file
 from labkit.study.jobs import result_file
 from labkit.study.observables import CHECKS, OBSERVABLES
 
@@ -66,6 +67,35 @@ def collect(design, work):
     for name, words in ABOUT.items():
         data[name].attrs |= {"long_name": words, "units": UNITS.get(name, "1")}
     return data
+
+
+def restore(data, design, work):
+    """Writes the results that `data`, of collect(), has for cases of the design into the folder `work`, where there is
+    none yet: a study with further cases, or on another machine, then need not repeat them. Returns how many."""
+    restored = 0
+    for case in design.cases:
+        if case.name not in data["case"].values:
+            continue
+        row = data.sel(case=case.name)
+        for seed in case.seeds:
+            file, at = result_file(work, case, seed), np.flatnonzero(row["seed"].values == seed)
+            if file.exists() or not len(at) or str(row["status"].values[at[0]]) == "not run":
+                continue
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with whole_file(file) as temporary:
+                temporary.write_text(json.dumps(_result(case, row.isel(replicate=int(at[0]))), indent=1))
+            restored += 1
+    return restored
+
+
+def _result(case, row):
+    """What labkit.study.jobs.run_case writes, of one case and replicate of the data set."""
+    values = dict(zip(row["observable"].values.tolist(), row["value"].values.tolist()))
+    values |= dict(zip(row["check_name"].values.tolist(), row["check"].values.tolist()))
+    status = str(row["status"].item())
+    numbers = {name: float(row[name]) for name in ("wall_time", "yardstick", "time_step_over_limit")}
+    whole = {name: int(row[name]) for name in ("seed", "grains", "steps") if np.isfinite(float(row[name]))}
+    return {"case": case.name, "status": status, "values": {} if status else values, **numbers, **whole}
 
 
 def cost(data):

@@ -13,6 +13,7 @@ import xarray
 
 from labkit.study.design import small
 from labkit.study.observables import OBSERVABLES
+from labkit.study.table import collect, restore
 
 
 def start(folder):
@@ -72,6 +73,21 @@ def test_the_data_set_is_whole_and_labelled(study):
     assert (said[run] == "").all()
     values = data["value"].sel(observable="ratio_critical").values[run]
     assert np.isfinite(values).all()
+
+
+def test_a_study_goes_on_from_the_data_set_of_another(study, tmp_path):
+    data = xarray.open_dataset(study[0] / "out" / "study.nc")
+    tests = sum(len(case.seeds) for case in small().cases)
+    assert restore(data, small(), tmp_path) == tests and restore(data, small(), tmp_path) == 0
+    again = collect(small(), tmp_path)
+    for name in data.data_vars:
+        np.testing.assert_array_equal(again[name].values, data[name].values, err_msg=name)
+
+
+def test_a_file_that_is_no_study(labkit_command, run_file, tmp_path):
+    for file, words in ((run_file, "is not a study"), (tmp_path / "none.nc", "cannot be read")):
+        done = labkit_command("speed-error", "--design", "small", "--from", file, cwd=tmp_path)
+        assert done.returncode == 2 and words in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_past_the_limit_the_balance_shows_it_and_below_it_does_not(study):
