@@ -21,13 +21,13 @@ def variants(scene):
     what knows the contact law of the scene."""
     found = {}
     if shutil.which("yade") and scene.law == "yade":
-        found["stock YADE script, 1 thread"] = lambda file, steps: _in_yade("stock.py", 1, file, steps)
-        found["labkit on YADE, 1 thread"] = lambda file, steps: _in_yade("speed.py", 1, file, steps)
-        found["labkit on YADE, 2 threads"] = lambda file, steps: _in_yade("speed.py", 2, file, steps)
+        found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", 1, file, steps)
+        found["labkit on YADE, 1 thread"] = lambda file, steps: in_yade("speed.py", 1, file, steps)
+        found["labkit on YADE, 2 threads"] = lambda file, steps: in_yade("speed.py", 2, file, steps)
     if shutil.which("lmp"):
         found["LAMMPS, 1 process"] = _in_lammps
-    found["fused, 1 thread"] = lambda file, steps: _fused(1, file, steps)
-    found["fused, 2 threads"] = lambda file, steps: _fused(2, file, steps)
+    found["fused, 1 thread"] = lambda file, steps: in_fused(1, file, FASTER * steps)
+    found["fused, 2 threads"] = lambda file, steps: in_fused(2, file, FASTER * steps)
     return found
 
 
@@ -46,13 +46,15 @@ def bench(specimen, steps, rounds, progress):
     return found
 
 
-def _in_yade(script, threads, specimen, steps):
+def in_yade(script, threads, specimen, steps):
+    """What a script of yade_scripts measures in a YADE of its own, quantity -> value."""
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), specimen, str(steps)]
     return _quantities(command, yade_environment())
 
 
-def _fused(threads, specimen, steps):
-    command = [sys.executable, "-m", "labkit.speed", specimen, str(FASTER * steps), str(threads)]
+def in_fused(threads, specimen, steps):
+    """What labkit.speed measures of the engine fused in a process of its own, quantity -> value."""
+    command = [sys.executable, "-m", "labkit.speed", specimen, str(steps), str(threads)]
     return _quantities(command, None)
 
 

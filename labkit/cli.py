@@ -16,7 +16,7 @@ from labkit.campaign.command import add_campaign_options as campaign_options
 from labkit.engines import ENGINES
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
-from labkit.files import require_writable, whole_file
+from labkit.files import require_writable, write_text
 from labkit.hard_scenes import GRAINS, SCENES
 from labkit.memory import return_large_arrays
 from labkit.model import options as model_options
@@ -332,11 +332,6 @@ def require_outputs(figure, csv):
         require_writable(csv)
         if Path(csv).resolve() == Path(figure).resolve():
             raise InputError(f"{csv} is named for the figure and for the CSV: give two names")
-
-
-def write_text(file, text):
-    with whole_file(file) as temporary:
-        temporary.write_text(text)
 
 
 def do_watch(options, argv):

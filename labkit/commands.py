@@ -12,7 +12,7 @@ from labkit.consolidation import consolidate, pressure_error
 from labkit.engines import require_law
 from labkit.errors import InputError
 from labkit.files import open_netcdf, require_writable
-from labkit.limits import exceeded, exceeded_by
+from labkit.limits import RECORDED, exceeded, exceeded_by
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths import Consolidation, make_path, path_class
@@ -159,8 +159,7 @@ def run_path(options, progress, history):
     )  # fmt: skip
     print(f"{options.output}: " + ("complete" if done else "was complete already, nothing to do"))
     with open_netcdf(options.output, "run") as dataset:
-        recorded = ("axial_strain", "inertial_number", "overlap_ratio", "stress")
-        for sentence in exceeded({name: dataset[name][...].filled() for name in recorded}):
+        for sentence in exceeded({name: dataset[name][...].filled() for name in RECORDED}):
             print(f"{options.output}: {sentence}")
 
 

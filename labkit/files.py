@@ -58,6 +58,23 @@ def whole_file(path):
         temporary.unlink(missing_ok=True)
 
 
+def make_folder(path, option):
+    """The folder as a Path, made if need be. Raises InputError, which names the option, when it cannot hold files."""
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{option} {path} is no folder ({error.strerror}): give another") from None
+    require_writable(path / "README.md")
+    return path
+
+
+def write_text(path, text):
+    """Writes a text file, whole or not at all."""
+    with whole_file(path) as temporary:
+        temporary.write_text(text)
+
+
 def remove_leftovers(path):
     """Removes what processes that were killed in whole_file(path) left; only for the one writer of `path`."""
     for temporary in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):

@@ -9,10 +9,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 
-from labkit import plots
+from labkit import markdown, plots
 from labkit.dataset import open_run
 from labkit.errors import InputError
-from labkit.files import require_writable, whole_file
+from labkit.files import make_folder, write_text
 from labkit.hard_cases import Outcome, cycle_ends, examine
 from labkit.hard_scenes import CLEAR_ERROR, CORRECT, LIMIT_SAID, SCENES, SILENT_WRONG
 from labkit.limits import OVERLAP_LIMIT, PRESSURE_LIMIT
@@ -33,7 +33,7 @@ def study(names, engines, grains, output, work, command, progress, history):
     if unknown:
         raise InputError(f"hard case {unknown[0]!r} is unknown: use {', '.join(SCENES)}")
     side_for(grains, SMALLEST_VOID_RATIO, Scene())
-    folder, output = _folder(work, "--work") / f"n{grains}", _folder(output, "--output")
+    folder, output = make_folder(work, "--work") / f"n{grains}", make_folder(output, "--output")
     names = list(dict.fromkeys(names))
     outcomes, all_ = [], [(engine, name) for engine in engines for name in names]
     for done, (engine, name) in enumerate(all_):
@@ -43,28 +43,13 @@ def study(names, engines, grains, output, work, command, progress, history):
     outcomes.sort(key=lambda outcome: names.index(outcome.case))
     print(table(outcomes))
     frame = pandas.DataFrame([dataclasses.asdict(outcome) for outcome in outcomes])
-    _write(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"))
+    write_text(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"))
     drawn = draw(folder, engines, names)
     if drawn is not None:
         plots.save(drawn, output / "hard_cases.png")
-    _write(output / "README.md", page(outcomes, grains, history, drawn is not None))
+    write_text(output / "README.md", page(outcomes, grains, history, drawn is not None))
     print(f"page: {output / 'README.md'}")
     return int(any(outcome.verdict == SILENT_WRONG for outcome in outcomes))
-
-
-def _folder(path, option):
-    """The folder, made if need be. Raises InputError when it cannot hold files."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{option} {path} is no folder ({error.strerror}): give another") from None
-    require_writable(path / "README.md")
-    return path
-
-
-def _write(file, text):
-    with whole_file(file) as temporary:
-        temporary.write_text(text)
 
 
 def _examined(scene, engine, grains, folder, command):
@@ -76,7 +61,7 @@ def _examined(scene, engine, grains, folder, command):
         if found["scene"] == of:
             return Outcome(**found["outcome"])
     outcome = examine(scene, engine, grains, 1.0, place, folder / "shared", command)
-    _write(kept, json.dumps({"scene": of, "outcome": dataclasses.asdict(outcome)}, indent=1))
+    write_text(kept, json.dumps({"scene": of, "outcome": dataclasses.asdict(outcome)}, indent=1))
     return outcome
 
 
@@ -130,8 +115,6 @@ with p > 50 kPa. Momentum: |sum m c| / sum m |c| at the end, c without the mean 
 damping acts on each grain by itself. Undamped: its change in 50 steps without that damping, by the engine fused, which
 is rounding. Empty: the case leaves no run to measure, or there is nothing to be held or judged.
 
-| case | engine | checks | energy | stress | held | C0 | momentum | undamped | seconds |
-|---|---|---|---|---|---|---|---|---|---|
 {numbers}
 
 ## What the guards said
@@ -154,13 +137,14 @@ def page(outcomes, grains, history, drawn):
             guards.append(f"- {name}, {o.engine}: {_cell(o.guard) or 'nothing'}")
         cases.append("")
     numbers = [
-        f"| {o.case} | {o.engine} | {o.checks or ''} | "
-        + " | ".join(_number(getattr(o, field)) for field in NUMBERS.values()) + f" | {o.seconds:.0f} |"
+        [o.case, o.engine, str(o.checks or ""), *(_number(getattr(o, field)) for field in NUMBERS.values()),
+         f"{o.seconds:.0f}"]
         for o in outcomes
     ]  # fmt: skip
+    header = ["case", "engine", "checks", *NUMBERS, "seconds"]
     return PAGE.format(
         history=history, grains=grains, summary=summary, correct=CORRECT, limit=LIMIT_SAID, clear=CLEAR_ERROR,
-        silent=SILENT_WRONG, cases="\n".join(cases), numbers="\n".join(numbers), guards="\n".join(guards),
+        silent=SILENT_WRONG, cases="\n".join(cases), numbers=markdown.table(header, numbers), guards="\n".join(guards),
         figure="![Six of the cases on both engines](hard_cases.png)\n" if drawn else "",
     )  # fmt: skip
 
@@ -202,17 +186,13 @@ def draw(folder, engines, names):
     return figure
 
 
-def _percent(run):
-    return 100.0 * run["axial_strain"].values
-
-
 def _loose(axes, run, style):
-    axes.semilogy(_percent(run), run.lab.mean_stress().values / 1e3, **style)
+    axes.semilogy(plots.percent(run), run.lab.mean_stress().values / 1e3, **style)
     axes.set(xlabel="axial strain (%)", ylabel="mean stress p (kPa)")
 
 
 def _nothing(axes, run, style):
-    axes.plot(-_percent(run), run["coordination_number"].values, **style)
+    axes.plot(-plots.percent(run), run["coordination_number"].values, **style)
     axes.set(xlabel="dilation, strain in each direction (%)", ylabel="coordination number Z")
 
 
@@ -224,7 +204,7 @@ def _overlap(axes, run, style):
 
 
 def _cycles(axes, run, style):
-    axes.plot(_percent(run), run.lab.deviatoric_stress().values / 1e6, **style)
+    axes.plot(plots.percent(run), run.lab.deviatoric_stress().values / 1e6, **style)
     axes.set(xlabel="axial strain (%)", ylabel="deviatoric stress q (MPa)")
 
 
@@ -235,7 +215,7 @@ def _ratchet(axes, run, style):
 
 
 def _long(axes, run, style):
-    axes.plot(_percent(run), (run.lab.deviatoric_stress() / run.lab.mean_stress()).values, **style)
+    axes.plot(plots.percent(run), (run.lab.deviatoric_stress() / run.lab.mean_stress()).values, **style)
     axes.set(xlabel="axial strain (%)", ylabel="q/p")
 
 

@@ -79,16 +79,17 @@ def e_p_paths(runs):
 
 
 CURVES = {
-    "q-strain": ("axial strain (%)", "q (MPa)", lambda r: (_percent(r), r.lab.deviatoric_stress().values / 1e6)),
-    "p-strain": ("axial strain (%)", "p (MPa)", lambda r: (_percent(r), r.lab.mean_stress().values / 1e6)),
+    "q-strain": ("axial strain (%)", "q (MPa)", lambda r: (percent(r), r.lab.deviatoric_stress().values / 1e6)),
+    "p-strain": ("axial strain (%)", "p (MPa)", lambda r: (percent(r), r.lab.mean_stress().values / 1e6)),
     "q-p": ("p (MPa)", "q (MPa)", lambda r: (r.lab.mean_stress().values / 1e6, r.lab.deviatoric_stress().values / 1e6)),
-    "e-strain": ("axial strain (%)", "void ratio e", lambda r: (_percent(r), r["void_ratio"].values)),
+    "e-strain": ("axial strain (%)", "void ratio e", lambda r: (percent(r), r["void_ratio"].values)),
     "e-p": ("p (MPa)", "void ratio e", lambda r: (r.lab.mean_stress().values / 1e6, r["void_ratio"].values)),
-    "Z-strain": ("axial strain (%)", "Z", lambda r: (_percent(r), r["coordination_number"].values)),
+    "Z-strain": ("axial strain (%)", "Z", lambda r: (percent(r), r["coordination_number"].values)),
 }
 
 
-def _percent(run):
+def percent(run):
+    """Axial strain of the records, %."""
     return run["axial_strain"].values * 100
 
 

@@ -16,10 +16,10 @@ import tempfile
 import time
 from pathlib import Path
 
+from labkit import bench
 from labkit.campaign.file import schedule_of
-from labkit.engines.yade_process import find_script, find_yade, yade_environment
 from labkit.errors import PhysicsError
-from labkit.files import whole_file
+from labkit.files import write_text
 from labkit.provenance import machine
 from labkit.servo import STANDARD
 
@@ -157,7 +157,10 @@ def measure_speeds(engines, progress):
         for grains in SIZES:
             file = Path(folder) / f"n{grains}.state.nc"
             words = ["specimen", "--void-ratio=0.67", f"--grains={grains}", "--engine=fused", "-o", str(file)]
-            _timed([sys.executable, "-m", "labkit.cli", *words])
+            done = subprocess.run([sys.executable, "-m", "labkit.cli", *words], capture_output=True, text=True)
+            if done.returncode:
+                said = done.stderr.strip().splitlines() or ["no output"]
+                raise PhysicsError(f"speeds cannot be measured: {said[-1]}")
             files.append(file)
         found = {}
         for number, engine in enumerate(engines):
@@ -180,22 +183,12 @@ def _speed_of(engine, files):
 
 def _steps(engine, file):
     """(seconds, {quantity: value}) of labkit.speed in a process of its own."""
-    steps = str(STEPS[engine])
-    if engine == "yade":
-        command = [find_yade(), "-n", "-x", "-j1", str(find_script("speed.py")), str(file), steps]
-        seconds, out = _timed(command, yade_environment())
-    else:
-        seconds, out = _timed([sys.executable, "-m", "labkit.speed", str(file), steps, "1"])
-    words = [line.split() for line in out.splitlines() if line.startswith("steps_per_")]
-    return seconds, {name: float(value) for name, value in words}
-
-
-def _timed(command, environment=None):
     begin = time.monotonic()
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    if done.returncode:
-        raise PhysicsError(f"speeds cannot be measured: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
-    return time.monotonic() - begin, done.stdout
+    if engine == "yade":
+        found = bench.in_yade("speed.py", 1, str(file), STEPS[engine])
+    else:
+        found = bench.in_fused(1, str(file), STEPS[engine])
+    return time.monotonic() - begin, found
 
 
 def _keep(found):
@@ -204,7 +197,6 @@ def _keep(found):
         file.parent.mkdir(parents=True, exist_ok=True)
         known = json.loads(file.read_text()) if file.exists() else {}
         here = {**known.get(machine_key(), {}), **{name: dataclasses.asdict(speed) for name, speed in found.items()}}
-        with whole_file(file) as temporary:
-            temporary.write_text(json.dumps({**known, machine_key(): here}, indent=1))
+        write_text(file, json.dumps({**known, machine_key(): here}, indent=1))
     except (OSError, ValueError):
         return  # measured again next time

@@ -14,18 +14,17 @@ import pandas
 import xarray as xr
 
 import labkit
-from labkit import plots
+from labkit import markdown, plots
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import CAMPAIGN, FIGURES, REPORT, RUNS, STATISTICS, plan_of
+from labkit.campaign.workflow import failures
 from labkit.critical import SHEAR, critical_states
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError, fail
-from labkit.files import whole_file
-from labkit.limits import exceeded
+from labkit.files import whole_file, write_text
+from labkit.limits import RECORDED, exceeded
 from labkit.provenance import commit, data_sha256, libraries, machine, of_file, provenance
-from labkit.schema import RECORD
-
-PRESSURE_JUDGED = 50e3  # Pa: below it C0 is not judged
+from labkit.verify import SFF_PRESSURE
 
 
 def statistics(name):
@@ -38,7 +37,8 @@ def statistics(name):
     found["grains"] = (), run.sizes["grain"], {"units": "1", "long_name": "number of grains"}
     found.attrs = {
         "labkit_file": "statistics", "run": name, "run_data_sha256": run.attrs.get("data_sha256", ""),
-        "path": run.attrs["path"], "engine": run.attrs["engine"], "outside_limits": " ".join(limits(run)),
+        "path": run.attrs["path"], "engine": run.attrs["engine"],
+        "outside_limits": " ".join(exceeded({name: run[name].values for name in RECORDED})),
         "provenance": provenance(inputs=[file], output=output, seed=run.attrs.get("seed")),
     }  # fmt: skip
     run.close()
@@ -52,7 +52,7 @@ def numbers(run):
     """name -> (value, units, words) of a run opened with labkit.open_run; its records are enough."""
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
-    error = run.lab.sff_error().values[p > PRESSURE_JUDGED]
+    error = run.lab.sff_error().values[p > SFF_PRESSURE]
     known = {
         "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
         "initial_mean_stress": (float(p[0]), "Pa", "mean stress at the start"),
@@ -79,11 +79,6 @@ CRITICAL = {
 }  # fmt: skip
 
 
-def limits(run):
-    recorded = ("axial_strain", "inertial_number", "overlap_ratio", "stress")
-    return exceeded({name: run[name].values for name in recorded if name in RECORD})
-
-
 def figure(name):
     """Draws Love's stress and C0 along a run."""
     file = Path(RUNS) / f"{name}.run.nc"
@@ -92,8 +87,6 @@ def figure(name):
 
 def report():
     """Writes the page of the campaign: a row per run, what failed and why, and where it comes from."""
-    from labkit.campaign.workflow import failures
-
     plan = plan_of(read_campaign(CAMPAIGN))
     folder = Path.cwd().name
     rows = [row for job in plan.runs if (row := _row(job))]
@@ -105,13 +98,12 @@ def report():
         lines += [f"Not begun: {', '.join(waiting)}.", ""]
     if rows:
         table = pandas.DataFrame(rows)
-        lines += ["## Runs", "", *_markdown(table), ""]
+        lines += ["## Runs", "", markdown.table(table.columns, _cells(table)), ""]
         left = [f"- `{row['run']}`: {words}" for row in rows if (words := _attribute(row["run"], "outside_limits"))]
         lines += ["## Outside the limits", "", *left, ""] * bool(left)
         lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
     lines += ["## Provenance", "", *_origin(rows)]
-    with whole_file(REPORT) as temporary:
-        temporary.write_text("\n".join(lines) + "\n")
+    write_text(REPORT, "\n".join(lines) + "\n")
 
 
 def _row(job):
@@ -135,11 +127,10 @@ def _attribute(name, attribute):
         return found.attrs[attribute]
 
 
-def _markdown(table):
-    """The lines of a table of Markdown."""
+def _cells(table):
+    """The rows of a table as text; what is no number is empty."""
     cells = [[f"{x:.4g}" if isinstance(x, float) else str(x) for x in row] for row in table.itertuples(index=False)]
-    cells = [["" if x == "nan" else x for x in row] for row in cells]
-    return ["| " + " | ".join(row) + " |" for row in [list(table.columns), ["---"] * len(table.columns), *cells]]
+    return [["" if x == "nan" else x for x in row] for row in cells]
 
 
 def _origin(rows):

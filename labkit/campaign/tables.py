@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labkit.errors import InputError
-from labkit.files import require_writable, whole_file
+from labkit.files import require_writable, write_text
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 
@@ -22,8 +22,7 @@ def write_tables(plan, folder):
             continue
         file = folder / f"{kind}.table"
         require_writable(file)
-        with whole_file(file) as temporary:
-            temporary.write_text(table_text(kind, jobs))
+        write_text(file, table_text(kind, jobs))
         written.append(file)
     return written
 

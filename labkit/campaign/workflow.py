@@ -12,7 +12,7 @@ from pathlib import Path
 from labkit.campaign.plan import CAMPAIGN, FIGURES, LOGS, STATISTICS, write_recipes
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, Interrupted
-from labkit.files import whole_file
+from labkit.files import write_text
 from labkit.interruption import only_writer
 
 HERE = Path(__file__).resolve().parent
@@ -41,8 +41,7 @@ def run_workflow(plan, text, folder, cores, profile=None, progress=lambda fracti
     with alone_in(folder):
         write_recipes(plan, folder)
         if not (folder / CAMPAIGN).exists() or (folder / CAMPAIGN).read_text() != text:
-            with whole_file(folder / CAMPAIGN) as temporary:
-                temporary.write_text(text)
+            write_text(folder / CAMPAIGN, text)
         for job in plan.jobs:  # what is said of a failure must be of this time
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from labkit.arguments import require
 from labkit.errors import InputError, PhysicsError
-from labkit.files import labkit_kind, open_netcdf, require_writable, whole_file
+from labkit.files import labkit_kind, open_netcdf, require_writable, write_text
 from labkit.limits import exceeded
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
@@ -65,18 +65,13 @@ def calibrate_command(options, runs):
     found = fit(observations)
     print(found.report())
     if options.output:
-        _write(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n")
+        write_text(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n")
     if options.csv:
-        _write(options.csv, found.table.to_csv(index=False, float_format="%.6g"))
+        write_text(options.csv, found.table.to_csv(index=False, float_format="%.6g"))
     if options.figure:
         plots.save(plots.calibration(observations, found.predicted), options.figure)
     for file in outputs:
         print(f"written: {file}")
-
-
-def _write(file, text):
-    with whole_file(file) as temporary:
-        temporary.write_text(text)
 
 
 def with_inherent_anisotropy(model, state, a1, angle):

@@ -9,7 +9,7 @@ import numpy as np
 
 from labkit import plots
 from labkit.errors import PhysicsError
-from labkit.files import whole_file
+from labkit.files import write_text
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Scipy
@@ -41,8 +41,7 @@ def measure_all(folder):
     model = Model()
     found = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
     text = table(found) + "\n\n" + one_path(model) + "\n\n" + material_points(model) + "\n"
-    with whole_file(Path(folder) / "model_speed.txt") as temporary:
-        temporary.write_text(text)
+    write_text(Path(folder) / "model_speed.txt", text)
     plots.save(plots.work_precision(found), Path(folder) / "model_speed.png")
     return text
 

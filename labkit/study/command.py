@@ -9,7 +9,7 @@ import xarray
 
 from labkit import plots
 from labkit.errors import InputError
-from labkit.files import require_writable, whole_file
+from labkit.files import make_folder, whole_file, write_text
 from labkit.study import figures
 from labkit.study.design import DESIGNS
 from labkit.study.errors import errors
@@ -22,15 +22,14 @@ from labkit.study.table import collect, restore
 def speed_error(design_name, work, output, jobs, progress, earlier=None):
     """Runs the design in the folder `work`, writes the folder `output`; returns the files. `earlier`: the study.nc of a
     study whose tests need not be repeated."""
-    design, output = DESIGNS[design_name](), Path(output)
+    design = DESIGNS[design_name]()
     if earlier:
         with open_study(earlier) as data:
             restore(data, design, work)
-    output.mkdir(parents=True, exist_ok=True)
-    require_writable(output / "study.nc")
+    make_folder(output, "--output")
     run_study(design, work, jobs, progress)
     measures = measure_others(design, work, progress)
-    return write(design, work, output, measures, f"./lab speed-error --design {design_name}")
+    return write(design, work, Path(output), measures, f"./lab speed-error --design {design_name}")
 
 
 def open_study(file):
@@ -58,6 +57,5 @@ def write(design, work, output, measures, command):
              "changes.png": figures.changes(table), "sizes.png": figures.sizes(table)}  # fmt: skip
     for name, figure in drawn.items():
         plots.save(figure, output / name)
-    with whole_file(output / "README.md") as temporary:
-        temporary.write_text(page(data, table, measures, command))
+    write_text(output / "README.md", page(data, table, measures, command))
     return sorted(output.iterdir())

@@ -11,8 +11,10 @@ from __future__ import annotations
 import dataclasses
 
 from labkit.paths import ConstantMeanStress, make_path
+from labkit.scene import Scene
 from labkit.servo import Servo
 from labkit.settings import SETTINGS
+from labkit.specimen import mean_grain_volume
 
 VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
 RATE = ConstantMeanStress.rate
@@ -60,11 +62,10 @@ class Case:
 
     @property
     def cost(self):
-        """Steps times grains, but for a constant: what to begin with."""
-        scene = dict(self.scene)
-        step = scene.get("time_step_factor", 0.2) * (0.53 if scene.get("law") == "paper" else 1.0)
-        size = (self.side / 1.7e-4) ** 3 if self.side else self.grains
-        return self.strain / (self.rate * step) * size * (15.0 if self.engine == "yade" else 1.0)
+        """Steps times grains, YADE's times what they take longer: what to begin with."""
+        scene = Scene(**dict(self.material))
+        grains = self.grains or self.side**3 / (1.0 + VOID_RATIO) / mean_grain_volume(scene)
+        return self.steps(scene) * grains * (15.0 if self.engine == "yade" else 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,8 +79,8 @@ class Design:
     def baseline(self, path="cp"):
         return next(case for case in self.cases if (case.path, case.factor) == (path, BASELINE))
 
-    def reference(self, path="cp"):
-        return next(case for case in self.cases if (case.path, case.factor, case.level) == (path, PRESET, "reference"))
+    def of_settings(self, level, path="cp"):
+        return next(case for case in self.cases if (case.path, case.factor, case.level) == (path, PRESET, level))
 
 
 def _with_scene(case, factor, level, **fields):

@@ -23,7 +23,7 @@ from labkit.consolidation import consolidate
 from labkit.engines.fused import FusedEngine
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError
-from labkit.files import whole_file
+from labkit.files import write_text
 from labkit.paths import ConstantVolume
 from labkit.scene import Scene
 from labkit.servo import velocity_gradient
@@ -130,8 +130,7 @@ def run_case(work, case, seed, yardstick):
     except PhysicsError as error:  # a guard spoke up; anything else stops the study
         result["status"] = str(error)
     result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick))
-    with whole_file(result_file(work, case, seed)) as temporary:
-        temporary.write_text(json.dumps(result, indent=1))
+    write_text(result_file(work, case, seed), json.dumps(result, indent=1))
 
 
 def _run(state, case, file):

@@ -14,7 +14,6 @@ import pandas
 
 import labkit
 from labkit import bench, micro_figures, plots
-from labkit.critical import WINDOW
 from labkit.engines.fused import FusedEngine
 from labkit.files import whole_file
 from labkit.micro.stress import deviatoric_stress, mean_stress
@@ -27,7 +26,7 @@ from labkit.study.collisions import collision_errors
 from labkit.study.design import BASELINE, PRESET
 from labkit.study.jobs import run_case, run_file, specimen_file
 from labkit.study.lammps import shear_in_lammps
-from labkit.study.observables import AROUND, max_of_means
+from labkit.study.observables import strength
 
 SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the mean diameter; None: what the engine chooses
 SKIN_STEPS, SKIN_ROUNDS = 2000, 5
@@ -51,10 +50,6 @@ def measure_others(design, work, progress):
         found[name] = pandas.read_csv(file)
     progress(1.0, "measured")
     return found
-
-
-def standard(design):
-    return next(c for c in design.cases if (c.path, c.factor, c.level) == ("cp", PRESET, "standard"))
 
 
 def settings(design, work, folder):
@@ -87,7 +82,7 @@ def settings(design, work, folder):
 def engines(design, work, folder):
     """Steps per second of every engine in turn, on the specimens of the baseline and of the standard settings."""
     rows = []
-    for case in (design.baseline(), standard(design)):
+    for case in (design.baseline(), design.of_settings("standard")):
         file = specimen_file(work, case, case.seeds[0])
         grains = read_state(file).number_of_grains
         found = bench.bench(file, max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
@@ -106,7 +101,7 @@ def engines(design, work, folder):
 def skin(design, work, folder):
     """Time per step and the largest difference of positions, over the mean diameter, with different Verlet skins."""
     rows = []
-    for case in (design.baseline(), standard(design)):
+    for case in (design.baseline(), design.of_settings("standard")):
         state = read_state(specimen_file(work, case, case.seeds[0]))
         for rate in (10.0, 200.0):
             seconds, ends = _skins(state, velocity_gradient(ConstantVolume(rate), 1.0, state.time_step))
@@ -135,7 +130,7 @@ def _skins(state, gradient):
 
 def sff_family(design, work, folder):
     """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
-    case = standard(design)
+    case = design.of_settings("standard")
     if not run_file(work, case, case.seeds[0]).exists():  # its result came from an earlier study
         run_case(work, case, case.seeds[0], specimen_file(work, design.baseline(), design.baseline().seeds[0]))
     with labkit.open_run(run_file(work, case, case.seeds[0])) as found:
@@ -167,27 +162,18 @@ def lammps(design, work, folder):
         state = state.replace(scene=dataclasses.replace(state.scene, law="paper"))
         state = state.replace(time_step=state.scene.time_step)
         found = shear_in_lammps(program, state, LAMMPS_RATE, base.strain, round(base.strain / base.record_strain))
-        p, q = mean_stress(found.stress), deviatoric_stress(found.stress)
-        rows.append({"program": "LAMMPS", **_ratios(seed, found.axial_strain, p, q, found.seconds, found.steps)})
+        told = strength(found.axial_strain, mean_stress(found.stress), deviatoric_stress(found.stress))
+        rows.append({"program": "LAMMPS", "seed": seed, **told, "seconds": found.seconds, "steps": found.steps})
         file = folder / f"lammps_{seed}.run.nc"
         FusedEngine(state).advance(1, np.zeros((3, 3)))
         run(state, ConstantVolume(LAMMPS_RATE, base.strain), file, "fused", snapshots=0)
         with labkit.open_run(file) as done:
             p, q = done.lab.mean_stress().values, done.lab.deviatoric_stress().values
-            attributes = done.attrs["wall_time"], done.attrs["steps"]
-            rows.append({"program": "fused", **_ratios(seed, done["axial_strain"].values, p, q, *attributes)})
+            took = {"seconds": done.attrs["wall_time"], "steps": done.attrs["steps"]}
+            rows.append({"program": "fused", "seed": seed, **strength(done["axial_strain"].values, p, q), **took})
         file.unlink()
     return pandas.DataFrame(rows, columns=["program", "seed", "ratio_1", "ratio_peak", "ratio_critical",
                                            "pressure_critical", "seconds", "steps"])  # fmt: skip
-
-
-def _ratios(seed, strain, p, q, seconds, steps):
-    end = strain >= (1.0 - WINDOW) * strain[-1]
-    return {
-        "seed": seed, "ratio_1": float((q / p)[np.abs(strain - 0.01) <= AROUND].mean()),
-        "ratio_peak": max_of_means(strain, q / p), "ratio_critical": float((q / p)[end].mean()),
-        "pressure_critical": float(p[end].mean()), "seconds": seconds, "steps": steps,
-    }  # fmt: skip
 
 
 MEASURES = {

@@ -36,33 +36,44 @@ PEAK = 0.01  # axial strain that the peak is a mean over
 def observables(run, held):
     """The numbers of OBSERVABLES and CHECKS of a complete shear test, name -> value; `held`: mean stress held,
     Pa, or None."""
-    strain = run["axial_strain"].values
+    strain, end = run["axial_strain"].values, critical(run["axial_strain"].values)
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
-    ratio, end = q / p, strain >= (1.0 - WINDOW) * strain[-1]
-    judged = p > SFF_PRESSURE
-    sff = run.lab.sff_error().values[judged]
+    sff = run.lab.sff_error().values[p > SFF_PRESSURE]
+
+    def mean(name):
+        return float(np.mean(run[name].values[end]))
+
+    def zz(name):
+        return float(np.mean(run[name].values[end, 2, 2]))
+
+    return {
+        **strength(strain, p, q), "void_ratio_critical": mean("void_ratio"),
+        "Z_critical": mean("coordination_number"), "Lambda_critical": mean("mean_normalised_force"),
+        "A_critical": zz("contact_anisotropy"), "F_critical": zz("normal_force_anisotropy"),
+        "Ft_critical": zz("mobilisation"), "sff_error": float(sff.mean()) if sff.size else np.nan,
+        "energy_balance_error": float(np.abs(run["energy_balance_error"].values).max()),
+        "held_error": float(np.sqrt(np.mean((p[strain > 2 * AROUND] / held - 1.0) ** 2))) if held else np.nan,
+        "inertial_number": float(np.median(run["inertial_number"].values[1:])),
+        "overlap_ratio": float(run["overlap_ratio"].values.mean()),
+    }  # fmt: skip
+
+
+def critical(strain):
+    """Which records belong to the critical state, those of the last quarter of the strain."""
+    return strain >= (1.0 - WINDOW) * strain[-1]
+
+
+def strength(strain, p, q):
+    """The observables that axial strain and stresses (record,) alone decide, name -> value."""
+    ratio, end = q / p, critical(strain)
 
     def at(x):
         near = np.abs(strain - x) <= AROUND
         return float(ratio[near].mean()) if near.any() else np.nan
 
-    def critical(values):
-        return float(np.mean(values[end]))
-
-    def zz(name):
-        return critical(run[name].values[:, 2, 2])
-
     return {
         "ratio_1": at(0.01), "ratio_5": at(0.05), "ratio_peak": max_of_means(strain, ratio),
-        "ratio_critical": critical(ratio), "void_ratio_critical": critical(run["void_ratio"].values),
-        "pressure_critical": critical(p), "Z_critical": critical(run["coordination_number"].values),
-        "Lambda_critical": critical(run["mean_normalised_force"].values), "A_critical": zz("contact_anisotropy"),
-        "F_critical": zz("normal_force_anisotropy"), "Ft_critical": zz("mobilisation"),
-        "sff_error": float(sff.mean()) if sff.size else np.nan,
-        "energy_balance_error": float(np.abs(run["energy_balance_error"].values).max()),
-        "held_error": float(np.sqrt(np.mean((p[strain > 2 * AROUND] / held - 1.0) ** 2))) if held else np.nan,
-        "inertial_number": float(np.median(run["inertial_number"].values[1:])),
-        "overlap_ratio": float(run["overlap_ratio"].values.mean()),
+        "ratio_critical": float(ratio[end].mean()), "pressure_critical": float(p[end].mean()),
     }  # fmt: skip
 
 

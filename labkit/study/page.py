@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit import markdown
 from labkit.paths import ConstantVolume
 from labkit.scene import Scene
 from labkit.servo import STANDARD
@@ -26,12 +27,6 @@ def page(data, table, measures, command):
               "model": _model}  # fmt: skip
     sections += [write(measures[name]) for name, write in others.items() if name in measures]
     return "\n\n".join(section for section in [*sections, _failed(data)] if section) + "\n"
-
-
-def markdown(header, rows):
-    """A table; cells are text."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
 def percent(value):
@@ -105,7 +100,7 @@ def _settings(data, table, measured, path):
         "cv": "At constant volume, where the pressure finds itself; rates and steps of the settings, but all with the "
         "same fewer grains: the scatter of specimens is that of this size.",
     }
-    return f"{titles[path]}\n\n{words[path]}\n\n" + markdown(["", *(NAMES[level] for level in levels)], rows)
+    return f"{titles[path]}\n\n{words[path]}\n\n" + markdown.table(["", *(NAMES[level] for level in levels)], rows)
 
 
 def _paper(table):
@@ -156,7 +151,7 @@ def _factors(data, table):
             f"Changes along {path.upper()} against the baseline, %. A bold one is outside its 95 % interval; where "
             "there is only an interval, the change lies inside it and is not told from zero."
         )
-        text.append(markdown(["factor", "level", "cost", *(OBSERVABLES[name][0] for name in names)], rows))
+        text.append(markdown.table(["factor", "level", "cost", *(OBSERVABLES[name][0] for name in names)], rows))
     return "\n\n".join(text)
 
 
@@ -212,7 +207,7 @@ def _defaults(data, table):
     return (
         "## Every default beside its neighbours\n\nBaseline of 1,000 grains along CP. Cost is over that of the "
         "default; observables that changed are those outside their 95 % interval.\n\n"
-        + markdown(["default", "where", "next lower", "next higher"], rows)
+        + markdown.table(["default", "where", "next lower", "next higher"], rows)
     )  # fmt: skip
 
 
@@ -233,7 +228,7 @@ def _time_step(data):
 
 Here the guards were off, to see what comes. The limit is that of `labkit.timestep`, a bound that is on the safe side.
 
-""" + markdown(["factor", "level", "step over limit", CHECKS["energy_balance_error"][0], CHECKS["held_error"][0],
+""" + markdown.table(["factor", "level", "step over limit", CHECKS["energy_balance_error"][0], CHECKS["held_error"][0],
                 "what the guards say"], rows)  # fmt: skip
 
 
@@ -251,7 +246,7 @@ def _same_on_both(table):
     return (
         "## YADE and fused\n\nThe same specimens on both engines, law yade, one thread; means over "
         f"{same['replicates'].max()}. More threads give the same bits on `fused`; on YADE they change the order of "
-        "sums.\n\n" + markdown(["", "YADE", "fused", "difference"], rows)
+        "sums.\n\n" + markdown.table(["", "YADE", "fused", "difference"], rows)
     )  # fmt: skip
 
 
@@ -260,7 +255,7 @@ def _engines(engines):
              f"{r.over_stock:.3g} ({r.over_stock_least:.3g} to {r.over_stock_most:.3g})"]
             for r in engines.itertuples()]  # fmt: skip
     text = "## Engines and threads\n\nIn turn on one scene, medians of three rounds:\n\n"
-    return text + markdown(["grains", "engine", "steps/s", "grain-steps/s", "over stock (range)"], rows)
+    return text + markdown.table(["grains", "engine", "steps/s", "grain-steps/s", "over stock (range)"], rows)
 
 
 def _lammps(found):
@@ -277,7 +272,7 @@ def _lammps(found):
         "## LAMMPS\n\nThe same specimens along CV at 40 1/s, law paper on the engine fused, and what is nearest to it "
         f"in LAMMPS; means over {found['seed'].nunique()} specimens and their scatter. LAMMPS is not told the "
         "tangential forces at the start (labkit/study/lammps.py says what else differs).\n\n"
-        + markdown(["", *mean.index], rows)
+        + markdown.table(["", *mean.index], rows)
     )  # fmt: skip
 
 
@@ -287,14 +282,14 @@ def _skin(skin):
     header = ["grains", "rate, 1/s", "skin, D", "us/step", "over auto", "difference of positions, D"]
     return (
         "## Verlet skin of the engine fused\n\nNo skin changes the physics: positions after 2,000 steps differ by "
-        "rounding that grows. `auto` is what the engine does.\n\n" + markdown(header, rows)
+        "rounding that grows. `auto` is what the engine does.\n\n" + markdown.table(header, rows)
     )
 
 
 def _collisions(collisions):
     rows = [[r.quantity, r.law, f"{r.fraction:g}", f"{r.measured:.6g}", f"{r.exact:.6g}", f"{r.error:.1e}"]
             for r in collisions.itertuples()]  # fmt: skip
-    return "## Two grains against closed forms\n\n" + markdown(
+    return "## Two grains against closed forms\n\n" + markdown.table(
         ["quantity", "law", "time step over sqrt(m/kn)", "measured", "exact", "error"], rows
     )
 
@@ -304,7 +299,7 @@ def _family(family):
             for r in family.itertuples()]  # fmt: skip
     return (
         "## The stress-force-fabric family: terms against error\n\nIn one test with the standard settings, against "
-        "Love.\n\n" + markdown(["form", "mean error", "worst error", "cost over C0"], rows)
+        "Love.\n\n" + markdown.table(["form", "mean error", "worst error", "cost over C0"], rows)
         + "\n\n![family](sff_family.png)"
     )  # fmt: skip
 
@@ -327,4 +322,4 @@ def _failed(data):
     if not said:
         return ""
     rows = [[case, status] for case, status in said.items()]
-    return "## Tests that ended with an error\n\n" + markdown(["case", "what was said"], rows)
+    return "## Tests that ended with an error\n\n" + markdown.table(["case", "what was said"], rows)

@@ -8,7 +8,7 @@ import numpy as np
 import xarray
 
 import labkit
-from labkit.files import whole_file
+from labkit.files import write_text
 from labkit.study.jobs import result_file
 from labkit.study.observables import CHECKS, OBSERVABLES
 
@@ -82,8 +82,7 @@ def restore(data, design, work):
             if file.exists() or not len(at) or str(row["status"].values[at[0]]) == "not run":
                 continue
             file.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(file) as temporary:
-                temporary.write_text(json.dumps(_result(case, row.isel(replicate=int(at[0]))), indent=1))
+            write_text(file, json.dumps(_result(case, row.isel(replicate=int(at[0]))), indent=1))
             restored += 1
     return restored
 

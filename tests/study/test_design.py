@@ -23,7 +23,7 @@ def test_cases_have_names_of_their_own_and_something_to_be_compared_with(name):
     names = [case.name for case in design.cases]
     assert len(set(names)) == len(names)
     for path in {case.path for case in design.cases}:
-        assert design.baseline(path).factor == BASELINE and design.reference(path).level == "reference"
+        assert design.baseline(path).factor == BASELINE and design.of_settings("reference", path).level == "reference"
 
 
 def test_a_factor_is_varied_alone():
