@@ -134,9 +134,9 @@ class YadeEngine(Engine):
         omega = self._omega
         omega.cell.updateAttrs({"velGrad": _matrix(velocity_gradient)})
         gas = omega.interactions.countReal() < len(omega.bodies)
-        at_a_time = 1 if gas else steps  # between two sums of the stress: collisions would fall between them
-        for first in range(0, steps, at_a_time):
-            self._advance(min(at_a_time, steps - first), np.asarray(velocity_gradient))
+        parts = [1] * steps if gas else [steps]  # sums of the stress: in a gas collisions would fall between them
+        for part in parts:
+            self._advance(part, np.asarray(velocity_gradient))
 
     def _advance(self, steps, velocity_gradient):
         step = self._omega.step
