@@ -88,6 +88,7 @@ def add_run_options(parser):
     parser.add_argument("--record-strain", type=float, help="strain between records (default: 1e-3; isoc, isod 1e-4)")
     parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts beside "
                         "the first; 0: none (default: 20)")  # fmt: skip
+    parser.add_argument("--law", choices=LAWS, help="contact law (default: that of the specimen)")
     parser.add_argument("--save-every", type=positive_int, help="records between two saves (default: half a minute)")
     add_engine_options(parser)
     parser.add_argument("-o", "--output", help="run file to write or to go on with (default: "

@@ -114,14 +114,15 @@ def check_run(options):
     """Path and specimen of the options. Raises InputError for anything that cannot work."""
     kind = path_class(require(options.path, "the path"))
     state = read_state(require(options.specimen, "the specimen (a state file)"))
-    require_law(options.engine, state.scene)
     rate, factor = options.rate, options.time_step_factor
     if options.settings is not None:
         chosen = settings(options.settings)
         rate = kind.rate * chosen.rate_factor if rate is None else rate
         factor = chosen.time_step_factor if factor is None else factor
-    if factor is not None:
-        state = state.replace(scene=dataclasses.replace(state.scene, time_step_factor=factor))
+    given = {"time_step_factor": factor, "law": options.law}
+    scene = dataclasses.replace(state.scene, **{name: value for name, value in given.items() if value is not None})
+    require_law(options.engine, scene)
+    state = state.replace(scene=scene)
     path = make_path(
         options.path, mean_stress(love_stress(contacts_of(state), state.radius, state.volume)),
         pressure=options.pressure, strain=options.strain, rate=rate, reversals=options.reversals,
@@ -145,6 +146,7 @@ def run_name(options):
     words += [f"r{options.rate:g}"] if options.rate is not None else []
     words += [options.settings] if options.settings is not None else []
     words += [f"t{options.time_step_factor:g}"] if options.time_step_factor is not None else []
+    words += [options.law] if options.law is not None else []
     words += ["c" + "_".join(f"{x:g}" for x in options.reversals)] if options.reversals is not None else []
     return str(Path(options.specimen).with_name("_".join(words) + ".run.nc"))
 

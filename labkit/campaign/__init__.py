@@ -4,5 +4,5 @@
 `plan.py` makes jobs of it, each a command of labkit with its files; `cost.py` says what they take; `Snakefile` and
 `profiles/` are for Snakemake; `workflow.py` starts it and says what failed; `products.py` makes statistics, figures
 and the report; `tables.py` writes yade-batch tables; `collection.py` opens all runs as one object;
-`quick.yaml` is a campaign that comes with labkit.
+`quick.yaml` and `paper.yaml` are campaigns that come with labkit.
 """

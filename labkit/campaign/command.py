@@ -15,11 +15,16 @@ from labkit.errors import InputError
 from labkit.files import require_writable
 from labkit.progress import reporter
 
-QUICK = Path(__file__).resolve().parent / "quick.yaml"
+OURS = ("quick", "paper")  # campaigns that come with labkit
+
+
+def ours(name):
+    """The file of a campaign that comes with labkit."""
+    return Path(__file__).resolve().parent / f"{name}.yaml"
 
 
 def add_campaign_options(parser):
-    parser.add_argument("file", nargs="?", help="campaign file, or `quick` for the one that comes with labkit")
+    parser.add_argument("file", nargs="?", help="campaign file, or `quick` or `paper`, which come with labkit")
     parser.add_argument("--folder", help="where the results go (default: the campaign's name, here)")
     parser.add_argument("--cores", type=arguments.positive_int, default=os.cpu_count() or 1, help="of this machine, to "
                         "be filled with jobs (default: all)")  # fmt: skip
@@ -37,8 +42,8 @@ def campaign(options):
         print(workflow.SNAKEFILE)
         return 0
     if options.file is None:
-        raise InputError("FILE is missing: give a campaign file, or `quick` for the one that comes with labkit")
-    file = QUICK if options.file == "quick" else Path(options.file)
+        raise InputError("FILE is missing: give a campaign file, or `quick` or `paper`, which come with labkit")
+    file = ours(options.file) if options.file in OURS else Path(options.file)
     found = read_campaign(file)
     plan = plan_of(found)
     engines = sorted({job.item.engine for job in plan.jobs})

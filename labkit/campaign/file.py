@@ -88,10 +88,16 @@ class Run:
     reversals: tuple[float, ...] | None = None
     record_strain: float | None = None
     snapshots: int = SNAPSHOTS
+    law: str | None = None
     time_step_factor: float | None = None
     settings: str = "standard"
     engine: str = "yade"
     threads: int = 1
+
+    def scene(self, specimen):
+        """The Scene of the run of a Specimen."""
+        factor = self.time_step_factor or settings(self.settings).time_step_factor
+        return dataclasses.replace(specimen.scene, time_step_factor=factor, law=self.law or specimen.law)
 
     def loading(self):
         """The path of labkit.paths. A pressure that is the specimen's own is not known yet: a usual one stands."""
@@ -128,7 +134,7 @@ CONSOLIDATED = {"from": word, "pressure": quantity("pressure"), "engine": COMMON
 RUN = {
     "path": choice(tuple(PATHS)), "specimen": word, "pressure": quantity("pressure"), "strain": number,
     "rate": quantity("rate"), "reversals": number, "record_strain": number, "snapshots": whole,
-    "time_step_factor": number, **COMMON,
+    "law": choice(LAWS), "time_step_factor": number, **COMMON,
 }  # fmt: skip
 TOP = {"name": word, **COMMON, "snapshots": whole}
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
@@ -518,16 +524,13 @@ def _cycles(sources, lines, mistakes):
 def _check_run(campaign, run, line, mistakes):
     """What needs the specimen too: the law, and steps that fit the path."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
-    checked(lambda: require_law(run.engine, origin.scene), where, line, mistakes)
+    checked(lambda: require_law(run.engine, run.scene(origin)), where, line, mistakes)
     checked(lambda: schedule_of(run, origin), where, line, mistakes)
 
 
 def schedule_of(run, specimen):
     """The Schedule of a Run of a Specimen: how many steps and records. Raises InputError when they do not fit."""
-    scene = dataclasses.replace(
-        specimen.scene, time_step_factor=run.time_step_factor or settings(run.settings).time_step_factor
-    )
     path = run.loading()
     return Schedule.of(
-        path, scene.time_step, specimen.expected_grains, run.record_strain or path.record_strain, run.snapshots
+        path, run.scene(specimen).time_step, specimen.expected_grains, run.record_strain or path.record_strain, run.snapshots
     )

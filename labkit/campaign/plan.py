@@ -113,7 +113,7 @@ def _consolidation_job(item, source):
 
 def _run_job(item, source):
     words = ["run", item.path, *_options(item, "pressure", "strain", "rate", "record_strain", "snapshots",
-             "time_step_factor", "settings", "engine", "threads")]  # fmt: skip
+             "law", "time_step_factor", "settings", "engine", "threads")]  # fmt: skip
     if item.reversals:
         words.append("--reversals=" + ",".join(repr(value) for value in item.reversals))
     return _job("run", item, words, source)

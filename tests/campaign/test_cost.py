@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from labkit.campaign.command import QUICK
+from labkit.campaign.command import ours
 from labkit.campaign.cost import TYPICAL, cost_of, expected_seconds
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import plan_of
@@ -45,7 +45,7 @@ def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
 
 
 def test_the_quick_campaign_is_what_it_says():
-    found = plan_of(read_campaign(QUICK))
+    found = plan_of(read_campaign(ours("quick")))
     assert {(run.path, run.engine) for run in found.campaign.runs} == {
         (path, engine) for path in ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp") for engine in ("yade", "fused")
     }
