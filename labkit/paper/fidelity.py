@@ -328,11 +328,11 @@ def _reversals(cyclic):
 
 def page(numbers):
     """The numbers as a Markdown table for people."""
-    rows = [
-        [row["label"], text(row["ours"], row["within"], 4), row["paper_says"],
-         "" if math.isnan(row["in_units"]) else f"{row['in_units']:.1f}", row["agrees"],
-         row["uncertainty_of"] if isinstance(row["uncertainty_of"], str) else "", row["explanation"] if isinstance(row["explanation"], str) else ""]
-        for row in numbers.to_dict("records")
-    ]  # fmt: skip
+    rows = []
+    for row in numbers.astype(object).where(numbers.notna(), None).to_dict("records"):
+        ours, within = (math.nan if row[name] is None else row[name] for name in ("ours", "within"))
+        units = "" if row["in_units"] is None else f"{row['in_units']:.1f}"
+        says = [row[name] or "" for name in ("uncertainty_of", "explanation")]
+        rows.append([row["label"], text(ours, within, 4), row["paper_says"], units, row["agrees"], *says])
     header = ("number", "ours", "paper", "difference / uncertainty", "agrees", "uncertainty of", "explanation")
     return markdown_table(header, rows)
