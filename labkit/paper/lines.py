@@ -9,8 +9,11 @@ import pandas
 from scipy import optimize, stats
 
 from labkit.critical import SHEAR
-from labkit.model.parameters import Parameters
+from labkit.micro.stress import mean_stress
+from labkit.model.parameters import ROOT_3_2, Parameters
 from labkit.paper.estimates import CONFIDENCE, jackknife
+from labkit.scene import Scene
+from labkit.sff import sff_stress
 
 PAPER = Parameters()
 SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda in a test's end: the weights of the two lines fitted at once
@@ -24,6 +27,20 @@ def paper_Z(e):
 def paper_Lambda(e):
     """Lambda^c(e) of Table 2; 0 from e_cmax on."""
     return PAPER.c_cLam * distance(e, PAPER.e_cmax)
+
+
+def paper_pressure(e):
+    """p (MPa) of the critical state at a void ratio after C0 with Table 2, any shape; 0 from e_cmax on."""
+    e = np.asarray(e, dtype=float)
+    A, F, Ft = (norm / ROOT_3_2 * np.diag([-0.5, -0.5, 1.0]) for norm in (PAPER.A_c, PAPER.F_c, PAPER.Ft_c))
+    stress = sff_stress(Scene().young_modulus, paper_Z(e), paper_Lambda(e), e, A, F, Ft)
+    return mean_stress(stress) / 1e6
+
+
+def paper_e(p):
+    """The void ratio of the critical state at p (MPa) after C0 with Table 2: the inverse of paper_pressure."""
+    e = np.linspace(0.4, PAPER.e_cmax, 2000)[::-1]
+    return np.interp(p, paper_pressure(e), e)
 
 
 def distance(e, e_cmax):
