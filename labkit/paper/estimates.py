@@ -62,7 +62,7 @@ def two_samples(statistic, first, second):
     value = float(statistic(second) - statistic(first))
     if not total > 0.0:
         return Estimate(value, 0.0 if total == 0.0 else math.nan, sum(n))
-    freedom = total**2 / sum(s**2 / (k - 1) for s, k in zip(square, n) if k > 1)
+    freedom = max(n) - 1 if 1 in n else total**2 / sum(s**2 / (k - 1) for s, k in zip(square, n))
     return Estimate(value, _half_width(math.sqrt(total), freedom), sum(n))
 
 

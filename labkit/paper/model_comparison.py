@@ -124,8 +124,9 @@ def compare(runs, chosen):
             result, status = follow(model, run)
             used = bool(re.fullmatch(CALIBRATED_ON, name)) and label == OURS
             row = {"run": name, "path": run.attrs["path"], "parameters": label, "calibrated_on": used}
-            rows.append({**row, **(_errors(run, *_of_result(result)) if result else {"reached": 0.0}), "status": status})
+            rows.append(row | {"status": status, "reached": 0.0})
             if result:
+                rows[-1] |= _errors(run, *_of_result(result))
                 results[name, label] = result
         first = runs.get(re.sub(r"_more-s\d+$", "", name))
         if first is not None and first is not run:

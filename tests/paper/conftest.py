@@ -37,7 +37,7 @@ def make(folder, model, tests=None, strain=1.6):
         p = run.pressure or STARTS.get(run.specimen, 0.4e6)
         p = {"isoc": 0.2e6, "isod": 1e6}.get(run.path, p)
         given = {"reversals": run.reversals} if run.path == "cyclic_cp" else {}
-        given |= {"strain": strain} if run.path in ("cv", "cr", "cp") else {}
+        given |= {"strain": run.strain or strain} if run.path in ("cv", "cr", "cp") else {}
         reading = model.reading(beyond_e_cmax="flat")
         result = drive(reading, model_path(run.path, p, **given), isotropic_state(reading, e, p),
                        record_strain=5e-3 if run.path in ("cv", "cr", "cp") else None)  # fmt: skip
