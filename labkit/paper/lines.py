@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -66,7 +67,12 @@ def _through_zero(x, y):
 
 def both_lines(ends):
     """e_cmax, c_cZ, gamma_cZ and c_cLambda of both lines at once, an array (4,); NaN from fewer than five tests."""
-    e, Z, Lam = (ends[name].to_numpy(dtype=float) for name in ("e", "Z", "Lambda"))
+    return _both_lines(*(tuple(ends[name].astype(float)) for name in ("e", "Z", "Lambda")))
+
+
+@functools.lru_cache(4096)  # four numbers are made of one fit
+def _both_lines(*columns):
+    e, Z, Lam = map(np.array, columns)
     if len(e) < 5 or np.ptp(e) < 0.02:
         return np.full(4, np.nan)
 

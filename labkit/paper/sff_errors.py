@@ -67,7 +67,7 @@ def _derived(run):
 
 def _budget(run, told):
     """The columns of the worst snapshot with p > 50 kPa."""
-    love = run["stress"].values[told["record"].values].astype(float)
+    love = run["stress"].values[told["record"].values.astype(int)].astype(float)
     total = told["error_budget"].values.sum(axis=told["error_budget"].get_axis_num("part"))
     error = np.where(mean_stress(love) > SFF_PRESSURE, relative_error(love + total, love), -1.0)
     if not len(error) or error.max() < 0.0:

@@ -66,18 +66,7 @@ def scattered(result, factors):
 
 
 @pytest.fixture(scope="session")
-def paper_files(tmp_path_factory):
-    """Name -> file of the whole campaign, Table 2."""
-    return make(tmp_path_factory.mktemp("paper"), Model())
-
-
-@pytest.fixture
-def paper_runs(paper_files):
-    """Name -> run, as labkit.paper.runs gives them."""
-    return {name: labkit.open_run(file) for name, file in paper_files.items()}
-
-
-@pytest.fixture
-def known(paper_runs):
-    """The same with the records in memory."""
-    return in_memory(paper_runs)
+def known(tmp_path_factory):
+    """Name -> run of the whole campaign, Table 2, with its records in memory."""
+    files = make(tmp_path_factory.mktemp("paper"), Model())
+    return in_memory({name: labkit.open_run(file) for name, file in files.items()})

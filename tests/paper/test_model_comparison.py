@@ -46,7 +46,7 @@ def test_a_calibration_finds_another_material(other_runs):
     assert not table["table_2_inside"][["c_cLam", "c_eZ", "F_c"]].any()
     errors = comparison.compare(known, comparison.models(found))[0]
     median = errors.groupby("parameters")["q_error"].median()
-    assert median[comparison.OURS] < 0.01 < 0.05 < median[comparison.TABLE_2]
+    assert median[comparison.OURS] < 0.01 and median[comparison.OURS] < 0.5 * median[comparison.TABLE_2]
     assert errors.set_index(["run", "parameters"])["calibrated_on"]["cv-dense", comparison.OURS]
     assert not errors.set_index(["run", "parameters"])["calibrated_on"]["cyclic-cyclic_loose", comparison.OURS]
 
