@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`, `campaign`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`, `campaign`, `paper`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -161,6 +161,13 @@ def build_parser():
     campaign = commands_.add_parser("campaign", help="many specimens and runs from one file, here or on a cluster")
     campaign_options(campaign)
     campaign.set_defaults(command=do_campaign)
+
+    paper = commands_.add_parser("paper", help="the paper's tests: thin run files, tables and figures of a campaign")
+    paper.add_argument("campaign", nargs="?", help="folder of `labkit campaign paper` (default: none, the thin run "
+                       "files in the output are enough)")  # fmt: skip
+    paper.add_argument("-o", "--output", default="results/paper", help="folder of the results (default: "
+                       "results/paper)")  # fmt: skip
+    paper.set_defaults(command=do_paper)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -382,6 +389,13 @@ def do_speed_error(options, argv):
     jobs = options.jobs or os.cpu_count() or 1
     progress = reporter("speed-error")
     for file in speed_error(options.design, work, options.output, jobs, progress, options.earlier):
+        print(file)
+
+
+def do_paper(options, argv):
+    from labkit.paper.command import paper
+
+    for file in paper(options.campaign, options.output, history_of(argv), reporter("paper")):
         print(file)
 
 

@@ -532,5 +532,6 @@ def schedule_of(run, specimen):
     """The Schedule of a Run of a Specimen: how many steps and records. Raises InputError when they do not fit."""
     path = run.loading()
     return Schedule.of(
-        path, run.scene(specimen).time_step, specimen.expected_grains, run.record_strain or path.record_strain, run.snapshots
-    )
+        path, run.scene(specimen).time_step, specimen.expected_grains, run.record_strain or path.record_strain,
+        run.snapshots,
+    )  # fmt: skip

@@ -123,8 +123,9 @@ than their interval: {told}. The paper does not say its time step.
 def _how_to_read():
     return """## How to read this
 
-**error**: mean over the specimens less that of the reference, with its 95 % interval (Welch); in brackets where the
-interval reaches zero: such a difference is not told from the scatter of specimens. **one test**: what a single test is
+**error**: mean over the specimens less that of the reference, with its 95 % interval (pair by pair where these are
+the reference's own specimens, else Welch's); in brackets where the interval reaches zero: such a difference is not told
+from the scatter. **one test**: what a single test is
 off by, sqrt(error² + scatter²). **change**: mean difference to the baseline (standard settings, 1,000 grains) with
 the same specimens, which takes most of the scatter out. About one in twenty intervals misses zero by chance.
 Critical: means over the last quarter of the strain. **cost**: wall time over that of a yardstick (the same steps of
