@@ -16,11 +16,12 @@ from labkit.campaign.command import add_campaign_options as campaign_options
 from labkit.engines import ENGINES
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
-from labkit.files import require_writable, write_text
+from labkit.files import require_writable
 from labkit.hard_scenes import GRAINS, SCENES
 from labkit.memory import return_large_arrays
 from labkit.model import options as model_options
 from labkit.progress import reporter
+from labkit.provenance import write_told
 
 FIGURES = ("groups", "densities", "directions", "shares", "family", "budget", "contacts")  # of labkit.micro_figures
 
@@ -215,7 +216,7 @@ def do_verify(options, argv):
     plots.save(plots.sff_against_love(runs), figure, options.run)
     print(f"figure: {figure}")
     if options.csv:
-        write_text(options.csv, verify.findings_csv(found))
+        write_told(options.csv, verify.findings_csv(found), options.run)
     return 0 if all(f.holds for lines in found.values() for f in lines if f.decides) else 1
 
 
@@ -235,7 +236,7 @@ def do_critical(options, argv):
     plots.save(plots.e_p_paths(runs), options.output, options.run)
     print(f"figure: {options.output}")
     if options.csv:
-        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), options.run)
 
 
 def do_model(options, argv):
@@ -291,7 +292,7 @@ def do_figure(options, argv):
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
-        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
     else:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
@@ -318,7 +319,7 @@ def do_stratified(options, argv):
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
-        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.output])
 
 
 def open_runs(files):

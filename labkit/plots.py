@@ -13,7 +13,7 @@ import numpy as np  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 
 from labkit.files import whole_file  # noqa: E402
-from labkit.provenance import provenance  # noqa: E402
+from labkit.provenance import provenance, tell  # noqa: E402
 
 WIDTH = 10.0  # inches
 FORMATS = (".png", ".pdf", ".svg")
@@ -168,9 +168,11 @@ def _colors(number):
 
 def save(figure, path, inputs=()):
     """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
-    provenance; `inputs`: the files that it shows."""
+    provenance, beside another lies a file with it; `inputs`: the files that it shows."""
     ending = Path(path).suffix[1:].lower()
     metadata = {"provenance": provenance(inputs=inputs, output=path)} if ending == "png" else None
     with whole_file(path) as temporary:
         figure.savefig(temporary, dpi=150, format=ending, metadata=metadata)
+    if ending != "png":
+        tell(path, inputs)
     plt.close(figure)

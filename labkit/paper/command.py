@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pandas
 
 from labkit.campaign.collection import run_files
 from labkit.errors import InputError
-from labkit.files import labkit_kind, make_folder, write_text
+from labkit.files import labkit_kind, make_folder
 from labkit.paper import runs
 from labkit.paper.condense import condense
+from labkit.provenance import write_told
 
 
 def paper(campaign, output, command, progress):
@@ -24,7 +23,7 @@ def paper(campaign, output, command, progress):
             progress((k + 1) / len(files), f"run {k + 1} of {len(files)}")
     found = runs(output)
     written = [output / "campaign.csv"]
-    write_text(written[0], costs(found).to_csv(index=False, float_format="%.6g"))
+    write_told(written[0], costs(found).to_csv(index=False, float_format="%.6g"))
     return written
 
 
