@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`, `campaign`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`, `campaign`, `notebooks`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -161,6 +161,12 @@ def build_parser():
     campaign = commands_.add_parser("campaign", help="many specimens and runs from one file, here or on a cluster")
     campaign_options(campaign)
     campaign.set_defaults(command=do_campaign)
+
+    notebooks = commands_.add_parser("notebooks", help="redraw the paper's figures with the notebooks of analysis/")
+    notebooks.add_argument("folder", nargs="?", default="analysis", help="folder of notebooks (default: analysis)")
+    notebooks.add_argument("--results", default="results/paper", help="folder of the data (default: results/paper)")
+    notebooks.add_argument("-o", "--output", help="folder of the figures (default: that of the data)")
+    notebooks.set_defaults(command=do_notebooks)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -407,6 +413,14 @@ def do_campaign(options, argv):
     from labkit.campaign.command import campaign
 
     return campaign(options)
+
+
+def do_notebooks(options, argv):
+    from labkit.paper.notebooks import execute, notebook_files
+
+    for file in notebook_files(options.folder):
+        execute(file, options.results, options.output or options.results)
+        print(f"{file}: done", flush=True)
 
 
 def do_demo(options, argv):
