@@ -46,9 +46,11 @@ def fig_1(runs, models):
     tests = monotonic(runs)
     lines = {f"critical state, {name}": critical_line(model) for name, model in models.items()}
     with plt.rc_context(STYLE):
+        if not tests:
+            return _say_missing(_panels(1, ("e-p", "q-p"))[0], ["cv-*", "cr_*", "cp_*"])
         figure = plots.e_p_paths(tests, lines, WIDTH)
         _letters(figure.axes[:2])
-        return _say_missing(figure, [] if tests else ["cv-*", "cr_*", "cp_*"])
+        return figure
 
 
 def fig_2(groups):
@@ -167,13 +169,13 @@ def critical_lines(runs, models):
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 2, figsize=(WIDTH, 6.2), sharex=True, layout="constrained")
         (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
-        e = np.linspace(0.60, 0.76, 200) if table is None else np.linspace(table["e"].min() - 0.01, 0.765, 200)
+        lowest = 0.6 if table is None else table["e"].min() - 0.01
         styles = MODEL_STYLES | {"fit to these tests": {"ls": "-", "lw": 1.2}}
         for label, model in lines.items():
             c, style = model.constants, {"color": "k", **styles[label]}
-            below = e[e < model.parameters.e_cmax]
-            z_panel.plot(below, [critical_coordination_number(x, c) for x in below], **style, label=label)
-            force_panel.plot(below, [critical_force(x, c) for x in below], **style)
+            e = np.linspace(lowest, model.parameters.e_cmax, 200)
+            z_panel.plot(e, [critical_coordination_number(x, c) for x in e], **style, label=label)
+            force_panel.plot(e, [critical_force(x, c) for x in e], **style)
         if table is not None:
             _ends(table, tests, grid)
         terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"))

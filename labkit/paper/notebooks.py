@@ -35,7 +35,8 @@ def execute(file, results, output):
     places = {RESULTS: str(Path(results).resolve()), FIGURES: str(make_folder(output, "--output").resolve())}
     notebook = nbformat.read(file, as_version=4)
     client = NotebookClient(
-        notebook, timeout=LIMIT, kernel_name="python3", resources={"metadata": {"path": str(Path(file).parent)}}
+        notebook, timeout=LIMIT, kernel_name="python3", resources={"metadata": {"path": str(Path(file).parent)}},
+        extra_arguments=["--IPKernelApp.log_level=40"],  # its warnings are not about notebooks
     )
     try:
         client.execute(env={**os.environ, **places})
