@@ -148,8 +148,8 @@ def _cyclic(row, diagram, run, start, color, models):
         row[1].plot(*of(run), "-", color=_mix(color, PALE), lw=1.2)
         if diagram.startswith("q"):
             row[0].plot(*of(run, "stress_sff"), "--", color=color, lw=0.9)
-        for label, model in models.items():
-            row[1].plot(*of(model_run(run, model)), color=color, **MODEL_STYLES[label])
+        for label, model in _predicted(run, models).items():
+            row[1].plot(*of(model), color=color, **MODEL_STYLES[label])
     if start is not None:
         within = start.isel(time=plots.percent(start) <= 100 * _furthest(run))
         row[0].plot(*of(within), "-", color="k", lw=0.8)
@@ -339,7 +339,7 @@ def _draw(panels, names, runs, colors, models, label_of, c0=True):
         axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
     for run_name in (name for name in colors if name in runs):
         run, color = runs[run_name], colors[run_name]
-        predicted = {label: model_run(run, model) for label, model in models.items()}
+        predicted = _predicted(run, models)
         for axes, name in zip(panels, names):
             of = plots.diagram(name)[2]
             axes.plot(*of(run), "-", color=_mix(color, PALE), lw=2.4)
@@ -351,6 +351,14 @@ def _draw(panels, names, runs, colors, models, label_of, c0=True):
     handles, labels = panels[-1].get_legend_handles_labels()
     if any(labels):
         panels[-1].legend(handles, labels, frameon=False, loc="best", handlelength=1.2)
+
+
+def _predicted(run, models):
+    """name -> the model's run; of a run whose start the model cannot take (no contacts, e.g.) there is none."""
+    try:
+        return {label: model_run(run, model) for label, model in models.items()}
+    except InputError:
+        return {}
 
 
 def _finish(figure, grid, models, missing, handles=(), c0=True):

@@ -70,6 +70,14 @@ def test_model_lies_on_itself_and_missing_runs_are_named(runs, folder):
     plt.close(figure)
 
 
+def test_a_run_without_contacts_at_the_start_has_no_model(runs, folder):
+    empty = runs["cv-loose"].copy()
+    empty["coordination_number"] = 0.0 * empty["coordination_number"]
+    figure = figures.fig_4({"cv-loose": empty}, models(folder))
+    assert len([line for line in figure.axes[1].lines if len(line.get_xdata())]) == 2  # the simulation and C0
+    plt.close(figure)
+
+
 def test_critical_line_and_its_fit(runs):
     p, e = figures.critical_line(Model())
     assert (np.diff(e) > 0).all() and (np.diff(p) < 0).all() and p[-1] == 0.0 and e[-1] == 0.76
