@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`, `campaign`, `paper`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -169,6 +169,12 @@ def build_parser():
     paper.add_argument("-o", "--output", default="results/paper", help="folder of the results (default: "
                        "results/paper)")  # fmt: skip
     paper.set_defaults(command=do_paper)
+
+    notebooks = commands_.add_parser("notebooks", help="redraw the paper's figures with the notebooks of analysis/")
+    notebooks.add_argument("folder", nargs="?", default="analysis", help="folder of notebooks (default: analysis)")
+    notebooks.add_argument("--results", default="results/paper", help="folder of the data (default: results/paper)")
+    notebooks.add_argument("-o", "--output", help="folder of the figures (default: that of the data)")
+    notebooks.set_defaults(command=do_notebooks)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -422,6 +428,14 @@ def do_campaign(options, argv):
     from labkit.campaign.command import campaign
 
     return campaign(options)
+
+
+def do_notebooks(options, argv):
+    from labkit.paper.notebooks import execute, notebook_files
+
+    for file in notebook_files(options.folder):
+        execute(file, options.results, options.output or options.results)
+        print(f"{file}: done", flush=True)
 
 
 def do_demo(options, argv):

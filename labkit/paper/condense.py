@@ -1,8 +1,8 @@
 """Thin run files: all records in single precision, few contacts, and what the contacts of all snapshots told.
 
 A thin file has the names of a run file and opens with labkit.open_run. Its group `derived` holds, along the snapshots
-of the whole file, the stress after each stress-force-fabric relationship, the error budget of C0 and the stresses of
-five size groups.
+of the whole file, the stress after each stress-force-fabric relationship and the error budget of C0. Of one run the
+stresses of grain size groups go into a file of their own.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ import xarray as xr
 
 import labkit
 from labkit.files import create_variables, open_netcdf, whole_file
+from labkit.paper.size_groups import write_size_groups
 from labkit.provenance import provenance
 from labkit.schema import CONTACTS, GRAINS, RECORD
 
 PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> the snapshots whose contacts are kept
+FIG_2 = "cv-dense"
 LEFT_OUT = ("data_sha256", "history")
 
 
@@ -38,6 +40,8 @@ def condense(file, output, command):
                 thin.source_provenance = source.provenance
                 thin.provenance = provenance(command, [file], output)
             with labkit.open_run(file) as run:
+                if Path(file).name == f"{FIG_2}.run.nc":
+                    write_size_groups(run, Path(output).parent.parent)
                 told = derived(run)
                 coding = {name: {"dtype": "f4", "zlib": True} for name in told.data_vars}
                 told.to_netcdf(temporary, mode="a", group="derived", encoding=coding)
@@ -73,8 +77,5 @@ def _single(table):
 
 def derived(run):
     """What the contacts of all snapshots tell, an xarray.Dataset along `snapshot`; `record` is the index along time."""
-    groups = run.lab.size_groups(5)
-    return xr.Dataset({
-        "stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget(),
-        **{name: groups[name] for name in groups.data_vars},
-    }).assign(record=run["record"]).drop_vars(["row_start"], errors="ignore")  # fmt: skip
+    found = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
+    return found.assign(record=run["record"]).drop_vars(["row_start"], errors="ignore")
