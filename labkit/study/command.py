@@ -54,7 +54,8 @@ def write(design, work, output, measures, command):
     for file in sorted((Path(work) / "measures").iterdir()):
         if file.name != "model.csv":  # the lines of model_speed.txt
             shutil.copyfile(file, output / file.name)
-            tell(output / file.name)
+            if file.suffix != ".png":
+                tell(output / file.name)
     drawn = {"pareto_cp.png": figures.pareto(table), "pareto_cv.png": figures.pareto(table, "cv"),
              "changes.png": figures.changes(table), "sizes.png": figures.sizes(table)}  # fmt: skip
     for name, figure in drawn.items():

@@ -125,11 +125,11 @@ def _how_to_read():
 
 **error**: mean over the specimens less that of the reference, with its 95 % interval (pair by pair where these are
 the reference's own specimens, else Welch's); in brackets where the interval reaches zero: such a difference is not told
-from the scatter. **one test**: what a single test is
-off by, sqrt(error² + scatter²). **change**: mean difference to the baseline (standard settings, 1,000 grains) with
-the same specimens, which takes most of the scatter out. About one in twenty intervals misses zero by chance.
-Critical: means over the last quarter of the strain. **cost**: wall time over that of a yardstick (the same steps of
-the same specimen, timed just before and after in the same process), so that what else the machine does cancels."""
+from the scatter. **one test**: what a single test is off by, sqrt(error² + scatter²). **change**: mean difference to
+the baseline (standard settings, 1,000 grains) with the same specimens, which takes most of the scatter out. About one
+in twenty intervals misses zero by chance. Critical: means over the last quarter of the strain. **cost**: wall time over
+that of a yardstick (the same steps of the same specimen, timed just before and after in the same process), so that what
+else the machine does cancels."""
 
 
 def _factors(data, table):
