@@ -1,5 +1,5 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`, `report`; `model`, `calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -175,6 +175,11 @@ def build_parser():
     notebooks.add_argument("--results", default="results/paper", help="folder of the data (default: results/paper)")
     notebooks.add_argument("-o", "--output", help="folder of the figures (default: that of the data)")
     notebooks.set_defaults(command=do_notebooks)
+
+    report = commands_.add_parser("report", help="one page of the paper's tests: figures, tables, provenance")
+    report.add_argument("folder", nargs="?", default="results/paper", help="of labkit paper (default: results/paper)")
+    report.add_argument("-o", "--output", help="HTML file (default: report.html in the folder)")
+    report.set_defaults(command=do_report)
 
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
@@ -436,6 +441,14 @@ def do_notebooks(options, argv):
     for file in notebook_files(options.folder):
         execute(file, options.results, options.output or options.results)
         print(f"{file}: done", flush=True)
+
+
+def do_report(options, argv):
+    from labkit.paper.report import report
+
+    output = options.output or str(Path(options.folder) / "report.html")
+    report(options.folder, output, history_of(argv))
+    print(f"page: {output}")
 
 
 def do_demo(options, argv):

@@ -192,9 +192,14 @@ def check(file):
 
 def words(known):
     """A provenance as lines of text."""
+    return [f"  {name:<18} {value}" for name, value in rows(known).items()]
+
+
+def rows(known):
+    """A provenance as text under the names that people read."""
     machine_ = known.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]
-    rows = {
+    found = {
         "command": known.get("command", ""),
         "made": known.get("made", ""),
         "labkit": f"{known.get('labkit_version', '')} {known.get('commit') or 'no commit: installed, not a checkout'}",
@@ -204,4 +209,4 @@ def words(known):
         "python": known.get("python", ""),
         "machine": f"{machine_.get('name')}, {machine_.get('cores')} cores, {machine_.get('processor')}",
     }
-    return [f"  {name:<18} {value}" for name, value in rows.items() if value != ""]
+    return {name: value for name, value in found.items() if value != ""}
