@@ -9,24 +9,24 @@ WINDOW = 0.25  # the last quarter of the strain of a test
 SHEAR = ("cv", "cr", "cp")
 
 
-def critical_states(runs):
+def critical_states(runs, window=WINDOW):
     """A pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and the scatter of M.
 
     `runs`: name -> run of SHEAR opened with labkit.open_run. M = q/p; its scatter is the standard deviation of the
-    records.
+    records. `window`: another share of the strain than the last quarter.
     """
     rows = []
     for name, run in runs.items():
         strain = run["axial_strain"].values
-        window = strain >= (1.0 - WINDOW) * strain[-1]
-        ratio = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[window]
-        mean = {key: float(run[key].values[window].mean()) for key in ("void_ratio", "coordination_number")}
-        zz = {key: float(run[key].values[window, 2, 2].mean()) for key in TENSORS}
+        last = strain >= (1.0 - window) * strain[-1]
+        ratio = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[last]
+        mean = {key: float(run[key].values[last].mean()) for key in ("void_ratio", "coordination_number")}
+        zz = {key: float(run[key].values[last, 2, 2].mean()) for key in TENSORS}
         rows.append({
             "run": name, "path": run.attrs["path"], "strain": float(strain[-1]), "M": float(np.mean(ratio)),
-            "M_scatter": float(np.std(ratio)), "p_MPa": float(run.lab.mean_stress().values[window].mean() / 1e6),
+            "M_scatter": float(np.std(ratio)), "p_MPa": float(run.lab.mean_stress().values[last].mean() / 1e6),
             "e": mean["void_ratio"], "Z": mean["coordination_number"],
-            "Lambda": float(run["mean_normalised_force"].values[window].mean()),
+            "Lambda": float(run["mean_normalised_force"].values[last].mean()),
             **{label: zz[key] for key, label in TENSORS.items()},
         })  # fmt: skip
     return pandas.DataFrame(rows)

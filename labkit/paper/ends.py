@@ -1,0 +1,107 @@
+"""Which runs of the campaign are compared, and their starts and ends as tables."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pandas
+
+from labkit.campaign.plan import HOLDS_A_STRESS
+from labkit.critical import SHEAR, WINDOW, critical_states
+from labkit.paper.estimates import BLOCKS
+from labkit.schema import LATER, RECORD
+
+ENOUGH_STRAIN = 0.15  # from which the last quarter of a shear test is near the critical state
+HELD_AFTER = 5e-3  # axial strain travelled until a servo holds what it must
+OTHERS = ("share_", "full_")  # tests of the engines and the laws, not of the paper
+
+
+def in_memory(runs):
+    """The same runs with their records in memory, without contacts and grains; `grains` is an attribute."""
+    found = {}
+    for name, run in runs.items():
+        names = [v for v in RECORD if v in run and (v not in LATER or v == "time")]
+        found[name] = run[names].drop_dims("snapshot", errors="ignore").load()
+        found[name].attrs = {**run.attrs, "grains": run.sizes["grain"]}
+    return found
+
+
+def main(runs):
+    """The tests of the paper, at full size, without those that compare engines and laws."""
+    return {name: run for name, run in runs.items() if not name.startswith(OTHERS)}
+
+
+def matching(runs, pattern):
+    """The runs whose whole name the regular expression matches."""
+    return {name: run for name, run in runs.items() if re.fullmatch(pattern, name)}
+
+
+def sheared(runs, paths=SHEAR):
+    """The shear tests among the runs that went far enough to have a critical state."""
+    return {
+        name: run for name, run in runs.items()
+        if run.attrs["path"] in paths and float(run["axial_strain"][-1]) >= ENOUGH_STRAIN
+    }  # fmt: skip
+
+
+def between(run, begin, end):
+    """The records from one axial strain to another, of a monotonic test."""
+    strain = run["axial_strain"].values
+    return run.isel(time=(strain >= begin) & (strain <= end))
+
+
+def ends(runs, begin=1.0 - WINDOW, end=1.0):
+    """critical_states between two shares of the strain of each shear test."""
+    parts = {}
+    for name, run in runs.items():
+        last = float(run["axial_strain"][-1])
+        parts[name] = between(run, begin * last, end * last)
+    return table(parts)
+
+
+def table(parts):
+    """critical_states over all records of some parts of runs; has its columns without any run too."""
+    found = critical_states(parts, window=1.0)
+    return found if len(found) else pandas.DataFrame(columns=COLUMNS, dtype=float)
+
+
+COLUMNS = ("run", "path", "strain", "M", "M_scatter", "p_MPa", "e", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
+
+
+def blocks(name, run, begin, end):
+    """critical_states of BLOCKS equal parts between two axial strains, for a single test."""
+    edges = begin + (end - begin) * np.linspace(0.0, 1.0, BLOCKS + 1)
+    found = table({f"{name} {k + 1}": between(run, *edges[k : k + 2]) for k in range(BLOCKS)})
+    found.attrs["runs"] = (name,)
+    return found
+
+
+def starts(runs):
+    """A pandas.DataFrame with a row per run: e (overlaps out), e_nominal, p0_MPa of the first record, Z, the void ratio
+    that the specimen was made with (NaN: not recorded) and held_MPa, the mean of the stress that the path holds."""
+    rows = []
+    for name, run in runs.items():
+        recipe = json.loads(run.attrs.get("recipe") or "{}")
+        rows.append({
+            "run": name, "path": run.attrs["path"], "e": float(run["void_ratio"][0]),
+            "e_nominal": float(run["void_ratio_nominal"][0]), "e_made": float(recipe.get("void_ratio", "nan")),
+            "p0_MPa": float(run.lab.mean_stress()[0]) / 1e6, "Z": float(run["coordination_number"][0]),
+            "held_MPa": _held(run),
+        })  # fmt: skip
+    return pandas.DataFrame(rows, columns=["run", "path", "e", "e_nominal", "e_made", "p0_MPa", "Z", "held_MPa"])
+
+
+def _held(run):
+    if run.attrs["path"] not in HOLDS_A_STRESS:
+        return float("nan")
+    stress = run["stress"].values
+    held = 0.5 * (stress[:, 0, 0] + stress[:, 1, 1]) if run.attrs["path"] == "cr" else run.lab.mean_stress().values
+    later = travelled(run) > HELD_AFTER
+    return float(held[later].mean() / 1e6) if later.any() else float("nan")
+
+
+def travelled(run):
+    """Axial strain travelled until each record, shape (time,); it grows through reversals."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(run["axial_strain"].values)))])

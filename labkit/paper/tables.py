@@ -1,0 +1,44 @@
+"""Every table of the paper's numbers, from the thin run files: written by one function."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from labkit.files import make_folder, write_text
+from labkit.paper import fidelity, model_comparison
+from labkit.paper.causes import open_study
+from labkit.paper.ends import ends, in_memory, main, sheared
+from labkit.paper.lines import critical_lines, one_line, paper_Lambda, paper_Z
+from labkit.paper.sff_errors import sff_errors
+
+
+def write_tables(runs, output, study=None):
+    """Writes all tables into the folder `output` and returns their files.
+
+    `runs`: name -> run (labkit.open_run); `study`: the study.nc of labkit speed-error, whose effects of rate, step,
+    damping and size are tested causes too. What has no runs is said in the tables.
+    """
+    output = make_folder(output, "--output")
+    known = in_memory(runs)
+    numbers, causes = fidelity.fidelity(known, open_study(study and Path(study)))
+    at_ends = ends(sheared(main(known)))
+    at_ends = at_ends.assign(
+        Z_off=at_ends["Z"] - paper_Z(at_ends["e"]), Lambda_off=at_ends["Lambda"] - paper_Lambda(at_ends["e"])
+    )
+    found, other = model_comparison.calibrate(known)
+    errors, data = model_comparison.compare(known, model_comparison.models(found))
+    tables = {
+        "fidelity.csv": numbers, "fidelity_causes.csv": causes, "critical_states.csv": at_ends,
+        "critical_lines.csv": critical_lines(at_ends), "one_critical_line.csv": one_line(at_ends),
+        "sff.csv": sff_errors(runs), "parameters.csv": model_comparison.parameters(found, other),
+        "model_errors.csv": errors,
+    }  # fmt: skip
+    texts = {name: table.to_csv(index=False, float_format="%.6g") for name, table in tables.items()}
+    texts["fidelity.md"] = fidelity.page(numbers) + "\n"
+    texts["model_errors.md"] = model_comparison.summary(errors, found) + "\n"
+    if found:
+        texts["calibrated.json"] = model_comparison.as_json(found)
+    for name, text in texts.items():
+        write_text(output / name, text)
+    model_comparison.write_model(output / "model.nc", data)
+    return [*(output / name for name in texts), output / "model.nc"]

@@ -1,0 +1,90 @@
+"""The model against runs that it made itself: no error with its own parameters, and a calibration that finds them."""
+
+import json
+
+import numpy as np
+import pandas
+import pytest
+
+import labkit
+from labkit import plots
+from labkit.model import Model
+from labkit.paper import model_comparison as comparison
+from labkit.paper.ends import in_memory
+from labkit.paper.tables import write_tables
+from tests.paper.conftest import make
+
+TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
+FEW = ("cv-dense", "cv-medium", "cv-loose", "cp_500kPa-medium", "cr_1MPa-loose", "isoc-loose", "isod-dense_high",
+       "cr_500kPa-dense", "cyclic-cyclic_loose")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def other_runs(tmp_path_factory):
+    """Some tests of another material than Table 2's."""
+    files = make(tmp_path_factory.mktemp("other"), Model().with_parameters(**TRUTH), FEW, strain=0.4)
+    return {name: labkit.open_run(file) for name, file in files.items()}
+
+
+def test_its_own_runs_are_followed(known):
+    errors, data = comparison.compare(known, comparison.models(None))
+    errors = errors[errors["parameters"] == comparison.TABLE_2]
+    assert set(errors["run"]) == set(known)
+    assert (errors["reached"] > 0.98).all()
+    assert (errors[["q_error", "p_error"]].max() < 0.03).all()  # the scatter that the tests were given
+    assert errors["e_error"].max() < 1e-3
+    assert data.sizes["run"] == len(known) and list(data["parameters"].values) == [comparison.TABLE_2]
+    assert np.isnan(errors.set_index("run")["e_error"]["cv-dense"])  # e is given
+
+
+def test_a_calibration_finds_another_material(other_runs):
+    known = in_memory(other_runs)
+    found, other = comparison.calibrate(known)
+    table = comparison.parameters(found, other).set_index("parameter")
+    for name, value in TRUTH.items():
+        assert table["ours"][name] == pytest.approx(value, rel=0.05), name
+    assert not table["table_2_inside"][["c_cLam", "c_eZ", "F_c"]].any()
+    errors = comparison.compare(known, comparison.models(found))[0]
+    median = errors.groupby("parameters")["q_error"].median()
+    assert median[comparison.OURS] < 0.01 < 0.05 < median[comparison.TABLE_2]
+    assert errors.set_index(["run", "parameters"])["calibrated_on"]["cv-dense", comparison.OURS]
+    assert not errors.set_index(["run", "parameters"])["calibrated_on"]["cyclic-cyclic_loose", comparison.OURS]
+
+
+def test_a_path_that_the_model_cannot_finish_has_a_status(known):
+    """Z goes to nothing in isotropic dilation to a low pressure."""
+    run = known["isod-loose"].copy()
+    parameters = json.loads(run.attrs["path_parameters"])
+    run.attrs["path_parameters"] = json.dumps({**parameters, "pressure": 1.0, "strain": -0.3})
+    longer = run.assign(axial_strain=run["axial_strain"] * 4.0)
+    errors = comparison.compare({"isod-loose": longer}, comparison.models(None))[0]
+    assert errors["reached"][0] < 1.0 and errors["status"][0]
+    assert any("isod-loose" in words for words in comparison.failures(errors))
+
+
+def test_chance_is_that_of_another_seed(known):
+    errors = comparison.compare(known, {})[0]
+    assert set(errors["parameters"]) == {comparison.SEED} and len(errors) == 6
+    assert (errors["q_error"] > 0.0).all() and errors["q_error"].max() < 0.03
+
+
+def test_all_tables_are_written_and_read(other_runs, tmp_path):
+    files = write_tables(other_runs, tmp_path / "tables")
+    assert all(file.stat().st_size > 0 for file in files)
+    numbers = pandas.read_csv(tmp_path / "tables/fidelity.csv").set_index("number")
+    assert numbers["agrees"]["M"] in ("yes", "no") and numbers["agrees"]["CP 1"] == "no runs"
+    sff = pandas.read_csv(tmp_path / "tables/sff.csv")
+    assert (sff["worst"] < 1e-6).all() and "cyclic-cyclic_loose" not in set(sff["run"])
+    assert Model.from_json((tmp_path / "tables/calibrated.json").read_text()).readings.beyond_e_cmax == "error"
+    model = comparison.open_model(tmp_path / "tables/model.nc")
+    assert set(model) == set(FEW) and set(model["cv-dense"]) == {comparison.TABLE_2, comparison.OURS}
+    run = model["cyclic-cyclic_loose"][comparison.OURS]
+    assert run.lab.mean_stress().values[-1] == pytest.approx(0.5e6, rel=1e-3)
+    assert run.attrs["path"] == "cyclic_cp" and np.isfinite(run["void_ratio"]).all()
+    plots.save(plots.curves({"CV": {"dense": model["cv-dense"][comparison.OURS]}}, ("q-p",)), tmp_path / "f.png")
+
+
+def test_tables_without_a_test_that_they_need(other_runs, tmp_path):
+    files = write_tables({"cyclic-cyclic_loose": other_runs["cyclic-cyclic_loose"]}, tmp_path)
+    assert not any(file.name == "calibrated.json" for file in files)
+    assert "Table 2" in (tmp_path / "model_errors.md").read_text()
