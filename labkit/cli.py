@@ -164,9 +164,12 @@ def build_parser():
     campaign_options(campaign)
     campaign.set_defaults(command=do_campaign)
 
-    paper = commands_.add_parser("paper", help="the paper's tests: thin run files, tables and figures of a campaign")
-    paper.add_argument("campaign", nargs="?", help="folder of `labkit campaign paper` (default: none, the thin run "
-                       "files in the output are enough)")  # fmt: skip
+    paper = commands_.add_parser("paper", help="the paper's tests: runs the campaign, makes tables, figures, a report")
+    paper.add_argument("campaign", nargs="?", help="folder of the campaign: it is begun there, or goes on (default: "
+                       "none, everything is made of the thin run files in the output)")  # fmt: skip
+    paper.add_argument("--as-is", action="store_true", help="run nothing, take what is finished in the folder")
+    paper.add_argument("--cores", type=arguments.positive_int, default=os.cpu_count() or 1, help="of this machine "
+                       "(default: all)")  # fmt: skip
     paper.add_argument("-o", "--output", default="results/paper", help="folder of the results (default: "
                        "results/paper)")  # fmt: skip
     paper.set_defaults(command=do_paper)
@@ -406,10 +409,15 @@ def do_speed_error(options, argv):
 
 
 def do_paper(options, argv):
-    from labkit.paper.command import paper
+    from labkit.paper.command import paper, simulate
 
+    code = 0
+    if options.campaign and not options.as_is:
+        find_yade()
+        code = simulate(options.campaign, options.cores, reporter("campaign"))
     for file in paper(options.campaign, options.output, history_of(argv), reporter("paper")):
         print(file)
+    return int(code != 0)
 
 
 def do_bench_statistics(options, argv):
