@@ -20,7 +20,11 @@ def thin(run_file, tmp_path_factory):
 
 
 def test_records_are_the_same_in_single_precision(thin, run_file):
-    run, found = labkit.open_run(run_file), paper.runs(thin)["cv-small"]
+    with labkit.open_run(run_file) as run, paper.runs(thin)["cv-small"] as found:
+        records_agree(run, found)
+
+
+def records_agree(run, found):
     assert found.sizes["time"] == run.sizes["time"] and found.sizes["snapshot"] == 0
     for name in ("stress", "stress_sff", "void_ratio", "mean_normalised_force", "contact_anisotropy", "axial_strain"):
         np.testing.assert_allclose(found[name], run[name], rtol=2e-7, atol=1e-7 * float(np.abs(run[name]).max()))
@@ -29,8 +33,8 @@ def test_records_are_the_same_in_single_precision(thin, run_file):
 
 
 def test_what_the_contacts_told(thin, run_file):
-    run = labkit.open_run(run_file)
-    with xr.open_dataset(thin / "runs" / "cv-small.run.nc", group="derived") as found:
+    with (labkit.open_run(run_file) as run,
+          xr.open_dataset(thin / "runs" / "cv-small.run.nc", group="derived") as found):  # fmt: skip
         love = run.lab.love_stress()
         c0 = found["stress_family"].sel(form="c0")
         np.testing.assert_allclose(found["error_budget"].sum("part"), c0 - love, atol=1e-6 * float(love.max()))
@@ -44,10 +48,10 @@ def test_pictures_keep_their_contacts(run_file, tmp_path):
     (tmp_path / "out" / "runs").mkdir(parents=True)
     thin = tmp_path / "out" / "runs" / "thin.run.nc"
     condense(source, thin, "labkit paper")
-    run, found = labkit.open_run(source), labkit.open_run(thin)
     assert read_size_groups(tmp_path / "out").sizes["group"] == 5
-    assert found.sizes["snapshot"] == len(PICTURES[name])
-    np.testing.assert_allclose(found.lab.love_stress()[-1], run.lab.love_stress()[-1], rtol=1e-5, atol=1.0)
+    with labkit.open_run(source) as run, labkit.open_run(thin) as found:
+        assert found.sizes["snapshot"] == len(PICTURES[name])
+        np.testing.assert_allclose(found.lab.love_stress()[-1], run.lab.love_stress()[-1], rtol=1e-5, atol=1.0)
 
 
 def test_a_run_is_condensed_once(thin, run_file):
