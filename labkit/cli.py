@@ -1,5 +1,6 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`, `campaign`; `model`, `calibrate`, `model-figures`, `model-speed`.
+`speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`, `report`; `model`, `calibrate`, `model-figures`,
+`model-speed`.
 """
 
 from __future__ import annotations
@@ -16,11 +17,12 @@ from labkit.campaign.command import add_campaign_options as campaign_options
 from labkit.engines import ENGINES
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
-from labkit.files import require_writable, write_text
+from labkit.files import require_writable
 from labkit.hard_scenes import GRAINS, SCENES
 from labkit.memory import return_large_arrays
 from labkit.model import options as model_options
 from labkit.progress import reporter
+from labkit.provenance import write_told
 
 FIGURES = ("groups", "densities", "directions", "shares", "family", "budget", "contacts")  # of labkit.micro_figures
 
@@ -162,6 +164,27 @@ def build_parser():
     campaign_options(campaign)
     campaign.set_defaults(command=do_campaign)
 
+    paper = commands_.add_parser("paper", help="the paper's tests: runs the campaign, makes tables, figures, a report")
+    paper.add_argument("campaign", nargs="?", help="folder of the campaign: it is begun there, or goes on (default: "
+                       "none, everything is made of the thin run files in the output)")  # fmt: skip
+    paper.add_argument("--as-is", action="store_true", help="run nothing, take what is finished in the folder")
+    paper.add_argument("--cores", type=arguments.positive_int, default=os.cpu_count() or 1, help="of this machine "
+                       "(default: all)")  # fmt: skip
+    paper.add_argument("-o", "--output", default="results/paper", help="folder of the results (default: "
+                       "results/paper)")  # fmt: skip
+    paper.set_defaults(command=do_paper)
+
+    notebooks = commands_.add_parser("notebooks", help="redraw the paper's figures with the notebooks of analysis/")
+    notebooks.add_argument("folder", nargs="?", default="analysis", help="folder of notebooks (default: analysis)")
+    notebooks.add_argument("--results", default="results/paper", help="folder of the data (default: results/paper)")
+    notebooks.add_argument("-o", "--output", help="folder of the figures (default: that of the data)")
+    notebooks.set_defaults(command=do_notebooks)
+
+    report = commands_.add_parser("report", help="one page of the paper's tests: figures, tables, provenance")
+    report.add_argument("folder", nargs="?", default="results/paper", help="of labkit paper (default: results/paper)")
+    report.add_argument("-o", "--output", help="HTML file (default: report.html in the folder)")
+    report.set_defaults(command=do_report)
+
     demo = commands_.add_parser("demo", help="specimen, CV test and verification in a few minutes")
     demo.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
     demo.set_defaults(command=do_demo)
@@ -208,7 +231,7 @@ def do_verify(options, argv):
     plots.save(plots.sff_against_love(runs), figure, options.run)
     print(f"figure: {figure}")
     if options.csv:
-        write_text(options.csv, verify.findings_csv(found))
+        write_told(options.csv, verify.findings_csv(found), options.run)
     return 0 if all(f.holds for lines in found.values() for f in lines if f.decides) else 1
 
 
@@ -228,7 +251,7 @@ def do_critical(options, argv):
     plots.save(plots.e_p_paths(runs), options.output, options.run)
     print(f"figure: {options.output}")
     if options.csv:
-        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), options.run)
 
 
 def do_model(options, argv):
@@ -284,7 +307,7 @@ def do_figure(options, argv):
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
-        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
     else:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
@@ -311,7 +334,7 @@ def do_stratified(options, argv):
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
-        write_text(options.csv, table.to_csv(index=False, float_format="%.5g"))
+        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.output])
 
 
 def open_runs(files):
@@ -385,6 +408,18 @@ def do_speed_error(options, argv):
         print(file)
 
 
+def do_paper(options, argv):
+    from labkit.paper.command import paper, simulate
+
+    code = 0
+    if options.campaign and not options.as_is:
+        find_yade()
+        code = simulate(options.campaign, options.cores, reporter("campaign"))
+    for file in paper(options.campaign, options.output, history_of(argv), reporter("paper")):
+        print(file)
+    return int(code != 0)
+
+
 def do_bench_statistics(options, argv):
     from labkit.bench_statistics import bench_statistics
 
@@ -407,6 +442,22 @@ def do_campaign(options, argv):
     from labkit.campaign.command import campaign
 
     return campaign(options)
+
+
+def do_notebooks(options, argv):
+    from labkit.paper.notebooks import execute, notebook_files
+
+    for file in notebook_files(options.folder):
+        execute(file, options.results, options.output or options.results)
+        print(f"{file}: done", flush=True)
+
+
+def do_report(options, argv):
+    from labkit.paper.report import report
+
+    output = options.output or str(Path(options.folder) / "report.html")
+    report(options.folder, output, history_of(argv))
+    print(f"page: {output}")
 
 
 def do_demo(options, argv):

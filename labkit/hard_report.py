@@ -16,6 +16,7 @@ from labkit.files import make_folder, write_text
 from labkit.hard_cases import Outcome, cycle_ends, examine
 from labkit.hard_scenes import CLEAR_ERROR, CORRECT, LIMIT_SAID, SCENES, SILENT_WRONG
 from labkit.limits import OVERLAP_LIMIT, PRESSURE_LIMIT
+from labkit.provenance import write_told
 from labkit.scene import Scene
 from labkit.specimen import side_for
 
@@ -43,11 +44,11 @@ def study(names, engines, grains, output, work, command, progress, history):
     outcomes.sort(key=lambda outcome: names.index(outcome.case))
     print(table(outcomes))
     frame = pandas.DataFrame([dataclasses.asdict(outcome) for outcome in outcomes])
-    write_text(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"))
+    write_told(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"))
     drawn = draw(folder, engines, names)
     if drawn is not None:
         plots.save(drawn, output / "hard_cases.png")
-    write_text(output / "README.md", page(outcomes, grains, history, drawn is not None))
+    write_told(output / "README.md", page(outcomes, grains, history, drawn is not None))
     print(f"page: {output / 'README.md'}")
     return int(any(outcome.verdict == SILENT_WRONG for outcome in outcomes))
 

@@ -16,7 +16,7 @@ from labkit.state import read_state
 def describe_file(path):
     """A few lines on a labkit file. Raises InputError for another file."""
     kind = file_kind(path)
-    if kind in ("figure", "statistics"):
+    if kind in ("figure", "statistics", "output"):
         return "\n".join([f"{path}: labkit {kind}", *provenance.words(provenance.of_file(path))])
     lines = [f"{path}: labkit {kind} file"]
     with open_netcdf(path, kind) as dataset:
@@ -52,11 +52,13 @@ def check_file(path):
 
 
 def file_kind(path):
-    """`state`, `run`, `statistics` of a campaign or `figure`. Raises InputError for anything else."""
+    """`state`, `run`, `statistics` of a campaign, `figure`, or `output` of another kind. Raises InputError."""
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist: give a labkit state or run file")
     if Path(path).suffix.lower() == ".png" and provenance.of_file(path):
         return "figure"
+    if Path(f"{path}{provenance.BESIDE}").exists():
+        return "output"
     kind = labkit_kind(path)
     if kind not in ("state", "run", "statistics"):
         raise InputError(f"{path} is not a labkit file: give a state or run file")

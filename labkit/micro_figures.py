@@ -40,8 +40,12 @@ BANDS, SECTORS = 8, 24
 
 def groups(run, number=5, snapshot=-1):
     """sigma^N(k) and sigma^V(k) over Love by grain size (Fig. 2), and sigma^V(k) Z(k)/Z, the stress of the grains."""
-    found, love = run.lab.size_groups(number), run.lab.love_stress()
-    strain = found["axial_strain"].values * 100
+    return group_stresses(run.lab.size_groups(number), run.lab.love_stress())
+
+
+def group_stresses(found, love, width=WIDTH):
+    """`groups` from what the accessor computes: `found` of run.lab.size_groups, `love` of run.lab.love_stress."""
+    strain, number = found["axial_strain"].values * 100, found.sizes["group"]
     panels = {
         "per contact, $\\sigma^N(k)/\\sigma$": found["per_contact"].values,
         "per volume, $\\sigma^V(k)/\\sigma$": found["per_volume"].values,
@@ -49,7 +53,7 @@ def groups(run, number=5, snapshot=-1):
             found["per_volume"].values * found["coordination_ratio"].values[..., None, None],
     }  # fmt: skip
     scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": deviatoric_stress}
-    figure, axes = plt.subplots(1, 3, figsize=(WIDTH, 4.0), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(1, 3, figsize=(width, 0.4 * width), sharey=True, layout="constrained")
     rows = []
     colors = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, number))
     for panel, (title, values) in zip(axes, panels.items()):
@@ -228,9 +232,7 @@ def shares(run, number=5, snapshot=-1):
     strain = found["axial_strain"].values * 100
     love = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 4.2), layout="constrained")
-    colors = plt.get_cmap("tab10").colors[: len(TERMS)]
-    left.stackplot(strain, *found.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in TERMS])
-    left.plot(strain, love, "k-", lw=1.2, label="Love")
+    colors = stack_shares(left, run)
     left.set(xlabel="axial strain (%)", ylabel="q/p", title="stacked: they add up to C0")
     total = found.values.sum(axis=0)
     grown = np.abs(total) > 0.1 * np.nanmax(np.abs(total))
@@ -242,6 +244,15 @@ def shares(run, number=5, snapshot=-1):
     figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=8)
     table = {"axial_strain": strain / 100, "q_over_p_love": love, **dict(zip(TERMS, found.values))}
     return figure, pandas.DataFrame(table)
+
+
+def stack_shares(axes, run):
+    """Stacks what the terms of C0 add to q/p of a run, with q/p of Love over them; the colours of the terms."""
+    found, colors = run.lab.strength_shares(), plt.get_cmap("tab10").colors[: len(TERMS)]
+    strain, love = found["axial_strain"].values * 100, run.lab.deviatoric_stress() / run.lab.mean_stress()
+    axes.stackplot(strain, *found.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in TERMS])
+    axes.plot(strain, love.values, "k-", lw=1.2, label="Love")
+    return colors
 
 
 def family(run, number=5, snapshot=-1, rounds=25):

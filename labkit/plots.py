@@ -13,9 +13,10 @@ import numpy as np  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 
 from labkit.files import whole_file  # noqa: E402
-from labkit.provenance import provenance  # noqa: E402
+from labkit.provenance import provenance, tell  # noqa: E402
 
 WIDTH = 10.0  # inches
+DPI = 150
 FORMATS = (".png", ".pdf", ".svg")
 STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
@@ -45,12 +46,13 @@ def sff_against_love(runs):
     return figure
 
 
-def e_p_paths(runs):
+def e_p_paths(runs, critical=None, width=WIDTH):
     """e against p of shear tests in one diagram (Fig. 1), and q against p beside it; a Figure.
 
-    `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path.
+    `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path. `critical`:
+    label -> (p, e) of critical state lines, Pa.
     """
-    figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 5.2), layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=(width, 0.52 * width), layout="constrained")
     styles = {"cv": "-", "cr": "--", "cp": ":"}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale = plt.Normalize(start.min(), start.max() + 1e-9)
@@ -70,22 +72,39 @@ def e_p_paths(runs):
     lines = [Line2D([], [], color="0.3", linestyle=style, label=name.upper()) for name, style in shown.items()]
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
     lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
+    for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":")):
+        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
     for axes in (left, right):
         axes.grid(alpha=0.25)
-    figure.legend(handles=lines, loc="outside lower center", ncols=8, frameon=False, fontsize=8)
+    columns = 8 if width >= WIDTH else 4
+    figure.legend(handles=lines, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, plt.get_cmap("viridis")), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")
     return figure
 
 
-CURVES = {
-    "q-strain": ("axial strain (%)", "q (MPa)", lambda r: (percent(r), r.lab.deviatoric_stress().values / 1e6)),
-    "p-strain": ("axial strain (%)", "p (MPa)", lambda r: (percent(r), r.lab.mean_stress().values / 1e6)),
-    "q-p": ("p (MPa)", "q (MPa)", lambda r: (r.lab.mean_stress().values / 1e6, r.lab.deviatoric_stress().values / 1e6)),
-    "e-strain": ("axial strain (%)", "void ratio e", lambda r: (percent(r), r["void_ratio"].values)),
-    "e-p": ("p (MPa)", "void ratio e", lambda r: (r.lab.mean_stress().values / 1e6, r["void_ratio"].values)),
-    "Z-strain": ("axial strain (%)", "Z", lambda r: (percent(r), r["coordination_number"].values)),
+QUANTITIES = {
+    "strain": ("axial strain (%)", lambda run, stress: percent(run)),
+    "travelled": ("axial strain travelled (%)", lambda run, stress: travelled(run)),
+    "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
+    "q": ("q (MPa)", lambda run, stress: run.lab.deviatoric_stress(stress).values / 1e6),
+    "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),
+    "e_nominal": ("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
+    "Z": ("Z", lambda run, stress: run["coordination_number"].values),
+    "Lambda": ("$\\Lambda$", lambda run, stress: run["mean_normalised_force"].values),
+    "A": ("$A_{zz}$", lambda run, stress: run["contact_anisotropy"].values[:, 2, 2]),
+    "F": ("$F_{zz}$", lambda run, stress: run["normal_force_anisotropy"].values[:, 2, 2]),
+    "Ft": ("$F^t_{zz}$", lambda run, stress: run["mobilisation"].values[:, 2, 2]),
 }
+
+
+def diagram(name):
+    """(label of x, label of y, function of a run and the name of a stress that gives x and y) of a diagram.
+
+    `name`: two of QUANTITIES, e.g. `q-strain` for q over the axial strain.
+    """
+    (y_label, y), (x_label, x) = (QUANTITIES[part] for part in name.split("-"))
+    return x_label, y_label, lambda run, stress="stress": (x(run, stress), y(run, stress))
 
 
 def percent(run):
@@ -93,8 +112,14 @@ def percent(run):
     return run["axial_strain"].values * 100
 
 
+def travelled(run):
+    """Axial strain travelled until each record, %; it grows through reversals."""
+    strain = percent(run)
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(strain)))])
+
+
 def curves(rows, names):
-    """Runs of simulations and of the model in the diagrams `names` (CURVES), a row of panels for each group; a Figure.
+    """Runs of simulations and of the model in the diagrams `names`, a row of panels for each group; a Figure.
 
     `rows`: title of the row -> (label -> run). Where a figure has both kinds, the model is dotted.
     """
@@ -106,9 +131,9 @@ def curves(rows, names):
         for color, (label, run) in zip(_colors(len(runs)), runs.items()):
             style = ":" if both and run.attrs.get("engine") == "model" else "-"
             for axes, name in zip(panels, names):
-                axes.plot(*CURVES[name][2](run), style, color=color, lw=1.4, label=label)
+                axes.plot(*diagram(name)[2](run), style, color=color, lw=1.4, label=label)
         for axes, name in zip(panels, names):
-            axes.set(xlabel=CURVES[name][0], ylabel=CURVES[name][1])
+            axes.set(xlabel=diagram(name)[0], ylabel=diagram(name)[1])
             axes.grid(alpha=0.25)
         panels[0].set_title(title, loc="left", fontsize=10)
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
@@ -166,11 +191,14 @@ def _colors(number):
     return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 
 
-def save(figure, path, inputs=()):
+def save(figure, path, inputs=(), command=None, dpi=DPI):
     """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
-    provenance; `inputs`: the files that it shows."""
+    provenance, beside another lies a file with it; `inputs`: the files that it shows, `command`: what made it
+    (default: this process)."""
     ending = Path(path).suffix[1:].lower()
-    metadata = {"provenance": provenance(inputs=inputs, output=path)} if ending == "png" else None
+    metadata = {"provenance": provenance(command, inputs, path)} if ending == "png" else None
     with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=150, format=ending, metadata=metadata)
+        figure.savefig(temporary, dpi=dpi, format=ending, metadata=metadata)
+    if ending != "png":
+        tell(path, inputs, command)
     plt.close(figure)

@@ -1,7 +1,8 @@
 """Where a file comes from: command, code version, input files by hash, seed, library versions and machine.
 
-`labkit info` shows it and `labkit info --check` recomputes the hashes. Two hashes are kept apart: that of the bytes of
-an input file, and that of the data of an output (`data_sha256`: names, types, shapes and values, no attributes), which
+`labkit info` shows it and `labkit info --check` recomputes the hashes. netCDF and PNG files hold it; beside any other
+output, a table or a page, lies a file of its name and `.provenance.json`. Two hashes are kept apart: that of the bytes
+of a file, and that of the data of an output (`data_sha256`: names, types, shapes and values, no attributes), which
 is the same wherever the same data came out.
 """
 
@@ -23,7 +24,9 @@ import netCDF4
 import numpy as np
 
 import labkit
+from labkit.files import labkit_kind, write_text
 
+BESIDE = ".provenance.json"  # what the name of a file that cannot hold its provenance is followed by
 LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotlib", "snakemake")
 
 
@@ -49,6 +52,18 @@ def provenance(command=None, inputs=(), output=None, seed=None):
     if seed is not None:
         known["seed"] = int(seed)
     return json.dumps(known)
+
+
+def write_told(file, text, inputs=(), command=None):
+    """Writes a text file, and beside it where it comes from; `inputs`: the files that were read."""
+    write_text(file, text)
+    tell(file, inputs, command)
+
+
+def tell(file, inputs=(), command=None):
+    """Writes beside a file of any kind where it comes from, and its hash."""
+    known = json.loads(provenance(command, inputs, file))
+    write_text(f"{file}{BESIDE}", json.dumps({**known, "sha256": file_sha256(file)}, indent=1) + "\n")
 
 
 @functools.cache
@@ -133,13 +148,17 @@ def _add_group(digest, group):
 
 
 def of_file(file):
-    """The provenance of a netCDF or PNG file as a dictionary, or None when it has none."""
+    """The provenance of a file as a dictionary, or None when it has none."""
     file = Path(file)
+    if (beside := Path(f"{file}{BESIDE}")).exists():
+        return json.loads(beside.read_text())
     if file.suffix.lower() == ".png":
         from PIL import Image
 
         with Image.open(file) as image:
             text = image.info.get("provenance")
+    elif labkit_kind(file) is None:
+        return None
     else:
         with netCDF4.Dataset(file) as dataset:
             text = getattr(dataset, "provenance", None)
@@ -153,12 +172,15 @@ def check(file):
     """
     file = Path(file)
     found = []
-    if file.suffix.lower() != ".png":
+    known = of_file(file) or {}
+    if "sha256" in known:
+        found.append(("this file", "same" if file_sha256(file) == known["sha256"] else "differs"))
+    elif labkit_kind(file):
         with netCDF4.Dataset(file) as dataset:
             stored = getattr(dataset, "data_sha256", None)
             if stored is not None:
                 found.append(("the data of this file", "same" if data_sha256(dataset) == stored else "differs"))
-    for item in (of_file(file) or {}).get("inputs", []):
+    for item in known.get("inputs", []):
         source = file.resolve().parent / item["file"]
         if not source.is_file():
             found.append((f"input {item['file']}", "missing"))
@@ -170,9 +192,14 @@ def check(file):
 
 def words(known):
     """A provenance as lines of text."""
+    return [f"  {name:<18} {value}" for name, value in rows(known).items()]
+
+
+def rows(known):
+    """A provenance as text under the names that people read."""
     machine_ = known.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]
-    rows = {
+    found = {
         "command": known.get("command", ""),
         "made": known.get("made", ""),
         "labkit": f"{known.get('labkit_version', '')} {known.get('commit') or 'no commit: installed, not a checkout'}",
@@ -182,4 +209,4 @@ def words(known):
         "python": known.get("python", ""),
         "machine": f"{machine_.get('name')}, {machine_.get('cores')} cores, {machine_.get('processor')}",
     }
-    return [f"  {name:<18} {value}" for name, value in rows.items() if value != ""]
+    return {name: value for name, value in found.items() if value != ""}

@@ -1,5 +1,6 @@
 """The commands with the engine fused, on a system without YADE."""
 
+import json
 import os
 import signal
 import subprocess
@@ -64,6 +65,16 @@ def test_yade_does_not_know_law_paper(specimen, labkit_command, tmp_path):
     done = labkit_command("specimen", "--void-ratio", 0.67, "--law", "paper", "-o", tmp_path / "s.state.nc")
     assert done.returncode == 2 and "--engine fused" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_takes_another_law_than_its_specimen(specimen, labkit_command, tmp_path):
+    file = tmp_path / "r.run.nc"
+    done = labkit_command("run", "cv", specimen, *RUN, "--law", "yade", "-o", file, environment=BARE)
+    assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(file) as run:
+        assert json.loads(run.scene)["law"] == "yade"
+    again = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
+    assert again.returncode == 2 and "another specimen" in again.stderr
 
 
 def test_a_specimen_of_another_law_is_another_specimen(specimen, labkit_command):

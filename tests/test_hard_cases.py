@@ -160,7 +160,7 @@ def test_bad_input_is_one_line(words, said, tmp_path, capsys):
 
 def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):
     assert hard_cases(tmp_path, "very_loose") == 0
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["README.md", "hard_cases.csv"]
+    assert {p.name for p in (tmp_path / "out").iterdir() if p.suffix != ".json"} == {"README.md", "hard_cases.csv"}
 
 
 def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):

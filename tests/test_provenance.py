@@ -21,6 +21,7 @@ def folder(tmp_path, labkit_command):
         "consolidate s.state.nc --pressure 0.5e6 --engine fused -o c.state.nc",
         "run cv c.state.nc --strain 0.01 --rate 40 --snapshots 1 --engine fused -o r.run.nc",
         "figure shares r.run.nc -o f.png",
+        "figure shares r.run.nc -o f.svg --csv t.csv",
     ):
         done = labkit_command(*words.split(), cwd=tmp_path)
         assert done.returncode == 0, done.stderr
@@ -28,10 +29,12 @@ def folder(tmp_path, labkit_command):
 
 
 def test_every_output_says_what_made_it_and_a_change_is_noticed(folder, labkit_command):
-    inputs = {"s.state.nc": [], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"], "f.png": ["r.run.nc"]}
+    inputs = {"s.state.nc": [], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"]}
+    drawn = dict.fromkeys(("f.png", "f.svg", "t.csv"), ["r.run.nc"])
+    inputs |= drawn
     for name, sources in inputs.items():
         known = provenance.of_file(folder / name)
-        assert set(KNOWN) - set(known) <= ({"seed"} if name == "f.png" else set())
+        assert set(KNOWN) - set(known) <= ({"seed"} if name in drawn else set())
         assert [item["file"] for item in known["inputs"]] == sources
         assert known["command"].startswith("labkit ") and known["libraries"]["numpy"] and known["machine"]["cores"]
         assert known.get("seed", 7) == 7
@@ -40,6 +43,9 @@ def test_every_output_says_what_made_it_and_a_change_is_noticed(folder, labkit_c
         done = labkit_command("info", name, "--check", cwd=folder)
         assert done.returncode == 0 and "same" in done.stdout and known["command"] in done.stdout
 
+    (folder / "t.csv").write_text("changed")
+    done = labkit_command("info", "t.csv", "--check", cwd=folder)
+    assert done.returncode == 1 and "differs" in done.stdout
     with netCDF4.Dataset(folder / "c.state.nc", "a") as state:
         state["velocity"][0, 0] = 1e-9
     for name, said in (("c.state.nc", "the data of this file"), ("r.run.nc", "input c.state.nc")):

@@ -136,7 +136,7 @@ RUN = {
     "rate": quantity("rate"), "reversals": number, "record_strain": number, "snapshots": whole,
     "law": choice(LAWS), "time_step_factor": number, **COMMON,
 }  # fmt: skip
-TOP = {"name": word, **COMMON, "snapshots": whole}
+TOP = {"name": word, **COMMON, "time_step_factor": number, "snapshots": whole}
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
 
@@ -307,6 +307,10 @@ def _campaign(root, file, mistakes):
         line = top.lines.get("name", 1)
         mistakes.add(line, f"the name {name!r} makes no name of a folder: use letters, digits, _ . -")
     _check_common(top, mistakes)
+    if "time_step_factor" in top.values:
+        factor = top.values["time_step_factor"]
+        if not checked(lambda: Scene(time_step_factor=factor), "the file", top.lines["time_step_factor"], mistakes):
+            del top.values["time_step_factor"]
     for section in ("specimens", "runs"):
         if section not in sections:
             mistakes.add(1, f"`{section}:` is missing: add it, see README.md")
@@ -532,5 +536,6 @@ def schedule_of(run, specimen):
     """The Schedule of a Run of a Specimen: how many steps and records. Raises InputError when they do not fit."""
     path = run.loading()
     return Schedule.of(
-        path, run.scene(specimen).time_step, specimen.expected_grains, run.record_strain or path.record_strain, run.snapshots
-    )
+        path, run.scene(specimen).time_step, specimen.expected_grains, run.record_strain or path.record_strain,
+        run.snapshots,
+    )  # fmt: skip

@@ -21,9 +21,9 @@ from labkit.campaign.workflow import failures
 from labkit.critical import SHEAR, critical_states
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError, fail
-from labkit.files import whole_file, write_text
+from labkit.files import whole_file
 from labkit.limits import RECORDED, exceeded
-from labkit.provenance import commit, data_sha256, libraries, machine, of_file, provenance
+from labkit.provenance import commit, data_sha256, libraries, machine, of_file, provenance, write_told
 from labkit.verify import SFF_PRESSURE
 
 
@@ -103,7 +103,7 @@ def report():
         lines += ["## Outside the limits", "", *left, ""] * bool(left)
         lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
     lines += ["## Provenance", "", *_origin(rows)]
-    write_text(REPORT, "\n".join(lines) + "\n")
+    write_told(REPORT, "\n".join(lines) + "\n", [Path(STATISTICS) / f"{row['run']}.nc" for row in rows])
 
 
 def _row(job):

@@ -11,7 +11,7 @@ import numpy as np
 
 from labkit.arguments import require
 from labkit.errors import InputError, PhysicsError
-from labkit.files import labkit_kind, open_netcdf, require_writable, write_text
+from labkit.files import labkit_kind, open_netcdf, require_writable
 from labkit.limits import exceeded
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
@@ -19,6 +19,7 @@ from labkit.model.integrators import Adaptive
 from labkit.model.parameters import Model
 from labkit.model.run_file import ENGINE, records, write_result
 from labkit.model.state import contact_anisotropy, isotropic_force_anisotropy, isotropic_state
+from labkit.provenance import write_told
 
 
 def model_command(options, history):
@@ -65,9 +66,9 @@ def calibrate_command(options, runs):
     found = fit(observations)
     print(found.report())
     if options.output:
-        write_text(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n")
+        write_told(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n", options.run)
     if options.csv:
-        write_text(options.csv, found.table.to_csv(index=False, float_format="%.6g"))
+        write_told(options.csv, found.table.to_csv(index=False, float_format="%.6g"), options.run)
     if options.figure:
         plots.save(plots.calibration(observations, found.predicted), options.figure)
     for file in outputs:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from labkit.files import make_folder, write_text
+from labkit.files import make_folder
 from labkit.paper import fidelity, model_comparison
 from labkit.paper.causes import open_study
 from labkit.paper.ends import ends, in_memory, main, sheared
 from labkit.paper.lines import critical_lines, one_line, paper_Lambda, paper_Z
 from labkit.paper.sff_errors import sff_errors
+from labkit.provenance import write_told
 
 
 def write_tables(runs, output, study=None):
@@ -39,6 +40,6 @@ def write_tables(runs, output, study=None):
     if found:
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():
-        write_text(output / name, text)
+        write_told(output / name, text, [run.encoding["source"] for run in runs.values() if "source" in run.encoding])
     model_comparison.write_model(output / "model.nc", data)
     return [*(output / name for name in texts), output / "model.nc"]

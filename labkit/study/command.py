@@ -9,7 +9,8 @@ import xarray
 
 from labkit import plots
 from labkit.errors import InputError
-from labkit.files import make_folder, whole_file, write_text
+from labkit.files import make_folder, whole_file
+from labkit.provenance import tell, write_told
 from labkit.study import figures
 from labkit.study.design import DESIGNS
 from labkit.study.errors import errors
@@ -48,14 +49,17 @@ def write(design, work, output, measures, command):
     table = errors(data, measures["settings"])
     with whole_file(output / "study.nc") as temporary:
         data.to_netcdf(temporary)
-    with whole_file(output / "errors.csv") as temporary:
-        table.to_csv(temporary, index=False, float_format="%.5g")
+    tell(output / "study.nc")
+    write_told(output / "errors.csv", table.to_csv(index=False, float_format="%.5g"), [output / "study.nc"])
     for file in sorted((Path(work) / "measures").iterdir()):
         if file.name != "model.csv":  # the lines of model_speed.txt
             shutil.copyfile(file, output / file.name)
+            if file.suffix != ".png":
+                tell(output / file.name)
     drawn = {"pareto_cp.png": figures.pareto(table), "pareto_cv.png": figures.pareto(table, "cv"),
              "changes.png": figures.changes(table), "sizes.png": figures.sizes(table)}  # fmt: skip
     for name, figure in drawn.items():
         plots.save(figure, output / name)
-    write_text(output / "README.md", page(data, table, measures, command))
+    made_of = [output / "study.nc", output / "errors.csv"]
+    write_told(output / "README.md", page(data, table, measures, command), made_of)
     return sorted(output.iterdir())

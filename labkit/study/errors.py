@@ -19,7 +19,7 @@ def errors(data, timed):
 
     mean, scatter: over the replicates, scatter being their standard deviation.
     error, error_within: mean less that of the reference on the same path, over that of the reference where
-        OBSERVABLES says relative, and the half-width of its 95 % interval (Welch: unequal variances, few replicates).
+        OBSERVABLES says relative, and the half-width of its 95 % interval.
     one_run: what one test is off by, sqrt(error^2 + scatter^2).
     change, change_within: mean difference to the baseline with the same specimens, and its 95 % half-width (paired).
     cost: over that of the baseline of the same path; over_standard: over that of the standard settings, which for
@@ -36,19 +36,19 @@ def errors(data, timed):
             over_base = float(costs.sel(case=case) / costs.sel(case=base))
             for name, (label, _, relative) in OBSERVABLES.items():
                 values = some["value"].sel(case=case, observable=name).values
-                sound, ideal = _sound(values), _sound(reference["value"].sel(observable=name).values)
-                scale = abs(ideal.mean()) if relative and ideal.size else 1.0
+                sound, scale = _sound(values), _scale(reference, name, relative)
                 scatter = sound.std(ddof=1) if sound.size > 1 else np.nan
-                error = (sound.mean() - ideal.mean()) / scale if sound.size and ideal.size else np.nan
-                change, change_within = _change(some.sel(case=case), baseline, name, relative)
+                error, error_within = _against(some.sel(case=case), reference, name)
+                change, change_within = _mean_of(_pairs(some.sel(case=case), baseline, name))
+                base_scale = _scale(baseline, name, relative)
                 rows.append({
                     "path": path, "case": case, "factor": str(some["factor"].values[k]),
                     "level": str(some["level"].values[k]), "observable": name, "label": label,
                     "replicates": sound.size,
                     "number_of_grains": float(some["grains"].sel(case=case).mean()),
-                    "mean": sound.mean() if sound.size else np.nan, "scatter": scatter / scale, "error": error,
-                    "error_within": _welch(sound, ideal) / scale, "one_run": np.hypot(error, scatter / scale),
-                    "change": change, "change_within": change_within,
+                    "mean": sound.mean() if sound.size else np.nan, "scatter": scatter / scale, "error": error / scale,
+                    "error_within": error_within / scale, "one_run": np.hypot(error, scatter) / scale,
+                    "change": change / base_scale, "change_within": change_within / base_scale,
                     "cost": over_base, "over_standard": over_standard.get(case, over_base * over_standard[base]),
                 })  # fmt: skip
     return pandas.DataFrame(rows)
@@ -61,31 +61,49 @@ def _case(data, factor, level=None):
     return data.isel(case=int(np.flatnonzero(at)[0]))
 
 
+def _scale(case, name, relative):
+    """What the differences of an observable are divided by."""
+    values = _sound(case["value"].sel(observable=name).values)
+    return abs(values.mean()) if relative and values.size else 1.0
+
+
 def _sound(values):
     return values[np.isfinite(values)]
 
 
+def _against(case, other, name):
+    """Mean difference of two cases and the half-width of its interval: pair by pair where their specimens are the same,
+    which takes the scatter of specimens out, else Welch's. NaN where it cannot be said."""
+    paired = _pairs(case, other, name)
+    if paired.size:
+        return _mean_of(paired)
+    a, b = (_sound(x["value"].sel(observable=name).values) for x in (case, other))
+    return (a.mean() - b.mean() if a.size and b.size else np.nan), _welch(a, b)
+
+
 def _welch(a, b):
-    """Half-width of the interval of mean(a) - mean(b); NaN where it cannot be said."""
-    if a.size < 2 or b.size < 2 or (np.ptp(a) == 0.0 and np.ptp(b) == 0.0):
+    """Half-width of the interval of mean(a) - mean(b), of unequal variances."""
+    if min(a.size, b.size) < 2 or (np.ptp(a) == 0.0 and np.ptp(b) == 0.0):
         return np.nan
-    interval = stats.ttest_ind(a, b, equal_var=False).confidence_interval(CONFIDENCE)
+    return _half(stats.ttest_ind(a, b, equal_var=False))
+
+
+def _pairs(case, other, name):
+    """Differences (pair,) of an observable between tests of the same specimens; none where these are others."""
+    same = (case["seed"] == other["seed"]) & (case["grains"] == other["grains"]) & (case["seed"] > 0)
+    difference = case["value"].sel(observable=name).values - other["value"].sel(observable=name).values
+    return _sound(difference[same.values])
+
+
+def _mean_of(differences):
+    if differences.size < 2 or np.ptp(differences) == 0.0:
+        return differences.mean() if differences.size else np.nan, np.nan
+    return differences.mean(), _half(stats.ttest_1samp(differences, 0.0))
+
+
+def _half(test):
+    interval = test.confidence_interval(CONFIDENCE)
     return float(0.5 * (interval.high - interval.low))
-
-
-def _change(case, baseline, name, relative):
-    """Mean difference to the baseline and its half-width; NaN for other specimens than its."""
-    same = (case["seed"] == baseline["seed"]) & (case["grains"] == baseline["grains"]) & (case["seed"] > 0)
-    here, there = (x["value"].sel(observable=name).values[same.values] for x in (case, baseline))
-    both = np.isfinite(here) & np.isfinite(there)
-    if not both.any():
-        return np.nan, np.nan
-    difference = here[both] - there[both]
-    scale = abs(there[both].mean()) if relative else 1.0
-    if difference.size < 2 or np.ptp(difference) == 0.0:
-        return difference.mean() / scale, np.nan
-    interval = stats.ttest_1samp(difference, 0.0).confidence_interval(CONFIDENCE)
-    return difference.mean() / scale, float(0.5 * (interval.high - interval.low)) / scale
 
 
 def front(costs, errors_):

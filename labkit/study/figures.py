@@ -78,7 +78,7 @@ def changes(table, path="cp"):
     for row, name in zip(grid, SHOWN):
         some = table[(table["observable"] == name) & np.isfinite(table["change"])]
         numeric = some[some["factor"].isin(FACTORS)]
-        top = 100 * np.nanquantile(np.abs(numeric["change"]), 0.9) * 1.5 if len(numeric) else 1.0
+        top = 300 * np.nanquantile(np.abs(numeric["change"]), 0.7) if len(numeric) else 1.0
         for axes, (factor, (label, base)) in zip(row, FACTORS.items()):
             points = numeric[numeric["factor"] == factor]
             x = points["level"].astype(float).values
@@ -111,12 +111,13 @@ def sizes(table):
     table = table[(table["path"] == "cp") & (table["factor"].isin(["grains", BASELINE, PRESET]))]
     table = table[table["factor"].ne(PRESET) | table["level"].eq("standard")]
     figure, panels = plt.subplots(1, 2, figsize=(WIDTH, 4.2), layout="constrained")
-    for name in SHOWN:
+    for k, name in enumerate(SHOWN):
         some = table[table["observable"] == name].sort_values("number_of_grains")
         x = some["number_of_grains"].values
+        beside = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # so that no interval hides another
         panels[0].loglog(x, 100 * some["scatter"].values, "o-", ms=4, label=some["label"].iloc[0])
         panels[1].errorbar(
-            x * 1.0, 100 * some["error"].values, yerr=100 * some["error_within"].values, fmt="o-", ms=4, capsize=2,
+            beside, 100 * some["error"].values, yerr=100 * some["error_within"].values, fmt="o-", ms=4, capsize=2,
             label=some["label"].iloc[0],
         )  # fmt: skip
     x = np.array(sorted(table["number_of_grains"].unique()))

@@ -98,5 +98,5 @@ def _result(case, row):
 
 
 def cost(data):
-    """Wall time over the yardstick, mean over replicates, (case,): seconds of a machine on which it takes a second."""
-    return (data["wall_time"] / data["yardstick"]).mean("replicate")
+    """Wall time over the yardstick, median of replicates, (case,): seconds of a machine on which it takes a second."""
+    return (data["wall_time"] / data["yardstick"]).median("replicate")

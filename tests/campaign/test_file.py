@@ -119,6 +119,10 @@ BROKEN = {
     "reversals of cv": (run("path: cv, specimen: a, reversals: [0.01]"), [(5, "not a parameter of cv")]),
     "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
     "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
+    "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"), [(1, "time step factor is -1")]),
+    "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
+    "law paper in a run on yade": (run("path: cv, specimen: a, law: paper, engine: yade"),
+                                   [(5, "does not know contact law 'paper'")]),
     "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"), [(5, "time step factor is 100")]),
     "five at once": ("settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1")
                      + "  r: {path: cx, specimen: a}\n",

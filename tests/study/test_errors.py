@@ -66,6 +66,23 @@ def test_a_difference_is_told_from_scatter_when_it_is_larger_and_only_then(writt
     assert reference["over_standard"] == 3.0  # measured in turn
 
 
+def test_the_reference_with_the_same_specimens_is_taken_pair_by_pair(tmp_path):
+    rng = np.random.default_rng(2)
+    (tmp_path / "results").mkdir()
+    cases = (DESIGN.cases[0], *(Case(PRESET, level, SEEDS, 14000) for level in ("standard", "reference")))
+    of_seed = {seed: rng.normal() for seed in SEEDS}
+    for case, mean in zip(cases, (1.0, 1.005, 1.0)):
+        for seed in SEEDS:
+            value = mean * (1.0 + 0.05 * of_seed[seed] + 1e-3 * rng.normal())
+            known = dict.fromkeys([*OBSERVABLES, *CHECKS], value)
+            result = {"case": case.name, "seed": seed, "grains": case.grains, "status": "", "values": known}
+            (tmp_path / "results" / f"{case.name}_{seed}.json").write_text(json.dumps(result))
+    table = errors(collect(Design(cases, ()), tmp_path), TIMED)
+    standard = table[(table["level"] == "standard") & (table["observable"] == "ratio_peak")].iloc[0]
+    assert standard["error"] == pytest.approx(0.005, abs=0.002) and standard["error_within"] < 0.003
+    assert standard["scatter"] > 0.02
+
+
 def test_intervals_contain_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(1)
     hits = 0

@@ -1,0 +1,59 @@
+"""The constitutive model along the path of a simulation, from the state in which the simulation starts."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+from labkit.errors import InputError
+from labkit.model.commands import read_model
+from labkit.model.driver import drive
+from labkit.model.parameters import Model
+from labkit.model.run_file import as_run
+from labkit.model.state import ModelState, isotropic_state
+from labkit.paths import path_class
+
+TABLE_2, CALIBRATED = "Table 2", "calibrated"
+
+
+def models(folder):
+    """name -> Model: `Table 2`, and `calibrated` if `folder` holds calibrated.json. Raises InputError.
+
+    They go on beyond e_cmax (reading `flat`), as the loose tests do.
+    """
+    found = {TABLE_2: Model()}
+    file = Path(folder) / "calibrated.json"
+    if file.exists():
+        found[CALIBRATED] = read_model(file)
+    return {name: model.reading(beyond_e_cmax="flat") for name, model in found.items()}
+
+
+def path_of(run):
+    """The path of labkit.paths along which a run went."""
+    kind = path_class(run.attrs["path"])
+    given = json.loads(run.attrs["path_parameters"])
+    fields = {field.name for field in dataclasses.fields(kind)}
+    return kind(**{name: value for name, value in given.items() if name in fields})
+
+
+def start_of(run, model, path):
+    """The isotropic state of the model with e and Z of the first record of the run, and Lambda of it.
+
+    e is the nominal void ratio, which C0 and the strain go with. Where the path holds a stress, Lambda follows from
+    this stress instead, as C0 is off by a per cent from the stress that the servo of the simulation holds. Raises
+    InputError when the run starts without contacts.
+    """
+    e, Z, Lam = (float(run[name][0]) for name in ("void_ratio_nominal", "coordination_number", "mean_normalised_force"))
+    if not Z > 0.0 or not Lam > 0.0:
+        raise InputError("the run starts without contact forces: the model needs some, give another run")
+    return ModelState(e, Z, Lam) if path.control() is None else isotropic_state(model, e, path.pressure, Z=Z)
+
+
+def model_run(run, model):
+    """The model along the path of `run`, an xarray.Dataset as labkit.open_run gives. Raises InputError.
+
+    Where the equations end before the path, it ends there (attribute `complete` = 0).
+    """
+    path = path_of(run)
+    return as_run(drive(model, path, start_of(run, model, path)))

@@ -1,0 +1,206 @@
+"""`labkit report`: what is in results/paper and beside it as one page to look at.
+
+Every number is read from a data file. What is not there yet is said with the command that makes it.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pandas
+
+from labkit import markdown
+from labkit.errors import InputError
+from labkit.files import require_writable
+from labkit.paper import pieces
+from labkit.paper.origins import origins
+from labkit.paper.pieces import join
+from labkit.paper.web_page import write_page
+from labkit.provenance import tell
+
+TABLES = "labkit paper"  # commands that make what is missing
+FIGURES = "labkit notebooks"
+STUDY = "labkit speed-error"
+CASES = "labkit hard-cases"
+BENCH = "labkit bench"
+HOUR, DAY = 3600.0, 86400.0  # s
+
+
+def report(folder, output, command):
+    """Writes the page of the folder of `labkit paper` to `output`, an HTML file, and its provenance beside it;
+    `command`: what made it. Raises InputError without the folder or without pandoc."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder: make it with {TABLES} CAMPAIGN -o {folder}")
+    require_writable(output)
+    sections = (fidelity, gallery, critical_state, figures, statistics, love, model, engines, speed_error, hard_cases,
+                cost)  # fmt: skip
+    text = join(HEAD, SUBJECT, *(section(folder) for section in sections))
+    files = shown_files(text, folder)
+    write_page(join(text, origins(folder, files, output, command, TABLES)), folder, output)
+    tell(output, files, command)
+
+
+HEAD = """---
+title: Granular soil in a virtual laboratory
+subtitle: "The tests of He, Wu & Wang (2019) at full size: figures, numbers and what they cost"
+lang: en
+---"""
+
+SUBJECT = r"""## What this is
+
+He, Wu & Wang (2019) describe granular soil by the fabric of its contacts and by normalised contact forces. Five
+statistics (the coordination number $Z$, the mean normalised force $\Lambda$, the anisotropies $A$ of contacts and $F$
+of normal forces, the mobilisation $F^t$) and the void ratio $e$ make the stress, Eq. C0:
+
+$$\sigma = \frac{E Z \Lambda}{1+e}\left[\frac{I}{3} + \frac{2}{15}A + \frac{2}{15}F + \frac{2}{105}\,
+\mathrm{tr}(FA)\,I + \frac{8}{105}\,\mathrm{sym}(FA) + F^t\right]$$
+
+Here their tests are repeated by simulations of grains, Love's stress of the contacts is compared with C0 at every
+record, and the constitutive model (C1 to C5) with both. Compression is positive, $z$ axial."""
+
+
+def fidelity(folder):
+    words = (
+        "The numbers of the paper, beside ours with their 95 % interval: [in agreement]{.key .inside}, or "
+        "[not]{.key .outside}, with what was tested to explain it."
+    )
+    numbers = pieces.csv_table(folder / "fidelity.csv", "ours and the paper's", TABLES)
+    causes = pieces.csv_table(folder / "fidelity_causes.csv", "causes that were tested", TABLES, fold=True)
+    return join("## Ours and the paper's numbers", words, verdicts(folder / "fidelity.csv"), numbers, causes)
+
+
+def verdicts(file):
+    """How many rows have which verdict in the column `agrees`, in words; empty without it."""
+    frame = pandas.read_csv(file) if file.is_file() else pandas.DataFrame()
+    counts = frame["agrees"].value_counts() if "agrees" in frame else {}
+    return f"Agreement: {', '.join(f'{verdict} {n}' for verdict, n in counts.items())}." if len(counts) else ""
+
+
+def gallery(folder):
+    return join("## The grains", pieces.pictures("gallery", folder, FIGURES))
+
+
+def critical_state(folder):
+    one = pieces.csv_table(folder / "one_critical_line.csv", "whether the ends of all paths lie on one line", TABLES)
+    lines = pieces.csv_table(folder / "critical_lines.csv", "fitted critical state lines", TABLES)
+    ends = pieces.csv_table(folder / "critical_states.csv", "ends of the shear tests", TABLES, fold=True)
+    return join("## Critical state", pieces.pictures("critical", folder, FIGURES), "### The lines", lines,
+                "### One line for all paths", one, ends)  # fmt: skip
+
+
+def figures(folder):
+    there = [name for name in pieces.names_of("figures") if (folder / name).is_file()]
+    titles = {name: re.match(r"[^.]+\. [^.]+", pieces.caption(name))[0] for name in there}
+    index = " · ".join(f"[{title}](#{pieces.anchor(name)})" for name, title in titles.items())
+    words = "Simulations are solid, C0 is dashed, the model dotted (Table 2) and dash-dotted (calibrated on the tests)."
+    unknown = [file.name for file in sorted(folder.glob("*.png")) if file.name not in pieces.CAPTIONS.index]
+    known = pieces.pictures("figures", folder, FIGURES)
+    return join("## The paper's figures", words, index, known, *map(pieces.picture, unknown))
+
+
+def statistics(folder):
+    return join("## The statistics and what they add to the strength", pieces.pictures("statistics", folder, FIGURES))
+
+
+def love(folder):
+    words = "Relative error of C0 in each test, over the records with p > 50 kPa."
+    return join("## C0 against Love", words, pieces.csv_table(folder / "sff.csv", "errors of C0", TABLES))
+
+
+def model(folder):
+    page = folder / "model_errors.md"
+    words = pieces.boxed_tables(page.read_text()) if page.is_file() else pieces.missing(page.name, TABLES)
+    errors = pieces.csv_table(folder / "model_errors.csv", "errors of q, p and e", TABLES, fold=True)
+    parameters = pieces.csv_table(folder / "parameters.csv", "parameters of Table 2 and ours", TABLES, fold=True)
+    return join("## The model against the simulations", words, errors, parameters)
+
+
+def engines(folder):
+    return join("## YADE and the engine fused", pieces.pictures("engines", folder, FIGURES))
+
+
+def speed_error(folder):
+    page = folder.parent / "speed_error/README.md"
+    settings = pieces.boxed_tables(section_of(page, "Recommended settings"))
+    words = f"All measurements stand in [results/speed_error](../speed_error/{page.name}) of the repository."
+    drawn = pieces.pictures("speed_error", folder, STUDY)
+    return join("## Speed against error", settings or pieces.missing("recommended settings", STUDY), drawn,
+                words if page.is_file() else "")  # fmt: skip
+
+
+def section_of(page, title):
+    """What stands under a heading of the second level in a Markdown file; empty without it."""
+    text = page.read_text() if page.is_file() else ""
+    found = re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", text, re.DOTALL | re.MULTILINE)
+    return found[1].strip() if found else ""
+
+
+def hard_cases(folder):
+    file = folder.parent / "hard_cases/hard_cases.csv"
+    if not file.is_file():
+        return join("## Hard cases", pieces.missing(file.name, CASES))
+    cases = pandas.read_csv(file)
+    counts = pandas.crosstab(cases["engine"], cases["verdict"]).reset_index()
+    verdicts = cases.pivot(index="case", columns="engine", values="verdict").reindex(cases["case"].unique())
+    words = (
+        "Scenes at which a simulation of grains may go wrong. None may end in a silent wrong answer: what comes out is "
+        "correct, or the run says which limit it left, or labkit gives up with a clear error. Number of cases:"
+    )
+    return join("## Hard cases", words, pieces.table(counts, "verdicts"),
+                pieces.table(verdicts.reset_index(), "every case", fold=True),
+                pieces.pictures("hard_cases", folder, CASES))  # fmt: skip
+
+
+def cost(folder):
+    """What the campaign took, and what a stock YADE script would have taken for as many grain-steps."""
+    heading, file, bench = "## What the campaign cost", folder / "campaign.csv", folder.parent / "bench.txt"
+    if not file.is_file():
+        return join(heading, pieces.missing(file.name, TABLES))
+    runs, stock = pandas.read_csv(file, dtype_backend="numpy_nullable"), stock_speed(bench)
+    sums = costs(runs, stock)
+    total = sums.iloc[-1]
+    words = (
+        f"{total['runs']} runs, {markdown.number(total['grain-steps'], 3)} grain-steps, "
+        f"{markdown.number(total['wall time, h'], 3)} hours of wall time, summed over the runs."
+    )
+    if stock:
+        words += (
+            f" A stock YADE script on one thread makes {markdown.number(stock, 3)} grain-steps a second "
+            f"(`results/bench.txt`): {markdown.number(total['stock YADE, h'] * HOUR / DAY, 3)} days for all these on "
+            "one core."
+        )
+    return join(heading, words, "" if stock else pieces.missing(bench.name, BENCH),
+                pieces.table(sums, "cost by engine"), pieces.table(runs, "every run", fold=True))  # fmt: skip
+
+
+def costs(runs, stock):
+    """Sums over the runs of campaign.csv by engine, and over all in the last row; a pandas.DataFrame. `stock`:
+    grain-steps a second of a stock YADE script on one thread, or None."""
+    runs = runs.assign(engine=runs["engine"].astype(str), **{
+        "runs": 1, "grain-steps": runs["steps"].astype(float) * runs["grains"].astype(float),
+        "wall time, h": runs["wall_time"].astype(float) / HOUR,
+    })  # fmt: skip
+    if "threads" in runs:
+        runs["core time, h"] = runs["wall time, h"] * runs["threads"].astype(float)
+    if stock:
+        runs["stock YADE, h"] = runs["grain-steps"] / stock / HOUR
+    shown = [name for name in ("runs", "grain-steps", "wall time, h", "core time, h", "stock YADE, h") if name in runs]
+    sums = runs.groupby("engine", sort=False)[shown].sum()
+    return pandas.concat([sums, sums.sum().to_frame("all").T.astype(sums.dtypes)]).reset_index(names="engine")
+
+
+def stock_speed(file):
+    """Grain-steps per second of a stock YADE script, from the table of `labkit bench`; None where it is not there."""
+    text = file.read_text() if file.is_file() else ""
+    found = re.search(r"^stock YADE script, 1 thread +\S+ +(\S+)", text, re.MULTILINE)
+    return float(found[1]) if found else None
+
+
+def shown_files(text, folder):
+    """The data files and pictures behind a page, sorted."""
+    shown = {folder / name for name in re.findall(r"!\[.*\]\(([^()]+)\)", text)}
+    beside = [folder.parent / name for name in ("bench.txt", "hard_cases/hard_cases.csv", "speed_error/README.md")]
+    tables = [*folder.glob("*.csv"), folder / "model_errors.md", *beside]
+    return sorted(shown | {file for file in tables if file.is_file()})

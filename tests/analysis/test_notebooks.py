@@ -1,0 +1,66 @@
+"""Every notebook of analysis/ runs headless on the stored results and leaves its figures."""
+
+import re
+import shutil
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from labkit.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS = ROOT / "results" / "paper"
+NOTEBOOKS = sorted((ROOT / "analysis").glob("*.ipynb"))
+there = pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is not there yet")
+
+
+def figures_of(file):
+    """Names of the figures that a notebook says it writes."""
+    code = "".join(cell.source for cell in nbformat.read(file, 4).cells if cell.cell_type == "code")
+    return set(re.findall(r"\{output\}/(\w+\.png)", code))
+
+
+def alone(file, folder):
+    """A folder with this notebook alone, where its paths lead to the same places."""
+    (folder / "analysis").mkdir()
+    (folder / "results").symlink_to(ROOT / "results")
+    shutil.copy(file, folder / "analysis")
+    return folder / "analysis"
+
+
+@pytest.mark.parametrize("file", [
+    pytest.param(file, id=file.stem, marks=() if file.stem == "07_model" else there) for file in NOTEBOOKS
+])  # fmt: skip
+def test_runs_and_draws(file, tmp_path):
+    figures = tmp_path / "figures"
+    words = ["notebooks", alone(file, tmp_path), "--results", RESULTS, "-o", figures]
+    assert main([str(word) for word in words]) == 0
+    assert {found.name for found in figures.iterdir()} == figures_of(file) != set()
+
+
+@pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
+def test_is_stored_without_outputs_and_says_what_one_sees(file):
+    cells = nbformat.read(file, 4).cells
+    assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
+    drawn = [k for k, cell in enumerate(cells) if cell.cell_type == "code" and "figures.save" in cell.source]
+    assert cells[0].cell_type == "markdown" and drawn
+    assert all(k + 1 < len(cells) and cells[k + 1].cell_type == "markdown" for k in drawn)
+
+
+def test_no_two_notebooks_write_one_figure():
+    names = [name for file in NOTEBOOKS for name in figures_of(file)]
+    assert len(names) == len(set(names)) and {f"fig{k}.png" for k in range(1, 11)} <= set(names)
+
+
+def test_a_notebook_that_fails_is_named(tmp_path, capsys):
+    broken = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1 / 0")])
+    nbformat.write(broken, tmp_path / "broken.ipynb")
+    assert main(["notebooks", str(tmp_path), "-o", str(tmp_path / "figures")]) == 1
+    error = capsys.readouterr().err
+    assert "broken.ipynb" in error and "division by zero" in error and len(error.splitlines()) == 1
+
+
+def test_a_folder_without_notebooks(tmp_path, capsys):
+    assert main(["notebooks", str(tmp_path)]) == 2
+    assert "holds no notebooks" in capsys.readouterr().err

@@ -1,0 +1,63 @@
+"""Thin run files hold the records of the run and what its contacts told."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import labkit
+from labkit import paper
+from labkit.errors import InputError
+from labkit.paper.condense import PICTURES, condense
+from labkit.paper.size_groups import read_size_groups
+
+
+@pytest.fixture(scope="module")
+def thin(run_file, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("paper")
+    (folder / "runs").mkdir()
+    assert condense(run_file, folder / "runs" / "cv-small.run.nc", "labkit paper")
+    return folder
+
+
+def test_records_are_the_same_in_single_precision(thin, run_file):
+    with labkit.open_run(run_file) as run, paper.runs(thin)["cv-small"] as found:
+        records_agree(run, found)
+
+
+def records_agree(run, found):
+    assert found.sizes["time"] == run.sizes["time"] and found.sizes["snapshot"] == 0
+    for name in ("stress", "stress_sff", "void_ratio", "mean_normalised_force", "contact_anisotropy", "axial_strain"):
+        np.testing.assert_allclose(found[name], run[name], rtol=2e-7, atol=1e-7 * float(np.abs(run[name]).max()))
+    np.testing.assert_allclose(found.lab.deviatoric_stress(), run.lab.deviatoric_stress(), rtol=1e-4, atol=50.0)
+    assert found.attrs["scene"] == run.attrs["scene"] and found.attrs["source_sha256"] == run.attrs["data_sha256"]
+
+
+def test_what_the_contacts_told(thin, run_file):
+    with (labkit.open_run(run_file) as run,
+          xr.open_dataset(thin / "runs" / "cv-small.run.nc", group="derived") as found):  # fmt: skip
+        love = run.lab.love_stress()
+        c0 = found["stress_family"].sel(form="c0")
+        np.testing.assert_allclose(found["error_budget"].sum("part"), c0 - love, atol=1e-6 * float(love.max()))
+        np.testing.assert_array_equal(found["record"], run["record"])
+
+
+def test_pictures_keep_their_contacts(run_file, tmp_path):
+    name = "cv-dense"
+    source = tmp_path / f"{name}.run.nc"
+    source.write_bytes(run_file.read_bytes())
+    (tmp_path / "out" / "runs").mkdir(parents=True)
+    thin = tmp_path / "out" / "runs" / "thin.run.nc"
+    condense(source, thin, "labkit paper")
+    assert read_size_groups(tmp_path / "out").sizes["group"] == 5
+    with labkit.open_run(source) as run, labkit.open_run(thin) as found:
+        assert found.sizes["snapshot"] == len(PICTURES[name])
+        np.testing.assert_allclose(found.lab.love_stress()[-1], run.lab.love_stress()[-1], rtol=1e-5, atol=1.0)
+
+
+def test_a_run_is_condensed_once(thin, run_file):
+    assert not condense(run_file, thin / "runs" / "cv-small.run.nc", "labkit paper")
+
+
+def test_a_folder_without_runs_is_refused(tmp_path):
+    with pytest.raises(InputError, match="labkit paper"):
+        paper.runs(tmp_path)

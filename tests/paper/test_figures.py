@@ -1,0 +1,105 @@
+"""The figures of the paper on run files that the model has written: its dotted lines then lie on the solid ones."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import labkit.paper
+from labkit.cli import main
+from labkit.model.parameters import ROOT_3_2, Model
+from labkit.paper import figures, size_groups
+from labkit.paper.model_runs import CALIBRATED, models
+from labkit.provenance import of_file
+
+RUNS = {
+    "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4], "cv-loose": ["cv", 0.724, 3e5, "--strain", 0.4],
+    "cv_other-dense_high": ["cv", 0.606, 1e6, "--strain", 0.4], "cp_500kPa-medium": ["cp", 0.67, 5e5, "--strain", 0.4],
+    "cr_1MPa-dense": ["cr", 0.606, 1e6, "--strain", 0.4], "isoc-loose": ["isoc", 0.724, 3e5],
+    "isod-dense_high": ["isod", 0.606, 1e6], "cyclic-cyclic_loose": ["cyclic_cp", 0.74, 5e5],
+    "cp_start-cyclic_loose": ["cp", 0.74, 5e5, "--strain", 0.1], "share_cv-yade": ["cv", 0.64, 3e5, "--strain", 0.1],
+}  # fmt: skip
+CV = ("cv-loose", "cv-medium", "cv-dense")
+DRAW = {
+    "fig_1": figures.fig_1, "fig_4": figures.fig_4, "fig_5": figures.fig_5, "fig_6": figures.fig_6,
+    "fig_7": figures.fig_7, "fig_8": figures.fig_8, "critical_lines": figures.critical_lines,
+    "evolution": lambda runs, models: figures.evolution(runs, models, CV),
+    "isotropic_statistics": figures.isotropic_statistics, "engines": lambda runs, models: figures.engines(runs),
+    "strength_shares": lambda runs, models: figures.strength_shares(runs),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("paper")
+    (folder / "runs").mkdir()
+    for name, (path, e, pressure, *more) in RUNS.items():
+        words = ["model", path, "--void-ratio", e, "--pressure", pressure, *more]
+        assert main([*map(str, words), "-o", str(folder / "runs" / f"{name}.run.nc")]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def runs(folder):
+    return labkit.paper.runs(folder)
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_figure_of_what_is_there(name, runs, folder, tmp_path):
+    figure = DRAW[name](runs, models(folder))
+    assert any(line.get_xdata().size > 10 for axes in figure.axes for line in axes.lines)
+    file = figures.save(figure, tmp_path / "f.png", runs)
+    known = of_file(file)
+    assert known["command"] == "labkit notebooks" and len(known["inputs"]) == len(RUNS)
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_figure_of_nothing_says_so(name, tmp_path):
+    figure = DRAW[name]({}, models(tmp_path))
+    assert figure.get_suptitle().startswith("not there: ")
+    plt.close(figure)
+
+
+def test_model_lies_on_itself_and_missing_runs_are_named(runs, folder):
+    figure = figures.fig_4(runs, models(folder) | {CALIBRATED: models(folder)["Table 2"].with_parameters(c_M=50.0)})
+    assert "cv-medium" in figure.get_suptitle() and "cv-dense" not in figure.get_suptitle()
+    lines = [line for line in figure.axes[1].lines if len(line.get_xdata())]  # q over strain of the loose test
+    simulation, c0, table_2, calibrated = (np.array(line.get_ydata()) for line in lines)
+    np.testing.assert_allclose(c0, simulation)
+    np.testing.assert_allclose(table_2, simulation, rtol=1e-5, atol=1e-6)
+    assert np.abs(calibrated - simulation).max() > 1e-3
+    plt.close(figure)
+
+
+def test_a_run_without_contacts_at_the_start_has_no_model(runs, folder):
+    empty = runs["cv-loose"].copy()
+    empty["coordination_number"] = 0.0 * empty["coordination_number"]
+    figure = figures.fig_4({"cv-loose": empty}, models(folder))
+    assert len([line for line in figure.axes[1].lines if len(line.get_xdata())]) == 2  # the simulation and C0
+    plt.close(figure)
+
+
+def test_critical_line_and_its_fit(runs):
+    p, e = figures.critical_line(Model())
+    assert (np.diff(e) > 0).all() and (np.diff(p) < 0).all() and p[-1] == 0.0 and e[-1] == 0.76
+    fitted = figures.fitted_lines(figures.monotonic(runs)).parameters
+    table_2 = Model().parameters
+    assert fitted.F_c / ROOT_3_2 == pytest.approx(0.77, abs=0.02)  # the model is near its critical state at 40 %
+    assert fitted.c_cLam == pytest.approx(table_2.c_cLam, rel=0.1)
+
+
+def test_only_the_papers_tests_are_monotonic(runs):
+    assert set(figures.monotonic(runs)) == {
+        "cv-dense", "cv-loose", "cv_other-dense_high", "cp_500kPa-medium", "cr_1MPa-dense"
+    }  # fmt: skip
+
+
+def test_size_groups(run_file, tmp_path):
+    assert size_groups.read_size_groups(tmp_path) is None
+    assert figures.fig_2(None).get_suptitle().startswith("not there: ")
+    run = labkit.open_run(run_file)
+    size_groups.write_size_groups(run, tmp_path)
+    groups = size_groups.read_size_groups(tmp_path)
+    weighted = (groups["by_contacts"].values[..., None, None] * groups["per_contact"].values).sum(axis=1)
+    np.testing.assert_allclose(weighted, groups["love"].values, rtol=1e-9, atol=1.0)  # Eq. 15
+    assert len(figures.fig_2(groups).axes) == 3
+    plt.close("all")
