@@ -27,8 +27,8 @@ MPA = 1e6
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """A number of the paper. `rounding`: half of the last digit that it prints, e_cmax's with it; `statistic`: table of labkit.paper.ends
-    -> number, which fits so many `parameters`; `column`: of the table, if the number is of one.
+    """A number of the paper. `rounding`: half of the last digit that it prints, e_cmax's with it; `statistic`: table of
+    labkit.paper.ends -> number, which fits so many `parameters`; `column`: of the table, if the number is of one.
 
     It is of the ends of the main shear tests of `paths`, or of the starts of the runs that the expression `pattern`
     matches.
