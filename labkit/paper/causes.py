@@ -16,7 +16,7 @@ import xarray
 
 from labkit.campaign.plan import HOLDS_A_STRESS
 from labkit.critical import SHEAR, WINDOW
-from labkit.paper.ends import between, blocks, ends, main, matching, sheared, starts, table
+from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts, table
 from labkit.paper.estimates import NOTHING, Estimate, jackknife, two_samples
 
 SAME_SPECIMENS = ("share_cv", "share_cr", "share_cp", "full_cv")
@@ -105,6 +105,7 @@ def end_comparisons(runs):
     same_tests = [
         ("window", "the last tenth of the strain, not the last quarter", ends(own, 0.9, 1.0)),
         ("strain", "the third quarter of the strain, not the last", ends(own, 0.5, 0.75)),
+        ("not yet critical", "the strain extrapolated beyond the end of the tests", extrapolated(own)),
         ("definition of e", "the nominal void ratio, overlaps not taken out", ends(nominal)),
         ("stress", "the stress of C0, not Love's", ends(c0)),
         ("reading", "q/p from 3/2 (2/5 A_zz + 2/5 F_zz + 3 F^t_zz)", ours.assign(M=linear)),

@@ -9,12 +9,13 @@ import numpy as np
 import pandas
 
 from labkit.campaign.plan import HOLDS_A_STRESS
-from labkit.critical import SHEAR, WINDOW, critical_states
+from labkit.critical import SHEAR, TENSORS, WINDOW, critical_states
 from labkit.paper.estimates import BLOCKS
 from labkit.schema import LATER, RECORD
 
 ENOUGH_STRAIN = 0.15  # from which the last quarter of a shear test is near the critical state
 HELD_AFTER = 5e-3  # axial strain travelled until a servo holds what it must
+RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; slower than that the last half cannot tell from a line
 OTHERS = ("share_", "full_")  # tests of the engines and the laws, not of the paper
 
 
@@ -68,6 +69,42 @@ def table(parts):
 
 
 COLUMNS = ("run", "path", "strain", "M", "M_scatter", "p_MPa", "e", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
+
+
+def extrapolated(runs):
+    """What `ends` would be after endless strain: a + b exp(-strain/s) through the last half of the strain of each test.
+
+    A table with the columns of `ends`, without M_scatter, and relaxation_strain, the s that all numbers of a test share
+    (of RELAXATIONS, the most likely one when every number has a scatter of its own).
+    """
+    rows = []
+    for name, run in runs.items():
+        strain = run["axial_strain"].values
+        late = strain >= 0.5 * strain[-1]
+        values = _records(run)[late]
+        fits = [_exponential(strain[late] - strain[-1], values, relaxation) for relaxation in RELAXATIONS]
+        best = int(np.argmin([misfit for misfit, _ in fits]))
+        rows.append({"run": name, "path": run.attrs["path"], "strain": strain[-1], **dict(zip(values, fits[best][1])),
+                     "relaxation_strain": RELAXATIONS[best]})  # fmt: skip
+    return pandas.DataFrame(rows, columns=[*COLUMNS, "relaxation_strain"]).drop(columns="M_scatter")
+
+
+def _records(run):
+    """The numbers of `ends` at every record, a pandas.DataFrame."""
+    p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
+    zz = {label: run[key].values[:, 2, 2] for key, label in TENSORS.items()}
+    return pandas.DataFrame({
+        "M": q / p, "p_MPa": p / 1e6, "e": run["void_ratio"].values, "Z": run["coordination_number"].values,
+        "Lambda": run["mean_normalised_force"].values, **zz,
+    }).astype(float)  # fmt: skip
+
+
+def _exponential(strain, values, relaxation):
+    """(minus the logarithm of the likelihood, the asymptotes) of a + b exp(-strain/relaxation), by least squares."""
+    shape = np.stack([np.ones_like(strain), np.exp(-strain / relaxation)], axis=1).astype(float)
+    found = np.linalg.lstsq(shape, values.to_numpy(), rcond=None)[0]
+    left = np.sum((values.to_numpy() - shape @ found) ** 2, axis=0) / np.sum(values.to_numpy() ** 2, axis=0)
+    return float(np.sum(np.log(left + 1e-16))), found[0]
 
 
 def blocks(name, run, begin, end):

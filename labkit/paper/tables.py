@@ -7,7 +7,7 @@ from pathlib import Path
 from labkit.files import make_folder
 from labkit.paper import fidelity, model_comparison
 from labkit.paper.causes import open_study
-from labkit.paper.ends import ends, in_memory, main, sheared
+from labkit.paper.ends import ends, extrapolated, in_memory, main, sheared
 from labkit.paper.lines import critical_lines, one_line, paper_Lambda, paper_Z
 from labkit.paper.sff_errors import sff_errors
 from labkit.provenance import write_told
@@ -30,6 +30,7 @@ def write_tables(runs, output, study=None):
     errors, data = model_comparison.compare(known, model_comparison.models(found))
     tables = {
         "fidelity.csv": numbers, "fidelity_causes.csv": causes, "critical_states.csv": at_ends,
+        "critical_extrapolated.csv": extrapolated(sheared(main(known))),
         "critical_lines.csv": critical_lines(at_ends), "one_critical_line.csv": one_line(at_ends),
         "sff.csv": sff_errors(runs), "parameters.csv": model_comparison.parameters(found, other),
         "model_errors.csv": errors,
