@@ -1,7 +1,7 @@
 """Files for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
 
 VTK XML files (.vtu) of each snapshot, and a list of them over time (.pvd). SI units, single precision; stress and
-strain with compression positive. meshio writes them: it is a thousand times smaller than VTK.
+strain with compression positive. meshio writes them: it is hundreds of times smaller than VTK.
 """
 
 from __future__ import annotations
@@ -69,9 +69,10 @@ def write_collection(path, times):
 def _small(values):
     """Single precision, tensors as rows of nine: what the format and its size ask for."""
     values = np.asarray(values)
-    values = values.reshape(len(values), -1) if values.ndim > 1 else values
-    return np.uint8(values) if values.dtype == bool else np.int32(values) if values.dtype.kind in "iu" \
-        else np.float32(values)  # fmt: skip
+    if values.ndim > 1:
+        values = values.reshape(len(values), int(np.prod(values.shape[1:])))
+    kinds = {"b": np.uint8, "i": np.int32, "f": np.float32}
+    return values.astype(kinds[values.dtype.kind])
 
 
 def grains(moment):

@@ -34,7 +34,7 @@ def picture(moments):
         bottom = height - (row + 1) * (tall + head)
         for column, image in enumerate(images(moment, low, high)):
             axes = figure.add_axes((0.5 * column, bottom / height, 0.5, tall / height))
-            axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]))
+            axes.imshow(image, origin="lower")
             axes.axis("off")
         figure.text(0.5, (bottom + tall + 0.08) / height, words(moment), ha="center", fontsize=10)
     _scale_bar(figure, (high[0] - low[0]) / PANEL, height)
@@ -45,7 +45,9 @@ def picture(moments):
 
 def images(moment, low, high, width=round(150 * PANEL)):
     """The pictures of the grains and of the contacts, (rows, width, 4) each, of the part of the view from `low` to
-    `high` (2,), m."""
+    `high` (2,), m from the middle of the cell."""
+    middle = VIEW[:2] @ moment.cell.sum(axis=1) / 2
+    low, high = low + middle, high + middle
     mean = 2.0 * moment.radius.mean()
     corners = cell_corners(moment.cell)
     edges = np.array([corners[list(edge)] for edge in EDGES])
@@ -56,8 +58,7 @@ def images(moment, low, high, width=round(150 * PANEL)):
     network = canvas(VIEW, low, high, width)
     draw_sticks(network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), _colors(of_contacts))
     white = haze(network, moment.cell, 2.5 * mean)
-    for on in (grains, network):
-        draw_sticks(on, edges[:, 0], edges[:, 1], np.full(12, 0.03 * mean), np.full((12, 3), 0.35))
+    draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
     return shaded(grains, 0.4 * mean), shaded(network, 0.4 * mean, white)
 
 
@@ -81,8 +82,10 @@ def _colors(ratio):
 
 
 def _frame(moments):
-    """The lower left and upper right corner, m, of a view that holds all cells and the grains at their faces."""
-    seen = np.concatenate([cell_corners(moment.cell) @ VIEW[:2].T for moment in moments])
+    """The lower left and upper right corner, m from the middle of each cell, of a view that holds all of them and the
+    grains at their faces."""
+    corners = [cell_corners(moment.cell) for moment in moments]
+    seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
     margin = 1.2 * max(moment.radius.max() for moment in moments)
     return seen.min(axis=0) - margin, seen.max(axis=0) + margin
 
@@ -91,7 +94,8 @@ def _color_bar(figure, height):
     axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
     colors = plt.cm.ScalarMappable(plt.Normalize(0.0, TOP), COLORS)
     figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
-    axes.set_xlabel("normalised force $\\Lambda_n$ over its mean (left: mean of each grain)", fontsize=9, labelpad=2)
+    axes.set_xlabel("normalised force $\\Lambda_n$ over its mean; of a grain: mean of its contacts, blue: it has none",
+                    fontsize=9, labelpad=2)  # fmt: skip
 
 
 def _scale_bar(figure, metres_per_inch, height):

@@ -16,7 +16,7 @@ from labkit.files import whole_file  # noqa: E402
 from labkit.provenance import provenance  # noqa: E402
 
 WIDTH = 10.0  # inches
-FORMATS = (".png", ".pdf", ".svg")
+FORMATS = (".png", ".pdf", ".svg", ".webp")
 STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
 

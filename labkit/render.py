@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter
 FINE = 2  # pixels of the canvas per pixel of the picture, along each side
 LIGHT = np.array([-0.45, 0.55, 0.70])  # to the right, up, towards the viewer
 AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
-SHADE = 2.5  # how dark gaps are
+SHADE = 1.7  # how dark gaps are
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,9 +47,7 @@ def canvas(view, low, high, width):
     pixel = (high[0] - low[0]) / (FINE * width)
     rows = FINE * round((high[1] - low[1]) / (FINE * pixel))
     shape = rows, FINE * width
-    return Canvas(
-        view, np.asarray(low), pixel, np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3))
-    )
+    return Canvas(view, np.asarray(low), pixel, np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
 
 
 def draw_spheres(on, centre, radius, color):
@@ -71,10 +69,9 @@ def haze(on, cell, length):
     x, y = (on.corner[k] + on.pixel * (np.arange(n) + 0.5) for k, n in ((0, columns), (1, rows)))
     near = np.full((rows, columns), np.inf)
     for row in np.linalg.inv(on.view @ cell):  # view coordinates to periods, between 0 and 1 inside
-        if abs(row[2]) > 1e-9:
-            at_zero = row[0] * x[None, :] + row[1] * y[:, None]
-            np.minimum(near, np.maximum(-at_zero, 1.0 - at_zero) / abs(row[2]) if row[2] > 0
-                       else np.maximum(at_zero, at_zero - 1.0) / abs(row[2]), out=near)  # fmt: skip
+        if abs(row[2]) > 1e-9 * np.linalg.norm(row):  # the line of sight is not along this pair of faces
+            periods = row[0] * x[None, :] + row[1] * y[:, None]
+            near = np.minimum(near, ((row[2] > 0.0) - periods) / row[2])
     behind = np.where(np.isfinite(on.depth), near - on.depth, 0.0)
     return 1.0 - np.exp(-np.clip(behind, 0.0, None) / length)
 
@@ -103,21 +100,27 @@ def _open_sky(on, reach):
 
     Both sides together, so that a slope is not darkened by its upper side.
     """
-    depth = np.where(np.isfinite(on.depth), on.depth, np.nan)
-    lower, number = np.zeros(depth.shape), 12
-    for k in range(number):
-        angle, far = 2.4 * k, reach / on.pixel * np.sqrt((k + 0.5) / number)  # a sunflower of pairs of points
-        step = round(far * np.cos(angle)), round(far * np.sin(angle))
-        pair = _shifted(depth, *step) + _shifted(depth, -step[0], -step[1])
-        lower += np.clip(np.nan_to_num(0.5 * pair - depth), 0.0, reach)
-    return np.exp(-SHADE * gaussian_filter(lower, FINE, mode="nearest", truncate=2.0) / (number * reach))
+    number = 12
+    angle, far = 2.4 * np.arange(number), reach / on.pixel * np.sqrt((np.arange(number) + 0.5) / number)
+    steps = np.rint(far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).astype(int)  # a sunflower
+    lower = gaussian_filter(_lower(on.depth, steps, reach), FINE, mode="nearest", truncate=2.0)
+    return np.exp(-SHADE * lower / (number * reach))
 
 
-def _shifted(values, rows, columns):
-    """values[i + rows, j + columns], NaN where that lies outside."""
-    padded = np.pad(values, ((abs(rows),) * 2, (abs(columns),) * 2), constant_values=np.nan)
-    first, left = abs(rows) + rows, abs(columns) + columns
-    return padded[first : first + values.shape[0], left : left + values.shape[1]]
+@numba.njit(cache=True, nogil=True)
+def _lower(depth, steps, most):
+    """Sum over pairs of opposite steps of how far each pixel lies below the middle of both, each `most` at most."""
+    rows, columns = depth.shape
+    lower = np.zeros((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
+            for k in range(len(steps)):
+                a, b = steps[k]
+                if abs(a) <= min(i, rows - 1 - i) and abs(b) <= min(j, columns - 1 - j):
+                    below = 0.5 * (depth[i + a, j + b] + depth[i - a, j - b]) - depth[i, j]
+                    if below > 0.0 and below < np.inf:
+                        lower[i, j] += min(below, most)
+    return lower
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,9 +10,10 @@ from labkit.micro.contacts import contact_arms, contacts_per_grain
 def sum_per_grain(contacts, values, number_of_grains):
     """Sum over the contact sides of each grain, shape (grain, ...). `values` (n, 2, ...): of each side."""
     side = contacts.grain.ravel()
-    columns = np.reshape(values, (len(side), -1)).T
+    shape = np.shape(values)[2:]
+    columns = np.reshape(values, (len(side), int(np.prod(shape)))).T
     sums = [np.bincount(side, column, number_of_grains) for column in columns]
-    return np.stack(sums, axis=1).reshape(number_of_grains, *np.shape(values)[2:])
+    return np.stack(sums, axis=1).reshape(number_of_grains, *shape)
 
 
 def mean_per_grain(contacts, values, number_of_grains):
