@@ -1,7 +1,6 @@
 """The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `figure`, `picture`, `paraview`,
 `watch`, `info`, `bench`, `demo`; `speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`, `report`; `model`,
-`calibrate`, `model-figures`,
-`model-speed`.
+`calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
