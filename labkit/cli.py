@@ -1,6 +1,6 @@
-"""The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `watch`, `info`, `bench`, `demo`;
-`speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`, `report`; `model`, `calibrate`, `model-figures`,
-`model-speed`.
+"""The command line: `labkit specimen`, `consolidate`, `run`, `verify`, `critical`, `figure`, `picture`, `paraview`,
+`watch`, `info`, `bench`, `demo`; `speed-error`, `hard-cases`, `campaign`, `paper`, `notebooks`, `report`; `model`,
+`calibrate`, `model-figures`, `model-speed`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from labkit.campaign.command import add_campaign_options as campaign_options
 from labkit.engines import ENGINES
 from labkit.engines.yade_process import find_yade, run_script
 from labkit.errors import InputError, Interrupted, PhysicsError, fail
-from labkit.files import require_writable
+from labkit.files import labkit_kind, make_folder, require_writable
 from labkit.hard_scenes import GRAINS, SCENES
 from labkit.memory import return_large_arrays
 from labkit.model import options as model_options
@@ -108,6 +108,20 @@ def build_parser():
     figure.add_argument("-o", "--output", help="figure (default: beside the run file)")
     figure.add_argument("--csv", help="file for the table as CSV")
     figure.set_defaults(command=do_figure)
+
+    picture = commands_.add_parser("picture", help="grains and contact forces in three dimensions: a picture")
+    picture.add_argument("file", help="state or run file")
+    picture.add_argument("--snapshot", type=int, nargs="+", help="of a run: which ones, one below the other, from the "
+                         "end if negative (default: -1)")  # fmt: skip
+    picture.add_argument("-o", "--output", help="picture (default: beside the file)")
+    picture.set_defaults(command=do_picture)
+
+    paraview = commands_.add_parser("paraview", help="grains, contacts and cell as files that ParaView opens")
+    paraview.add_argument("file", help="state or run file")
+    paraview.add_argument("--snapshot", type=int, nargs="+", help="of a run: which ones, from the end if negative "
+                          "(default: all)")  # fmt: skip
+    paraview.add_argument("-o", "--output", help="folder (default: beside the file)")
+    paraview.set_defaults(command=do_paraview)
 
     stratified = commands_.add_parser("stratified", help="Fig. 3: coarse grains above fine ones, forces and strata")
     arguments.add_layer_options(stratified)
@@ -312,6 +326,28 @@ def do_figure(options, argv):
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
 
+def do_picture(options, argv):
+    from labkit import plots
+    from labkit.moment import moments
+    from labkit.picture import picture
+
+    output = options.output or figure_name(options.file, "picture")
+    require_outputs(output, None)
+    snapshots = options.snapshot or [-1] * (labkit_kind(options.file) == "run")
+    plots.save(picture(moments(options.file, snapshots)), output, [options.file])
+    print(f"picture: {output}")
+
+
+def do_paraview(options, argv):
+    from labkit import paraview
+    from labkit.moment import moments
+
+    paraview.require_meshio()
+    found = moments(options.file, options.snapshot or ())
+    folder = make_folder(options.output or str(Path(figure_name(options.file, "paraview")).with_suffix("")), "-o")
+    print(*paraview.write_series(found, folder), paraview.HINT, sep="\n")
+
+
 def do_stratified(options, argv):
     import dataclasses
 
@@ -364,7 +400,8 @@ def do_watch(options, argv):
 
 
 def figure_name(run, what):
-    return str(Path(run).with_name(Path(run).name.removesuffix(".run.nc") + f".{what}.png"))
+    name = Path(run).name.removesuffix(".run.nc").removesuffix(".state.nc")
+    return str(Path(run).with_name(f"{name}.{what}.png"))
 
 
 def do_info(options, argv):

@@ -17,7 +17,7 @@ from labkit.provenance import provenance, tell  # noqa: E402
 
 WIDTH = 10.0  # inches
 DPI = 150
-FORMATS = (".png", ".pdf", ".svg")
+FORMATS = (".png", ".pdf", ".svg", ".webp")
 STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
 

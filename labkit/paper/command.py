@@ -6,19 +6,23 @@ from pathlib import Path
 
 import pandas
 
+from labkit import plots
 from labkit.campaign import workflow
 from labkit.campaign.command import ours
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import CAMPAIGN, RUNS, plan_of
 from labkit.errors import InputError
 from labkit.files import make_folder
+from labkit.moment import moments
 from labkit.paper import runs
 from labkit.paper.condense import condense
 from labkit.paper.notebooks import execute, notebook_files
 from labkit.paper.report import report
 from labkit.paper.tables import write_tables
+from labkit.picture import picture
 from labkit.provenance import write_told
 
+PICTURED = "cv-dense"  # at its start and end
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "analysis"
 
 
@@ -45,6 +49,10 @@ def paper(campaign, output, command, progress):
     yield output / "campaign.csv"
     study = output.parent / "speed_error" / "study.nc"
     yield from write_tables(found, output, study if study.exists() else None)
+    if PICTURED in found and found[PICTURED].sizes["snapshot"]:
+        file = found[PICTURED].encoding["source"]
+        plots.save(picture(moments(file, [0, -1])), output / "gallery.png", [file], command)
+        yield output / "gallery.png"
     if NOTEBOOKS.is_dir():  # a package that is installed has none
         for notebook in notebook_files(NOTEBOOKS):
             execute(notebook, output, output)

@@ -78,4 +78,4 @@ def _single(table):
 def derived(run):
     """What the contacts of all snapshots tell, an xarray.Dataset along `snapshot`; `record` is the index along time."""
     found = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
-    return found.assign(record=run["record"]).drop_vars(["row_start"], errors="ignore")
+    return found.assign_coords(record=run["record"]).drop_vars(["row_start"], errors="ignore")

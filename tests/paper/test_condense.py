@@ -39,6 +39,7 @@ def test_what_the_contacts_told(thin, run_file):
         c0 = found["stress_family"].sel(form="c0")
         np.testing.assert_allclose(found["error_budget"].sum("part"), c0 - love, atol=1e-6 * float(love.max()))
         np.testing.assert_array_equal(found["record"], run["record"])
+        assert found["record"].dtype.kind == "i"
 
 
 def test_pictures_keep_their_contacts(run_file, tmp_path):

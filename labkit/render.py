@@ -1,0 +1,190 @@
+"""Shaded pictures of spheres and sticks: exact surfaces, seen without perspective, so that a length is a length.
+
+A canvas keeps the nearest surface of every pixel. The light comes from the upper left; what lies behind its neighbours
+is darker. No display, no graphics library, and the same bits every time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numba
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+FINE = 2  # pixels of the canvas per pixel of the picture, along each side
+LIGHT = np.array([-0.45, 0.55, 0.70])  # to the right, up, towards the viewer
+AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
+SHADE = 1.7  # how dark gaps are
+
+
+@dataclasses.dataclass(frozen=True)
+class Canvas:
+    """depth (rows, columns): along the view, greater is nearer, -inf where nothing is; normal and color (..., 3).
+
+    view (3, 3): its rows point to the right, up, and towards the viewer; corner (2,): of the lower left pixel, and
+    size of a pixel, both in the unit of the scene.
+    """
+
+    view: np.ndarray
+    corner: np.ndarray
+    pixel: float
+    depth: np.ndarray
+    normal: np.ndarray
+    color: np.ndarray
+
+
+def view_from(azimuth, elevation):
+    """The view (3, 3) of somebody who stands at these angles, degrees from x about z, and up from the plane x y."""
+    a, b = np.radians([azimuth, elevation])
+    toward = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    return np.stack([right, np.cross(toward, right), toward])
+
+
+def canvas(view, low, high, width):
+    """An empty Canvas from `low` to `high` (2,), right and up in the view, `width` pixels wide in the picture."""
+    pixel = (high[0] - low[0]) / (FINE * width)
+    rows = FINE * round((high[1] - low[1]) / (FINE * pixel))
+    shape = rows, FINE * width
+    return Canvas(view, np.asarray(low), pixel, np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
+
+
+def draw_spheres(on, centre, radius, color):
+    """Draws spheres: centre (n, 3), radius (n,), color (n, 3)."""
+    _spheres(on.depth, on.normal, on.color, on.corner, on.pixel, centre @ on.view.T, radius, color)
+
+
+def draw_sticks(on, start, end, radius, color):
+    """Draws round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3)."""
+    _sticks(on.depth, on.normal, on.color, on.corner, on.pixel, start @ on.view.T, end @ on.view.T, radius, color)
+
+
+def haze(on, cell, length):
+    """How white each pixel (rows, columns) fades, by how far it lies behind the faces of a cell at the origin.
+
+    cell (3, 3): cell vectors as columns; `length`: in which two thirds of the colour go.
+    """
+    rows, columns = on.depth.shape
+    x, y = (on.corner[k] + on.pixel * (np.arange(n) + 0.5) for k, n in ((0, columns), (1, rows)))
+    near = np.full((rows, columns), np.inf)
+    for row in np.linalg.inv(on.view @ cell):  # view coordinates to periods, between 0 and 1 inside
+        if abs(row[2]) > 1e-9 * np.linalg.norm(row):  # the line of sight is not along this pair of faces
+            periods = row[0] * x[None, :] + row[1] * y[:, None]
+            near = np.minimum(near, ((row[2] > 0.0) - periods) / row[2])
+    behind = np.where(np.isfinite(on.depth), near - on.depth, 0.0)
+    return 1.0 - np.exp(-np.clip(behind, 0.0, None) / length)
+
+
+def shaded(on, reach, white=0.0):
+    """The picture, (rows, columns, 4), red, green, blue and opacity, 0 to 1, first row at the bottom.
+
+    `reach`: the length over which things darken what lies between them; `white`: 0 to 1 of each pixel, see `haze`.
+    """
+    light = LIGHT / np.linalg.norm(LIGHT)
+    halfway = (light + [0.0, 0.0, 1.0]) / np.linalg.norm(light + [0.0, 0.0, 1.0])
+    bright = AMBIENT + DIFFUSE * np.clip(on.normal @ light, 0.0, None)
+    gloss = GLOSS * np.clip(on.normal @ halfway, 0.0, None) ** 30
+    color = np.clip(on.color * (bright * _open_sky(on, reach))[..., None] + gloss[..., None], 0.0, 1.0)
+    color += (1.0 - color) * np.reshape(white, (*np.shape(white), 1))
+    opacity = np.isfinite(on.depth)[..., None]
+    image = np.concatenate([color * opacity, opacity], axis=-1)
+    rows, columns = on.depth.shape
+    image = image.reshape(rows // FINE, FINE, columns // FINE, FINE, 4).mean(axis=(1, 3))
+    image[..., :3] /= np.maximum(image[..., 3:], 1e-9)
+    return np.clip(image, 0.0, 1.0)
+
+
+def _open_sky(on, reach):
+    """How much of the light from all around comes to each pixel: less where it lies lower than what is on both sides.
+
+    Both sides together, so that a slope is not darkened by its upper side.
+    """
+    number = 12
+    angle, far = 2.4 * np.arange(number), reach / on.pixel * np.sqrt((np.arange(number) + 0.5) / number)
+    steps = np.rint(far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).astype(int)  # a sunflower
+    lower = gaussian_filter(_lower(on.depth, steps, reach), FINE, mode="nearest", truncate=2.0)
+    return np.exp(-SHADE * lower / (number * reach))
+
+
+@numba.njit(cache=True, nogil=True)
+def _lower(depth, steps, most):
+    """Sum over pairs of opposite steps of how far each pixel lies below the middle of both, each `most` at most."""
+    rows, columns = depth.shape
+    lower = np.zeros((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
+            for k in range(len(steps)):
+                a, b = steps[k]
+                if abs(a) <= min(i, rows - 1 - i) and abs(b) <= min(j, columns - 1 - j):
+                    below = 0.5 * (depth[i + a, j + b] + depth[i - a, j - b]) - depth[i, j]
+                    if below > 0.0 and below < np.inf:
+                        lower[i, j] += min(below, most)
+    return lower
+
+
+@numba.njit(cache=True, nogil=True)
+def _spheres(depth, normal, paint, corner, pixel, centre, radius, color):
+    rows, columns = depth.shape
+    for k in range(len(radius)):
+        x, y, z = centre[k]
+        r = radius[k]
+        first_row, last_row = int((y - r - corner[1]) / pixel), int((y + r - corner[1]) / pixel)
+        first, last = int((x - r - corner[0]) / pixel), int((x + r - corner[0]) / pixel)
+        for i in range(max(first_row, 0), min(last_row + 1, rows)):
+            v = corner[1] + (i + 0.5) * pixel - y
+            for j in range(max(first, 0), min(last + 1, columns)):
+                u = corner[0] + (j + 0.5) * pixel - x
+                square = r * r - u * u - v * v
+                if square <= 0.0:
+                    continue
+                height = np.sqrt(square)
+                if z + height > depth[i, j]:
+                    depth[i, j] = z + height
+                    paint[i, j] = color[k]
+                    normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = u / r, v / r, height / r
+
+
+@numba.njit(cache=True, nogil=True)
+def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
+    rows, columns = depth.shape
+    for k in range(len(radius)):
+        r = radius[k]
+        axis = end[k] - start[k]
+        length = np.sqrt((axis * axis).sum())
+        axis = axis / max(length, 1e-300)
+        low, high = np.minimum(start[k], end[k]) - r, np.maximum(start[k], end[k]) + r
+        first_row, last_row = int((low[1] - corner[1]) / pixel), int((high[1] - corner[1]) / pixel)
+        first, last = int((low[0] - corner[0]) / pixel), int((high[0] - corner[0]) / pixel)
+        for i in range(max(first_row, 0), min(last_row + 1, rows)):
+            v = corner[1] + (i + 0.5) * pixel - start[k, 1]
+            for j in range(max(first, 0), min(last + 1, columns)):
+                u = corner[0] + (j + 0.5) * pixel - start[k, 0]
+                height, along = _stick_surface(u, v, axis, length, r)
+                if height == -np.inf or start[k, 2] + height <= depth[i, j]:
+                    continue
+                depth[i, j] = start[k, 2] + height
+                paint[i, j] = color[k]
+                normal[i, j, 0] = (u - along * axis[0]) / r
+                normal[i, j, 1] = (v - along * axis[1]) / r
+                normal[i, j, 2] = (height - along * axis[2]) / r
+
+
+@numba.njit(cache=True, nogil=True)
+def _stick_surface(u, v, axis, length, r):
+    """Height of the surface above (u, v), from the start of a stick, -inf beside it; and how far along the axis."""
+    w = u * axis[0] + v * axis[1]
+    a = 1.0 - axis[2] ** 2  # |(u, v, h)|^2 - (along)^2 = r^2, along = w + h axis_z, a quadratic for h
+    b = -w * axis[2]
+    square = b * b - a * (u * u + v * v - w * w - r * r)
+    if a > 1e-9 and square >= 0.0:
+        height = (np.sqrt(square) - b) / a
+        along = w + height * axis[2]
+        if 0.0 <= along <= length:
+            return height, along
+    best, where = -np.inf, 0.0
+    for along in (0.0, length):
+        square = r * r - (u - along * axis[0]) ** 2 - (v - along * axis[1]) ** 2
+        if square >= 0.0 and along * axis[2] + np.sqrt(square) > best:
+            best, where = along * axis[2] + np.sqrt(square), along
+    return best, where
