@@ -44,6 +44,7 @@ def condense(file, output, command):
                     write_size_groups(run, Path(output).parent.parent)
                 told = derived(run)
                 coding = {name: {"dtype": "f4", "zlib": True} for name in told.data_vars}
+                coding |= {name: {"dtype": "S1"} for name in ("form", "part")}  # HDF5 breaks on strings opened twice
                 told.to_netcdf(temporary, mode="a", group="derived", encoding=coding)
     return True
 

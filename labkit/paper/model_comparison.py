@@ -191,7 +191,10 @@ def write_model(file, data, inputs=()):
     """Writes the Dataset of compare(), whole or not at all."""
     with whole_file(file) as temporary:
         data = data.assign_attrs(provenance=provenance(inputs=inputs, output=file))
-        data.to_netcdf(temporary, encoding={key: {"zlib": True, "complevel": 4} for key in STORED})
+        coding = {key: {"zlib": True, "complevel": 4} for key in STORED}
+        # as characters: HDF5 breaks on strings of a file that is opened twice
+        coding |= {name: {"dtype": "S1"} for name in ("run", "parameters", "path")}
+        data.to_netcdf(temporary, encoding=coding)
 
 
 def open_model(file):
