@@ -47,8 +47,10 @@ def open_study(file):
 def write(design, work, output, measures, command):
     data = collect(design, work)
     table = errors(data, measures["settings"])
+    # text as characters: HDF5 breaks on strings of a file that is opened twice
+    characters = {name: {"dtype": "S1"} for name, column in data.variables.items() if column.dtype.kind in "UO"}
     with whole_file(output / "study.nc") as temporary:
-        data.to_netcdf(temporary)
+        data.to_netcdf(temporary, encoding=characters)
     tell(output / "study.nc")
     write_told(output / "errors.csv", table.to_csv(index=False, float_format="%.5g"), [output / "study.nc"])
     for file in sorted((Path(work) / "measures").iterdir()):
