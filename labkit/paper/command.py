@@ -45,7 +45,8 @@ def paper(campaign, output, command, progress):
             condense(file, output / "runs" / file.name, command)
         progress(1.0, "runs condensed")
     found = runs(output)
-    write_told(output / "campaign.csv", costs(found).to_csv(index=False, float_format="%.6g"), sources(found), command)
+    text = cost_table(found).to_csv(index=False, float_format="%.6g")
+    write_told(output / "campaign.csv", text, sources(found), command)
     yield output / "campaign.csv"
     study = output.parent / "speed_error" / "study.nc"
     yield from write_tables(found, output, study if study.exists() else None)
@@ -74,7 +75,7 @@ def sources(found):
     return [run.encoding["source"] for run in found.values()]
 
 
-def costs(found):
+def cost_table(found):
     """A row per run: what it took. wall_time in s, of whatever else the machine did too."""
     return pandas.DataFrame([
         {"run": name, "path": run.attrs["path"], "engine": run.attrs["engine"], "law": run.lab.scene.law,
