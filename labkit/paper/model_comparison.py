@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import numpy as np
@@ -14,12 +13,10 @@ from labkit.errors import InputError
 from labkit.files import whole_file
 from labkit.markdown import table as markdown_table
 from labkit.model.calibration import fit, observe
-from labkit.model.controls import model_path
-from labkit.model.driver import drive
 from labkit.model.parameters import Model
 from labkit.model.run_file import ENGINE, records
-from labkit.model.state import isotropic_state
 from labkit.paper.ends import main, travelled
+from labkit.paper.model_runs import follow
 from labkit.provenance import provenance
 from labkit.schema import RECORD
 
@@ -30,7 +27,6 @@ CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # of these, those that are n
 NOT_CALIBRATED = r"cyclic-.*|cp_start-.*"
 STORED = ("axial_strain", "stress", "void_ratio", "coordination_number", "mean_normalised_force", "contact_anisotropy",
           "normal_force_anisotropy", "mobilisation")  # fmt: skip
-ISOTROPIC = ("isoc", "isod")
 KINDS = {"cv": "CV", "cr": "CR", "cp": "CP", "isoc": "ISOC", "isod": "ISOD", "cyclic_cp": "cyclic CP"}
 FAILS = 1.5  # times the error of q: from there the void ratio is said to fail
 
@@ -85,30 +81,6 @@ def models(found):
     return {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()}
 
 
-def follow(model, run):
-    """(Result of the model along the path of a run, or None; why it ended early, or an empty text).
-
-    It starts from the nominal e, Z and p of the first record, isotropic; Lambda follows from C0. Paths that hold a
-    stress hold the target of the run.
-    """
-    given = json.loads(run.attrs["path_parameters"])
-    name = run.attrs["path"]
-    held = None if name in ("cv", *ISOTROPIC) else given["pressure"]
-    known = {key: given[key] for key in ("strain", "rate") if key in given and name != "cyclic_cp"}
-    if name == "cyclic_cp":
-        known = {"rate": given.get("rate"), "reversals": tuple(given["reversals"])}
-    pressure = held or float(run.lab.mean_stress()[0])
-    stop = given.get("pressure") if name in ISOTROPIC else None
-    try:
-        path = model_path(name, pressure, stop, **known)
-        Z = float(run["coordination_number"][0])
-        start = isotropic_state(model, float(run["void_ratio_nominal"][0]), pressure, Z)
-        result = drive(model, path, start)
-    except InputError as error:
-        return None, str(error)
-    return result, result.failure or ""
-
-
 def compare(runs, chosen):
     """The models (name -> Model) along every run: (pandas.DataFrame of errors, xarray.Dataset of the model's records).
 
@@ -121,7 +93,7 @@ def compare(runs, chosen):
     rows, results = [], {}
     for name, run in runs.items():
         for label, model in chosen.items():
-            result, status = follow(model, run)
+            result, status = _followed(run, model)
             used = bool(re.fullmatch(CALIBRATED_ON, name)) and label == OURS
             row = {"run": name, "path": run.attrs["path"], "parameters": label, "calibrated_on": used}
             rows.append(row | {"status": status, "reached": 0.0})
@@ -133,6 +105,15 @@ def compare(runs, chosen):
             row = {"run": name, "path": run.attrs["path"], "parameters": SEED, "calibrated_on": False}
             rows.append({**row, **_errors(run, travelled(first), _measured(first)), "status": ""})
     return pandas.DataFrame(rows, columns=ERROR_COLUMNS), _dataset(results)
+
+
+def _followed(run, model):
+    """(Result of the model along the path of a run, or None; why it ended early, or an empty text)."""
+    try:
+        result = follow(run, model)
+    except InputError as error:
+        return None, str(error)
+    return result, result.failure or ""
 
 
 ERROR_COLUMNS = ("run", "path", "parameters", "calibrated_on", "q_error", "p_error", "e_error", "e_error_of_change",

@@ -11,7 +11,7 @@ from labkit.model.commands import read_model
 from labkit.model.driver import drive
 from labkit.model.parameters import Model
 from labkit.model.run_file import as_run
-from labkit.model.state import ModelState, isotropic_state
+from labkit.model.state import isotropic_state
 from labkit.paths import path_class
 
 TABLE_2, CALIBRATED = "Table 2", "calibrated"
@@ -38,22 +38,26 @@ def path_of(run):
 
 
 def start_of(run, model, path):
-    """The isotropic state of the model with e and Z of the first record of the run, and Lambda of it.
+    """The isotropic state of the model with e, Z and p of the first record of the run; Lambda follows from C0.
 
-    e is the nominal void ratio, which C0 and the strain go with. Where the path holds a stress, Lambda follows from
-    this stress instead, as C0 is off by a per cent from the stress that the servo of the simulation holds. Raises
-    InputError when the run starts without contacts.
+    e is the nominal void ratio, which C0 and the strain go with. p is the stress that the path holds, where it holds
+    one. Raises InputError when the run starts without contacts.
     """
-    e, Z, Lam = (float(run[name][0]) for name in ("void_ratio_nominal", "coordination_number", "mean_normalised_force"))
-    if not Z > 0.0 or not Lam > 0.0:
+    e, Z, p = float(run["void_ratio_nominal"][0]), float(run["coordination_number"][0]), run.lab.mean_stress()[0]
+    if not Z > 0.0 or not p > 0.0:
         raise InputError("the run starts without contact forces: the model needs some, give another run")
-    return ModelState(e, Z, Lam) if path.control() is None else isotropic_state(model, e, path.pressure, Z=Z)
+    return isotropic_state(model, e, float(p) if path.control() is None else path.pressure, Z=Z)
+
+
+def follow(run, model):
+    """The Result of the model along the path of `run`. Raises InputError."""
+    path = path_of(run)
+    return drive(model, path, start_of(run, model, path))
 
 
 def model_run(run, model):
-    """The model along the path of `run`, an xarray.Dataset as labkit.open_run gives. Raises InputError.
+    """The same as an xarray.Dataset, as labkit.open_run gives. Raises InputError.
 
     Where the equations end before the path, it ends there (attribute `complete` = 0).
     """
-    path = path_of(run)
-    return as_run(drive(model, path, start_of(run, model, path)))
+    return as_run(follow(run, model))
