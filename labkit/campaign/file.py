@@ -138,6 +138,7 @@ RUN = {
 }  # fmt: skip
 TOP = {"name": word, **COMMON, "time_step_factor": number, "snapshots": whole}
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
+RESERVED = re.compile(r".*-at-p[0-9.e+-]+kPa-(yade|fused)")  # of consolidations that labkit adds
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
 
 
@@ -374,6 +375,9 @@ def _specimens(node, defaults, mistakes):
         groups[name] = [item.name for item in items] or None
         consolidated += items
     named = [(one, lines[name]) for name, ones in groups.items() for one in ones or []]
+    for one, line in named:
+        if RESERVED.fullmatch(one):
+            mistakes.add(line, f"specimen {one}: labkit names consolidations of its own so: give another name")
     _unique(named, "specimen", mistakes)
     origins = {item.name: item for item in made}
     for item in consolidated:
@@ -529,6 +533,9 @@ def _check_run(campaign, run, line, mistakes):
     """What needs the specimen too: the law, and steps that fit the path."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
     checked(lambda: require_law(run.engine, run.scene(origin)), where, line, mistakes)
+    at = next((item.pressure for item in campaign.consolidated if item.name == run.specimen), None)
+    if run.pressure not in (None, at) and run.loading().control() is not None:  # it is consolidated first
+        checked(lambda: require_law(run.engine, origin.scene), f"{where}, its consolidation", line, mistakes)
     checked(lambda: schedule_of(run, origin), where, line, mistakes)
 
 

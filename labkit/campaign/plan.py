@@ -18,6 +18,7 @@ from pathlib import Path
 from labkit.campaign.file import Campaign, Consolidated, Run, Specimen
 
 STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
+OUTDATED = "outdated"  # what was made with other parameters
 RECIPES, LOGS, REPORT = "recipes", "logs", "report.md"
 CAMPAIGN = "campaign.yaml"  # a copy of the file
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
@@ -88,7 +89,7 @@ def plan_of(campaign):
     for run in campaign.runs:
         start = {**made, **consolidated}[run.specimen]
         if run.path in HOLDS_A_STRESS and run.pressure is not None and not _is_at(start, run.pressure):
-            name = f"{run.specimen}-at-p{run.pressure / 1e3:g}kPa-{run.engine}"
+            name = f"{run.specimen}-at-p{run.pressure / 1e3:.10g}kPa-{run.engine}"
             item = Consolidated(name, run.specimen, run.pressure, run.engine, run.threads)
             start = consolidated.setdefault(name, _consolidation_job(item, start))
         runs.append(_run_job(run, start))
@@ -141,10 +142,20 @@ def write_recipes(plan, folder):
     for name, text in wanted.items():
         file = folder / name
         if not file.exists() or file.read_text() != text:
+            _set_aside(folder, next(job for job in plan.jobs if job.recipe == name))
             file.write_text(text)
     for file in (folder / RECIPES).glob("*.json"):
         if f"{RECIPES}/{file.name}" not in wanted:
             file.unlink()
+
+
+def _set_aside(folder, job):
+    """Moves what a job of that name made with other parameters into the folder OUTDATED: it is no result any more."""
+    products = [f"{STATISTICS}/{job.name}.nc", f"{FIGURES}/{job.name}.png"] if job.kind == "run" else []
+    for name in [job.output, *products]:
+        if (folder / name).exists():
+            (folder / OUTDATED).mkdir(exist_ok=True)
+            (folder / name).replace(folder / OUTDATED / Path(name).name)
 
 
 def recipe_text(job):

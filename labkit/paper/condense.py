@@ -16,7 +16,7 @@ import xarray as xr
 import labkit
 from labkit.files import create_variables, open_netcdf, whole_file
 from labkit.paper.size_groups import write_size_groups
-from labkit.provenance import provenance
+from labkit.provenance import data_sha256, provenance
 from labkit.schema import CONTACTS, GRAINS, RECORD
 
 PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> the snapshots whose contacts are kept
@@ -38,7 +38,7 @@ def condense(file, output, command):
                 _copy(source, thin, chosen)
                 thin.source_sha256 = digest
                 thin.source_provenance = source.provenance
-                thin.provenance = provenance(command, [file], output)
+                thin.provenance = provenance(command, output=output)  # its input is told by the hash of its data
             with labkit.open_run(file) as run:
                 if Path(file).name == f"{FIG_2}.run.nc":
                     write_size_groups(run, Path(output).parent.parent)
@@ -46,6 +46,8 @@ def condense(file, output, command):
                 coding = {name: {"dtype": "f4", "zlib": True} for name in told.data_vars}
                 coding |= {name: {"dtype": "S1"} for name in ("form", "part")}  # HDF5 breaks on strings opened twice
                 told.to_netcdf(temporary, mode="a", group="derived", encoding=coding)
+            with netCDF4.Dataset(temporary, "a") as thin:
+                thin.data_sha256 = data_sha256(thin)
     return True
 
 

@@ -170,7 +170,7 @@ def constant_volume(base):
 
 
 def full():
-    """The study of results/speed_error: some three hours of computing."""
+    """The study of results/speed_error: some five hours of computing."""
     seeds = (1, 2, 3)
     base = Case(BASELINE, "standard settings, 1000 grains", seeds, 1000)
     cases = [base, *one_factor(base), *pairs(base), *engines(dataclasses.replace(base, rate=40.0), 500, seeds)]

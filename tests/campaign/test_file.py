@@ -120,6 +120,11 @@ BROKEN = {
     "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
     "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
     "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"), [(1, "time step factor is -1")]),
+    "a consolidation on yade of a specimen with law paper":
+        (specimen("void_ratio: 0.67, grains: 150, law: paper").replace(
+            "cv,", "cp, pressure: 500 kPa, law: yade, engine: yade,"), [(5, "its consolidation: engine yade")]),
+    "a name that labkit gives": ((HEAD + "  a-at-p500kPa-fused: {void_ratio: 0.67, grains: 150}\n" + RUNS),
+                                 [(4, "give another name")]),
     "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
     "law paper in a run on yade": (run("path: cv, specimen: a, law: paper, engine: yade"),
                                    [(5, "does not know contact law 'paper'")]),

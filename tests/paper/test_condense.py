@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import labkit
-from labkit import paper
+from labkit import paper, provenance
 from labkit.errors import InputError
 from labkit.paper.condense import PICTURES, condense
 from labkit.paper.size_groups import read_size_groups
@@ -56,7 +56,9 @@ def test_pictures_keep_their_contacts(run_file, tmp_path):
 
 
 def test_a_run_is_condensed_once(thin, run_file):
-    assert not condense(run_file, thin / "runs" / "cv-small.run.nc", "labkit paper")
+    file = thin / "runs" / "cv-small.run.nc"
+    assert not condense(run_file, file, "labkit paper")
+    assert provenance.check(file) == [("the data of this file", "same")]
 
 
 def test_a_folder_without_runs_is_refused(tmp_path):
