@@ -7,6 +7,7 @@ stresses of grain size groups go into a file of their own.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import netCDF4
@@ -37,7 +38,7 @@ def condense(file, output, command):
             with netCDF4.Dataset(temporary, "w") as thin:
                 _copy(source, thin, chosen)
                 thin.source_sha256 = digest
-                thin.source_provenance = source.provenance
+                thin.source_provenance = re.sub(r"/\S*/yade_scripts/", "yade_scripts/", source.provenance)
                 thin.provenance = provenance(command, output=output)  # its input is told by the hash of its data
             with labkit.open_run(file) as run:
                 if Path(file).name == f"{FIG_2}.run.nc":
