@@ -20,6 +20,7 @@ FACTORS = {  # those with numbers: label of the axis, level of the baseline
     "Young's modulus": ("E (Pa)", 0.15e9),
 }
 SHOWN = ("ratio_1", "ratio_peak", "ratio_critical", "void_ratio_critical", "Z_critical", "Lambda_critical")
+COSTS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 STARS = {"quick": "tab:green", "standard": "tab:blue", "reference": "k", "the paper's": "tab:red"}
 
 
@@ -46,13 +47,17 @@ def pareto(table, path="cp"):
             axes.loglog(star["over_standard"], 100 * star["one_run"], "*", ms=13, color=color, mec="w", mew=0.5)
         relative = "(%)" if name != "sff_error" else "(% of Love)"
         axes.xaxis.set_minor_formatter(NullFormatter())
+        if np.ptp(np.log10(some["over_standard"])) < 2.0:  # a single decade would be named, or none
+            axes.set_xticks(COSTS, [f"{cost:g}" for cost in COSTS])
+            axes.set_xlim(0.8 * some["over_standard"].min(), 1.25 * some["over_standard"].max())
         axes.set(title=some["label"].iloc[0], xlabel="cost over standard", ylabel=f"error of one test {relative}")
         axes.title.set_fontsize(10)
         axes.grid(alpha=0.25)
     for axes in grid.ravel()[len(names) :]:
         axes.axis("off")
     handles = [Line2D([], [], ls="", marker="o", ms=4, color=colors[f], label=f) for f in factors]
-    handles += [Line2D([], [], ls="", marker="*", ms=12, color=c, label=level) for level, c in STARS.items()]
+    there = {level: c for level, c in STARS.items() if (table["level"] == level).any()}
+    handles += [Line2D([], [], ls="", marker="*", ms=12, color=c, label=level) for level, c in there.items()]
     handles.append(Line2D([], [], color="0.6", lw=1, label="front"))
     figure.legend(handles=handles, loc="outside lower center", ncols=7, frameon=False, fontsize=8)
     return figure
