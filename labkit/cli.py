@@ -305,18 +305,13 @@ def history_of(argv):
 
 def do_figure(options, argv):
     from labkit import micro_figures, plots
+    from labkit.dataset import require_snapshots
 
     run = labkit.open_run(options.run)
     output = options.output or figure_name(options.run, options.figure)
     require_outputs(output, options.csv)
-    snapshots = run.sizes["snapshot"]
-    if options.figure != "shares" and not snapshots:
-        raise InputError(f"{options.run} holds no contacts: give a run with snapshots, or draw its shares")
-    if options.figure != "shares" and not -snapshots <= options.snapshot < snapshots:
-        raise InputError(
-            f"--snapshot {options.snapshot} is not in {options.run}: it has {snapshots}, count from 0, or from the "
-            "end with negative numbers"
-        )
+    if options.figure != "shares":
+        require_snapshots(run, options.run, [options.snapshot], ", or draw its shares")
     figure, table = getattr(micro_figures, options.figure)(run, options.groups, options.snapshot)
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")

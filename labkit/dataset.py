@@ -8,6 +8,7 @@ import functools
 import numpy as np
 import xarray as xr
 
+from labkit.errors import InputError
 from labkit.files import open_netcdf
 from labkit.micro.contacts import NO_CONTACTS, Contacts
 from labkit.micro.fabric import Statistics, statistics
@@ -16,6 +17,7 @@ from labkit.micro.normalised import normalised_normal_force, strong_by_force, st
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.paths import travelled
 from labkit.scene import Scene
 from labkit.sff import TERMS, sff_stress, strength_shares
 from labkit.sff_budget import PARTS, error_budget
@@ -42,6 +44,18 @@ def open_run(path):
     run = run.set_coords([name for name in ("time", "axial_strain") if name in run])
     run.encoding["source"] = str(path)
     return run
+
+
+def require_snapshots(run, file, numbers, instead=""):
+    """Raises InputError unless the run has contacts, and snapshots of these numbers, from the end if negative."""
+    count = run.sizes["snapshot"]
+    if not count:
+        raise InputError(f"{file} holds no contacts: give a run with snapshots{instead}")
+    for k in numbers:
+        if not -count <= k < count:
+            raise InputError(
+                f"--snapshot {k} is not in {file}: it has {count}, count from 0, or from the end with negative numbers"
+            )
 
 
 def open_state(path):
@@ -206,13 +220,13 @@ class Lab:
         there at the last snapshot, and its death is not known; `birth_strain`, `lifetime` (axial strain travelled
         until the last snapshot with it is past).
         """
-        lives, travelled = self._lives, self._travelled()
+        lives, way = self._lives, self._travelled()
         alive = lives.death == self.number_of_snapshots
-        end = travelled[np.minimum(lives.death, len(travelled) - 1)] if len(travelled) else np.zeros(0)
+        end = way[np.minimum(lives.death, len(way) - 1)] if len(way) else np.zeros(0)
         return xr.Dataset({
             "pair": (("life", "side"), lives.pair), "birth": ("life", lives.birth), "death": ("life", lives.death),
-            "alive": ("life", alive), "birth_strain": ("life", travelled[lives.birth], {"units": "1"}),
-            "lifetime": ("life", end - travelled[lives.birth], {"units": "1"}),
+            "alive": ("life", alive), "birth_strain": ("life", way[lives.birth], {"units": "1"}),
+            "lifetime": ("life", end - way[lives.birth], {"units": "1"}),
         })  # fmt: skip
 
     def contact_changes(self):
@@ -220,13 +234,13 @@ class Lab:
 
         `mean_age`: axial strain travelled since the birth of a contact, mean over the contacts.
         """
-        lives, travelled = self._lives, self._travelled()
+        lives, way = self._lives, self._travelled()
         with np.errstate(invalid="ignore", divide="ignore"):
-            age = lives.age_sum(travelled) / lives.contacts
+            age = lives.age_sum(way) / lives.contacts
         columns = {name: ("snapshot", getattr(lives, name)) for name in ("contacts", "gained", "lost", "kept")}
         return xr.Dataset(
             {**columns, "mean_age": ("snapshot", age, {"units": "1"})},
-            coords={**self._snapshot_coordinates(), "travelled": ("snapshot", travelled, {"units": "1"})},
+            coords={**self._snapshot_coordinates(), "travelled": ("snapshot", way, {"units": "1"})},
         )
 
     @functools.cached_property
@@ -236,9 +250,7 @@ class Lab:
 
     def _travelled(self):
         """Axial strain travelled until each snapshot; it grows through reversals."""
-        strain = self._run["axial_strain"].values
-        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(strain)))])
-        return way[self._run["record"].values]
+        return travelled(self._run["axial_strain"].values)[self._run["record"].values]
 
     def strength_shares(self):
         """What A, F, F^t and the product of A and F add to q/p of C0, DataArray (term, time)."""

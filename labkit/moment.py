@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dataset import open_run
+from labkit.dataset import open_run, require_snapshots
 from labkit.errors import InputError
 from labkit.files import labkit_kind
 from labkit.micro.contacts import Contacts, contacts_of
@@ -61,14 +61,8 @@ def moments(file, snapshots=()):
             raise InputError(f"{file} is a state file, one moment: leave --snapshot out, or give a run file")
         return (of_state(read_state(file)) for _ in range(1))
     run = open_run(file)
+    require_snapshots(run, file, snapshots, ", or a state file")
     number = run.sizes["snapshot"]
-    if not number:
-        raise InputError(f"{file} holds no contacts: give a run with snapshots, or a state file")
-    for k in snapshots:
-        if not -number <= k < number:
-            raise InputError(
-                f"--snapshot {k} is not in {file}: it has {number}, count from 0, or from the end with negative numbers"
-            )
     return (of_snapshot(run, k % number) for k in snapshots or range(number))
 
 

@@ -232,3 +232,8 @@ def _require_pressure(pressure):
             f"--pressure {pressure:g} Pa is not possible: give more than 0 and at most {PRESSURE_LIMIT:g}, "
             "where the mean overlap reaches its limit of 2 %"
         )
+
+
+def travelled(axial_strain):
+    """Axial strain travelled until each record, shape (n,); it grows through reversals."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])

@@ -13,6 +13,7 @@ import numpy as np  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 
 from labkit.files import whole_file  # noqa: E402
+from labkit.paths import travelled  # noqa: E402
 from labkit.provenance import provenance, tell  # noqa: E402
 
 WIDTH = 10.0  # inches
@@ -85,7 +86,7 @@ def e_p_paths(runs, critical=None, width=WIDTH):
 
 QUANTITIES = {
     "strain": ("axial strain (%)", lambda run, stress: percent(run)),
-    "travelled": ("axial strain travelled (%)", lambda run, stress: travelled(run)),
+    "travelled": ("axial strain travelled (%)", lambda run, stress: travelled(percent(run))),
     "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
     "q": ("q (MPa)", lambda run, stress: run.lab.deviatoric_stress(stress).values / 1e6),
     "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),
@@ -110,12 +111,6 @@ def diagram(name):
 def percent(run):
     """Axial strain of the records, %."""
     return run["axial_strain"].values * 100
-
-
-def travelled(run):
-    """Axial strain travelled until each record, %; it grows through reversals."""
-    strain = percent(run)
-    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(strain)))])
 
 
 def curves(rows, names):
@@ -153,10 +148,10 @@ def calibration(observations, predicted):
     panels = grid.ravel()
     for color, o in zip(_colors(len(observations)), observations):
         steps = np.linalg.norm(o.strain_step, axis=1)
-        travelled = 100 * np.concatenate([[0.0], np.cumsum(steps)])
+        way = 100 * np.concatenate([[0.0], np.cumsum(steps)])
         for k, axes in enumerate(panels[:5]):
-            axes.plot(travelled, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
-            axes.plot(travelled, predicted[o.name][:, k], ":", color=color, lw=1.8)
+            axes.plot(way, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
+            axes.plot(way, predicted[o.name][:, k], ":", color=color, lw=1.8)
     for label, axes in zip(STATISTICS, panels):
         axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
         axes.grid(alpha=0.25)

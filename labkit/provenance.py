@@ -114,6 +114,12 @@ def processor():
 
 def file_sha256(file):
     """SHA-256 of the bytes of a file, hexadecimal."""
+    state = os.stat(file)
+    return _sha256(os.fspath(file), state.st_ino, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(1024)  # one command may name the same inputs for each of its outputs
+def _sha256(file, *state):
     digest = hashlib.sha256()
     with open(file, "rb") as handle:
         while part := handle.read(1 << 20):

@@ -12,6 +12,7 @@ from labkit.energy import BALANCE_LIMIT
 from labkit.errors import InputError
 from labkit.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
 from labkit.micro.void_ratio import grain_volume
+from labkit.paths import travelled
 from labkit.specimen import mean_grain_volume
 
 SFF_TOLERANCE = 0.02  # of Love, Frobenius norm
@@ -95,8 +96,7 @@ def _held(run):
         target = json.loads(run.attrs["path_parameters"])["pressure"]
         stress = np.diagonal(run["stress"].values, axis1=1, axis2=2)
         held = stress[:, :2] if path == "cr" else stress.mean(axis=1)[:, None]
-        travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(run["axial_strain"].values)))])
-        error = held[travelled > HELD_AFTER] / target - 1.0
+        error = held[travelled(run["axial_strain"].values) > HELD_AFTER] / target - 1.0
         if error.size:
             what = "radial stress" if path == "cr" else "mean stress"
             yield _below(f"held: {what}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS)

@@ -138,11 +138,11 @@ def write_recipes(plan, folder):
     folder = Path(folder)
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
-    wanted = {job.recipe: recipe_text(job) for job in plan.jobs}
-    for name, text in wanted.items():
-        file = folder / name
+    wanted = {job.recipe for job in plan.jobs}
+    for job in plan.jobs:
+        file, text = folder / job.recipe, recipe_text(job)
         if not file.exists() or file.read_text() != text:
-            _set_aside(folder, next(job for job in plan.jobs if job.recipe == name))
+            _set_aside(folder, job)
             file.write_text(text)
     for file in (folder / RECIPES).glob("*.json"):
         if f"{RECIPES}/{file.name}" not in wanted:

@@ -18,6 +18,7 @@ import labkit
 import labkit.dataset  # gives the accessor .lab to as_run
 from labkit.files import create_variables, whole_file
 from labkit.model.parameters import Model
+from labkit.paths import travelled
 from labkit.provenance import data_sha256, provenance
 from labkit.scene import Scene
 from labkit.schema import CONTACTS, GRAINS, RECORD
@@ -29,9 +30,8 @@ def records(result):
     """The variables of labkit.schema.RECORD of a Result, name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
-    travelled = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(result.axial_strain)))])
     known = {
-        "time": travelled / result.path.rate,
+        "time": travelled(result.axial_strain) / result.path.rate,
         "axial_strain": result.axial_strain,
         "strain": result.strain,
         "cell": cell,

@@ -17,3 +17,8 @@ def runs(folder):
     if not files:
         raise InputError(f"{folder}/runs holds no run files: make them with labkit paper CAMPAIGN -o {folder}")
     return {file.name.removesuffix(".run.nc"): open_run(file) for file in files}
+
+
+def sources(found):
+    """The files of runs, name -> run; those that were made in memory have none."""
+    return [run.encoding["source"] for run in found.values() if "source" in run.encoding]

@@ -12,12 +12,13 @@ import math
 
 import numpy as np
 import pandas
-import xarray
 
 from labkit.campaign.plan import HOLDS_A_STRESS
 from labkit.critical import SHEAR, WINDOW
 from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts, table
 from labkit.paper.estimates import NOTHING, Estimate, jackknife, two_samples
+from labkit.study.errors import same_specimens
+from labkit.study.table import open_study
 
 SAME_SPECIMENS = ("share_cv", "share_cr", "share_cp", "full_cv")
 STUDY_FACTORS = ("rate", "time step", "local damping", "grains", "Young's modulus", "settings")
@@ -165,7 +166,8 @@ def study_effects(number, study):
         base = study["case"].values[((study["path"] == path) & (study["factor"] == "baseline")).values]
         cases = study["case"].values[((study["path"] == path) & study["factor"].isin(STUDY_FACTORS)).values]
         for case in cases if len(base) else ():
-            change = (values.sel(case=case) - values.sel(case=base[0])).values[_same_seeds(study, case, base[0])]
+            same = same_specimens(study.sel(case=case), study.sel(case=base[0]))
+            change = (values.sel(case=case) - values.sel(case=base[0])).values[same]
             change = change[np.isfinite(change)]
             if len(change) > 1:
                 factor, level = (str(study[name].sel(case=case).values) for name in ("factor", "level"))
@@ -174,17 +176,12 @@ def study_effects(number, study):
                 yield Effect(f"study: {factor}", words, effect, (str(case), str(base[0])))
 
 
-def _same_seeds(study, case, base):
-    a, b = study.sel(case=case), study.sel(case=base)
-    return ((a["seed"] == b["seed"]) & (a["grains"] == b["grains"]) & (a["seed"] > 0)).values
-
-
-def open_study(file):
+def guarded_study(file):
     """The data set of labkit speed-error in memory, or None without the file. What was run without the guards, steps
     beyond the limit, is no cause that a run of ours could have, and is left out."""
     if file is None or not file.exists():
         return None
-    with xarray.open_dataset(file) as data:
+    with open_study(file) as data:
         return data.isel(case=data["guarded"].values == 1).load()
 
 

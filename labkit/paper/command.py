@@ -8,13 +8,13 @@ import pandas
 
 from labkit import plots
 from labkit.campaign import workflow
-from labkit.campaign.command import ours
+from labkit.campaign.command import ours, tell
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import CAMPAIGN, RUNS, plan_of
 from labkit.errors import InputError
 from labkit.files import make_folder
 from labkit.moment import moments
-from labkit.paper import runs
+from labkit.paper import runs, sources
 from labkit.paper.condense import condense
 from labkit.paper.notebooks import execute, notebook_files
 from labkit.paper.report import report
@@ -27,11 +27,12 @@ NOTEBOOKS = Path(__file__).resolve().parents[2] / "analysis"
 
 
 def simulate(folder, cores, progress):
-    """Brings the campaign in `folder` up to date: its own file there, or the paper's; Snakemake's exit code."""
+    """Brings the campaign in `folder` up to date: its own file there, or the paper's; the exit code of a campaign."""
     folder = Path(folder)
     file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else ours("paper")
     text = file.read_text(encoding="utf-8")
-    return workflow.run_workflow(plan_of(read_campaign(file)), text, folder, cores, progress=progress)
+    plan = plan_of(read_campaign(file))
+    return tell(plan, folder, workflow.run_workflow(plan, text, folder, cores, progress=progress))
 
 
 def paper(campaign, output, command, progress):
@@ -68,11 +69,6 @@ def finished(campaign):
     if not files:
         raise InputError(f"{campaign} holds no finished runs: give the folder of labkit campaign paper")
     return files
-
-
-def sources(found):
-    """The files of runs."""
-    return [run.encoding["source"] for run in found.values()]
 
 
 def cost_table(found):

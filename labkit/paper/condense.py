@@ -7,6 +7,7 @@ stresses of grain size groups go into a file of their own.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -76,7 +77,7 @@ def _copy(source, thin, chosen):
 
 def _single(table):
     """The same variables in single precision."""
-    return {name: row.__class__(**{**vars(row), "dtype": row.dtype.replace("f8", "f4")}) for name, row in table.items()}
+    return {name: dataclasses.replace(row, dtype=row.dtype.replace("f8", "f4")) for name, row in table.items()}
 
 
 def derived(run):

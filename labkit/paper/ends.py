@@ -11,10 +11,11 @@ import pandas
 from labkit.campaign.plan import HOLDS_A_STRESS
 from labkit.critical import SHEAR, TENSORS, WINDOW, critical_states
 from labkit.paper.estimates import BLOCKS
+from labkit.paths import travelled
 from labkit.schema import LATER, RECORD
+from labkit.verify import HELD_AFTER
 
 ENOUGH_STRAIN = 0.15  # from which the last quarter of a shear test is near the critical state
-HELD_AFTER = 5e-3  # axial strain travelled until a servo holds what it must
 RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; slower than that the last half cannot tell from a line
 OTHERS = ("share_", "full_")  # tests of the engines and the laws, not of the paper
 
@@ -135,10 +136,5 @@ def _held(run):
         return float("nan")
     stress = run["stress"].values
     held = 0.5 * (stress[:, 0, 0] + stress[:, 1, 1]) if run.attrs["path"] == "cr" else run.lab.mean_stress().values
-    later = travelled(run) > HELD_AFTER
+    later = travelled(run["axial_strain"].values) > HELD_AFTER
     return float(held[later].mean() / 1e6) if later.any() else float("nan")
-
-
-def travelled(run):
-    """Axial strain travelled until each record, shape (time,); it grows through reversals."""
-    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(run["axial_strain"].values)))])

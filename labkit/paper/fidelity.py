@@ -72,7 +72,7 @@ def _start(name, label, paper, rounding, pattern, column):
 
 SEEDS = r"(_more-s\d+)?"
 HALF, MIDDLE = 0.005, 0.67  # half of the last digit of e_cmax = 0.76, and the void ratio at which it is said in others:
-ROUNDED_Z = float(lines.paper_Z(MIDDLE - HALF) - lines.paper_Z(MIDDLE))  # of Z^c
+ROUNDED_Z = float(lines.critical_Z(MIDDLE - HALF) - lines.critical_Z(MIDDLE))  # of Z^c
 ROUNDED = HALF / (lines.PAPER.e_cmax - MIDDLE)  # of c_cLambda, relative; gamma_cZ times that of c_cZ
 NUMBERS = (
     _critical("M", "critical strength M = q/p", 0.92, 0.005, "M"),
@@ -81,9 +81,9 @@ NUMBERS = (
     _critical("F_zz", "critical F_zz", lines.PAPER.F_c / ROOT_3_2, 0.005, "F_zz"),
     _critical("Ft_zz", "critical F^t_zz", lines.PAPER.Ft_c / ROOT_3_2, 0.0005, "Ft_zz"),
     Number("Z residual", "Z - Z^c(e) at the ends, mean", 0.0, ROUNDED_Z,
-           lambda table: float((table["Z"] - lines.paper_Z(table["e"])).mean()), "Z"),
+           lambda table: float((table["Z"] - lines.critical_Z(table["e"])).mean()), "Z"),
     Number("Lambda residual", "Lambda - Lambda^c(e) at the ends, mean", 0.0, lines.PAPER.c_cLam * HALF,
-           lambda table: float((table["Lambda"] - lines.paper_Lambda(table["e"])).mean()), "Lambda"),
+           lambda table: float((table["Lambda"] - lines.critical_Lambda(table["e"])).mean()), "Lambda"),
     Number("e residual", "e - e^c(p) at the ends, mean; e^c(p) of Table 2 through C0", 0.0, HALF,
            lambda table: float((table["e"] - lines.paper_e(table["p_MPa"])).mean()), "e"),
     Number("c_cZ", "c_cZ with e_cmax = 0.76 and gamma_cZ = 0.7", lines.PAPER.c_cZ,

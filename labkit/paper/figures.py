@@ -17,10 +17,11 @@ from matplotlib.lines import Line2D
 from labkit import micro_figures, plots
 from labkit.critical import SHEAR, critical_states
 from labkit.errors import InputError
-from labkit.model.calibration import AXIS, critical_fit, observe
-from labkit.model.equations import critical_coordination_number, critical_force
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.model.calibration import critical_fit, observe
 from labkit.model.parameters import ROOT_3_2, Model
-from labkit.model.state import ModelState
+from labkit.paper import sources
+from labkit.paper.lines import critical_Lambda, critical_stress, critical_Z
 from labkit.paper.model_runs import CALIBRATED, TABLE_2, model_run
 
 WIDTH = 7.2  # inches, of a page of A4
@@ -36,8 +37,7 @@ LOWEST_PRESSURE = 1e3  # Pa, below which stress ratios are noise
 
 def save(figure, file, runs=None):
     """Writes a figure with the run files behind it in its provenance; the name of the file."""
-    inputs = [run.encoding["source"] for run in (runs or {}).values()]
-    plots.save(figure, file, inputs, "labkit notebooks", DPI)
+    plots.save(figure, file, sources(runs or {}), "labkit notebooks", DPI)
     return str(file)
 
 
@@ -172,10 +172,10 @@ def critical_lines(runs, models):
         lowest = 0.6 if table is None else table["e"].min() - 0.01
         styles = MODEL_STYLES | {"fit to these tests": {"ls": "-", "lw": 1.2}}
         for label, model in lines.items():
-            c, style = model.constants, {"color": "k", **styles[label]}
-            e = np.linspace(lowest, model.parameters.e_cmax, 200)
-            z_panel.plot(e, [critical_coordination_number(x, c) for x in e], **style, label=label)
-            force_panel.plot(e, [critical_force(x, c) for x in e], **style)
+            c, style = model.parameters, {"color": "k", **styles[label]}
+            e = np.linspace(lowest, c.e_cmax, 200)
+            z_panel.plot(e, critical_Z(e, c), **style, label=label)
+            force_panel.plot(e, critical_Lambda(e, c), **style)
         if table is not None:
             _ends(table, tests, grid)
         terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"))
@@ -308,19 +308,14 @@ def fitted_lines(tests):
 
 def critical_line(model):
     """(p in Pa, e) of the critical state line: C0 with Z^c(e), Lambda^c(e) and the critical A, F, F^t."""
-    c, p = model.constants, model.parameters
-    A, F, Ft = (value / ROOT_3_2 * AXIS for value in (p.A_c, p.F_c, p.Ft_c))
-    e = np.linspace(p.e_cmax - 0.2, p.e_cmax, 100)
-    states = [ModelState(x, critical_coordination_number(x, c), critical_force(x, c), A, F, Ft) for x in e]
-    pressure = np.array([np.trace(state.stress(model)) / 3 for state in states])
+    e = np.linspace(model.parameters.e_cmax - 0.2, model.parameters.e_cmax, 100)
+    pressure = mean_stress(critical_stress(e, model.parameters))
     return pressure[pressure < 3e6], e[pressure < 3e6]
 
 
 def _strength(model):
-    p = model.parameters
-    A, F, Ft = (value / ROOT_3_2 * AXIS for value in (p.A_c, p.F_c, p.Ft_c))
-    stress = ModelState(0.7, 5.0, 0.005, A, F, Ft).stress(model)
-    return (stress[2, 2] - stress[0, 0]) / (np.trace(stress) / 3)
+    stress = critical_stress(model.parameters.e_cmax - 0.1, model.parameters)  # q/p is the same at any void ratio
+    return deviatoric_stress(stress) / mean_stress(stress)
 
 
 def _panels(rows, names, height=2.5):

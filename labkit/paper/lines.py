@@ -20,22 +20,26 @@ PAPER = Parameters()
 SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda in a test's end: the weights of the two lines fitted at once
 
 
-def paper_Z(e):
-    """Z^c(e) of Table 2; 4 from e_cmax on."""
-    return 4.0 + PAPER.c_cZ * distance(e, PAPER.e_cmax) ** PAPER.gamma_cZ
+def critical_Z(e, parameters=PAPER):
+    """Z^c(e), of Table 2 or other Parameters of the model; 4 from e_cmax on."""
+    return 4.0 + parameters.c_cZ * distance(e, parameters.e_cmax) ** parameters.gamma_cZ
 
 
-def paper_Lambda(e):
-    """Lambda^c(e) of Table 2; 0 from e_cmax on."""
-    return PAPER.c_cLam * distance(e, PAPER.e_cmax)
+def critical_Lambda(e, parameters=PAPER):
+    """Lambda^c(e), of Table 2 or other Parameters; 0 from e_cmax on."""
+    return parameters.c_cLam * distance(e, parameters.e_cmax)
+
+
+def critical_stress(e, parameters=PAPER):
+    """Stress (..., 3, 3), Pa, of the critical state in compression along z at void ratios (...) after C0."""
+    e, c = np.asarray(e, dtype=float), parameters
+    A, F, Ft = (norm / ROOT_3_2 * np.diag([-0.5, -0.5, 1.0]) for norm in (c.A_c, c.F_c, c.Ft_c))
+    return sff_stress(Scene().young_modulus, critical_Z(e, c), critical_Lambda(e, c), e, A, F, Ft)
 
 
 def paper_pressure(e):
     """p (MPa) of the critical state at a void ratio after C0 with Table 2, any shape; 0 from e_cmax on."""
-    e = np.asarray(e, dtype=float)
-    A, F, Ft = (norm / ROOT_3_2 * np.diag([-0.5, -0.5, 1.0]) for norm in (PAPER.A_c, PAPER.F_c, PAPER.Ft_c))
-    stress = sff_stress(Scene().young_modulus, paper_Z(e), paper_Lambda(e), e, A, F, Ft)
-    return mean_stress(stress) / 1e6
+    return mean_stress(critical_stress(e)) / 1e6
 
 
 def paper_e(p):

@@ -15,8 +15,9 @@ from labkit.markdown import table as markdown_table
 from labkit.model.calibration import fit, observe
 from labkit.model.parameters import Model
 from labkit.model.run_file import ENGINE, records
-from labkit.paper.ends import main, travelled
+from labkit.paper.ends import main
 from labkit.paper.model_runs import follow
+from labkit.paths import travelled
 from labkit.provenance import provenance
 from labkit.schema import RECORD
 
@@ -103,7 +104,8 @@ def compare(runs, chosen):
         first = runs.get(re.sub(r"_more-s\d+$", "", name))
         if first is not None and first is not run:
             row = {"run": name, "path": run.attrs["path"], "parameters": SEED, "calibrated_on": False}
-            rows.append({**row, **_errors(run, travelled(first), _measured(first)), "status": ""})
+            gone = travelled(first["axial_strain"].values)
+            rows.append({**row, **_errors(run, gone, _measured(first)), "status": ""})
     return pandas.DataFrame(rows, columns=ERROR_COLUMNS), _dataset(results)
 
 
@@ -122,8 +124,7 @@ ERROR_COLUMNS = ("run", "path", "parameters", "calibrated_on", "q_error", "p_err
 
 def _of_result(result):
     """(strain travelled, q, p and e) of the model."""
-    gone = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(result.axial_strain)))])
-    return gone, {"q": result.q, "p": result.p, "e": result.e}
+    return travelled(result.axial_strain), {"q": result.q, "p": result.p, "e": result.e}
 
 
 def _measured(run):
@@ -133,7 +134,7 @@ def _measured(run):
 
 def _errors(run, gone, predicted):
     """The errors of a prediction after the strains `gone`."""
-    way, measured = travelled(run), _measured(run)
+    way, measured = travelled(run["axial_strain"].values), _measured(run)
     both = way <= gone[-1] * (1.0 + 1e-9)
     off = {key: _rms(np.interp(way, gone, predicted[key])[both] - measured[key][both]) for key in measured}
     given = {"cv": "e", "cp": "p", "cyclic_cp": "p", "isoc": "qe", "isod": "qe"}.get(run.attrs["path"], "")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from labkit.files import make_folder
-from labkit.paper import fidelity, model_comparison
-from labkit.paper.causes import open_study
+from labkit.paper import fidelity, model_comparison, sources
+from labkit.paper.causes import guarded_study
 from labkit.paper.ends import ends, extrapolated, in_memory, main, sheared
-from labkit.paper.lines import critical_lines, one_line, paper_Lambda, paper_Z
+from labkit.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from labkit.paper.sff_errors import sff_errors
 from labkit.provenance import write_told
 
@@ -21,10 +21,10 @@ def write_tables(runs, output, study=None):
     """
     output = make_folder(output, "--output")
     known = in_memory(runs)
-    numbers, causes = fidelity.fidelity(known, open_study(study and Path(study)))
+    numbers, causes = fidelity.fidelity(known, guarded_study(study and Path(study)))
     at_ends = ends(sheared(main(known)))
     at_ends = at_ends.assign(
-        Z_off=at_ends["Z"] - paper_Z(at_ends["e"]), Lambda_off=at_ends["Lambda"] - paper_Lambda(at_ends["e"])
+        Z_off=at_ends["Z"] - critical_Z(at_ends["e"]), Lambda_off=at_ends["Lambda"] - critical_Lambda(at_ends["e"])
     )
     found, other = model_comparison.calibrate(known)
     errors, data = model_comparison.compare(known, model_comparison.models(found))
@@ -41,6 +41,6 @@ def write_tables(runs, output, study=None):
     if found:
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():
-        write_told(output / name, text, [run.encoding["source"] for run in runs.values() if "source" in run.encoding])
+        write_told(output / name, text, sources(runs))
     model_comparison.write_model(output / "model.nc", data)
     return [*(output / name for name in texts), output / "model.nc"]

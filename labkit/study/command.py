@@ -5,10 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import xarray
-
 from labkit import plots
-from labkit.errors import InputError
 from labkit.files import make_folder, whole_file
 from labkit.provenance import tell, write_told
 from labkit.study import figures
@@ -17,7 +14,7 @@ from labkit.study.errors import errors
 from labkit.study.jobs import run_study
 from labkit.study.measures import measure_others
 from labkit.study.page import page
-from labkit.study.table import collect, restore
+from labkit.study.table import collect, open_study, restore
 
 
 def speed_error(design_name, work, output, jobs, progress, earlier=None):
@@ -31,17 +28,6 @@ def speed_error(design_name, work, output, jobs, progress, earlier=None):
     run_study(design, work, jobs, progress)
     measures = measure_others(design, work, progress)
     return write(design, work, Path(output), measures, f"./lab speed-error --design {design_name}")
-
-
-def open_study(file):
-    """The data set of an earlier study. Raises InputError for anything else."""
-    try:
-        data = xarray.open_dataset(file)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file} cannot be read as a study ({error}): give the study.nc of one") from None
-    if not {"value", "check", "status", "yardstick"} <= set(data):
-        raise InputError(f"{file} is not a study: give the study.nc of one")
-    return data
 
 
 def write(design, work, output, measures, command):

@@ -90,9 +90,13 @@ def _welch(a, b):
 
 def _pairs(case, other, name):
     """Differences (pair,) of an observable between tests of the same specimens; none where these are others."""
-    same = (case["seed"] == other["seed"]) & (case["grains"] == other["grains"]) & (case["seed"] > 0)
     difference = case["value"].sel(observable=name).values - other["value"].sel(observable=name).values
-    return _sound(difference[same.values])
+    return _sound(difference[same_specimens(case, other)])
+
+
+def same_specimens(case, other):
+    """Which replicates of two cases are tests of the same specimen, (replicate,)."""
+    return ((case["seed"] == other["seed"]) & (case["grains"] == other["grains"]) & (case["seed"] > 0)).values
 
 
 def _mean_of(differences):

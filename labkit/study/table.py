@@ -8,6 +8,7 @@ import numpy as np
 import xarray
 
 import labkit
+from labkit.errors import InputError
 from labkit.files import write_text
 from labkit.study.jobs import result_file
 from labkit.study.observables import CHECKS, OBSERVABLES
@@ -66,6 +67,17 @@ def collect(design, work):
     )  # fmt: skip
     for name, words in ABOUT.items():
         data[name].attrs |= {"long_name": words, "units": UNITS.get(name, "1")}
+    return data
+
+
+def open_study(file):
+    """The data set of an earlier study. Raises InputError for anything else."""
+    try:
+        data = xarray.open_dataset(file)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file} cannot be read as a study ({error}): give the study.nc of one") from None
+    if not {"value", "check", "status", "yardstick"} <= set(data):
+        raise InputError(f"{file} is not a study: give the study.nc of one")
     return data
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from labkit.critical import critical_states
-from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts, travelled
+from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
+from labkit.paths import travelled
 
 
 def relaxing(run, relaxation):
@@ -48,4 +49,5 @@ def test_starts_and_travelled_strain(known):
     assert found["e_made"]["cyclic-cyclic_loose"] == 0.77
     assert found["held_MPa"]["cp_1MPa-dense"] == pytest.approx(1.0, rel=0.02)
     assert np.isnan(found["held_MPa"]["cv-dense"])
-    assert travelled(known["cyclic-cyclic_dense"])[-1] == pytest.approx(0.01 + 0.02 + 0.03 + 0.04 + 0.05 + 0.06 + 0.07)
+    strain = known["cyclic-cyclic_dense"]["axial_strain"].values
+    assert travelled(strain)[-1] == pytest.approx(0.01 + 0.02 + 0.03 + 0.04 + 0.05 + 0.06 + 0.07)

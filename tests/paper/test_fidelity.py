@@ -97,4 +97,4 @@ def test_lines_are_those_of_table_2(known):
         assert abs(found["value"][name] - getattr(TABLE_2, name)) <= found["within"][name]
     e = np.array([0.55, 0.65, 0.75])
     assert lines.paper_e(lines.paper_pressure(e)) == pytest.approx(e, abs=1e-5)
-    assert lines.paper_Z(0.8) == 4.0 and lines.paper_pressure(0.8) == 0.0
+    assert lines.critical_Z(0.8) == 4.0 and lines.paper_pressure(0.8) == 0.0
