@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 
 import pandas
@@ -72,10 +74,18 @@ def finished(campaign):
 
 
 def cost_table(found):
-    """A row per run: what it took. wall_time in s, of whatever else the machine did too."""
+    """A row per run: what it took. wall_time in s, of whatever else the machine did too, on so many threads."""
     return pandas.DataFrame([
         {"run": name, "path": run.attrs["path"], "engine": run.attrs["engine"], "law": run.lab.scene.law,
-         "grains": run.sizes["grain"], "records": run.sizes["time"], "steps": int(run.attrs["steps"]),
+         "threads": threads_of(run), "grains": run.sizes["grain"], "records": run.sizes["time"],
+         "steps": int(run.attrs["steps"]),
          "grain_steps": int(run.attrs["steps"]) * run.sizes["grain"], "wall_time": float(run.attrs["wall_time"])}
         for name, run in found.items()
     ])  # fmt: skip
+
+
+def threads_of(run):
+    """The threads of the command that made a run; 1 where none are told."""
+    command = json.loads(run.attrs.get("source_provenance", "{}")).get("command", "")
+    told = re.search(r"--threads[= ](\d+)", command)
+    return int(told[1]) if told else 1

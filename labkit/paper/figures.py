@@ -18,10 +18,10 @@ from labkit import micro_figures, plots
 from labkit.critical import SHEAR, critical_states
 from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.model.calibration import critical_fit, observe
 from labkit.model.parameters import ROOT_3_2, Model
 from labkit.paper import sources
-from labkit.paper.lines import critical_Lambda, critical_stress, critical_Z
+from labkit.paper.ends import ends, sheared
+from labkit.paper.lines import LINES, both_lines, critical_Lambda, critical_stress, critical_Z
 from labkit.paper.model_runs import CALIBRATED, TABLE_2, model_run
 
 WIDTH = 7.2  # inches, of a page of A4
@@ -165,7 +165,8 @@ def critical_lines(runs, models):
     """Where the shear tests end: Z and Lambda over e with the lines of Table 2 and of the fit, q/p, A, F and F^t."""
     tests = monotonic(runs)
     table = critical_states(tests) if tests else None
-    lines = models | {"fit to these tests": fitted_lines(tests)} if tests else models
+    fitted = fitted_lines(tests)
+    lines = models | ({"fit to these tests": fitted} if fitted else {})
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 2, figsize=(WIDTH, 6.2), sharex=True, layout="constrained")
         (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
@@ -294,16 +295,11 @@ def density_of(name):
 
 
 def fitted_lines(tests):
-    """Table 2 with the critical state lines and norms fitted to the ends of shear tests, over the reported e.
-
-    The fit of the evolution equations takes the nominal void ratio; the paper's lines are over the one that it
-    reports, overlaps taken out, and so are these. Tests that do not go far enough leave Table 2 as it is.
-    """
-    seen = [observe(name, run.assign(void_ratio_nominal=run["void_ratio"])) for name, run in tests.items()]
-    try:
-        return Model().with_parameters(**critical_fit(seen))
-    except InputError:
-        return Model()
+    """Table 2 with both critical state lines of critical_lines.csv, fitted to the ends of the shear tests over the
+    reported e; None where they do not determine them."""
+    found = both_lines(ends(sheared(tests)))
+    names = LINES["Z(e)"][0]
+    return Model().with_parameters(**dict(zip(names, found))) if np.isfinite(found).all() else None
 
 
 def critical_line(model):

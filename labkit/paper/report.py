@@ -86,8 +86,10 @@ def critical_state(folder):
     one = pieces.csv_table(folder / "one_critical_line.csv", "whether the ends of all paths lie on one line", TABLES)
     lines = pieces.csv_table(folder / "critical_lines.csv", "fitted critical state lines", TABLES)
     ends = pieces.csv_table(folder / "critical_states.csv", "ends of the shear tests", TABLES, fold=True)
+    beyond = pieces.csv_table(folder / "critical_extrapolated.csv", "ends extrapolated to endless strain", TABLES,
+                              fold=True)  # fmt: skip
     return join("## Critical state", pieces.pictures("critical", folder, FIGURES), "### The lines", lines,
-                "### One line for all paths", one, ends)  # fmt: skip
+                "### One line for all paths", one, ends, beyond)  # fmt: skip
 
 
 def figures(folder):
@@ -163,13 +165,14 @@ def cost(folder):
     total = sums.iloc[-1]
     words = (
         f"{total['runs']} runs, {markdown.number(total['grain-steps'], 3)} grain-steps, "
-        f"{markdown.number(total['wall time, h'], 3)} hours of wall time, summed over the runs."
+        f"{markdown.number(total['core time, h'], 3)} core hours: {markdown.number(total['core time, h'] / 2, 3)} "
+        "hours on two cores, beside whatever else the machine did."
     )
     if stock:
         words += (
             f" A stock YADE script on one thread makes {markdown.number(stock, 3)} grain-steps a second "
-            f"(`results/bench.txt`): {markdown.number(total['stock YADE, h'] * HOUR / DAY, 3)} days for all these on "
-            "one core."
+            f"(`results/bench.txt`): {markdown.number(total['stock YADE, h'] * HOUR / DAY / 2, 3)} days for all these "
+            "on two cores, two simulations side by side."
         )
     return join(heading, words, "" if stock else pieces.missing(bench.name, BENCH),
                 pieces.table(sums, "cost by engine"), pieces.table(runs, "every run", fold=True))  # fmt: skip
@@ -182,11 +185,10 @@ def costs(runs, stock):
         "runs": 1, "grain-steps": runs["steps"].astype(float) * runs["grains"].astype(float),
         "wall time, h": runs["wall_time"].astype(float) / HOUR,
     })  # fmt: skip
-    if "threads" in runs:
-        runs["core time, h"] = runs["wall time, h"] * runs["threads"].astype(float)
+    runs["core time, h"] = runs["wall time, h"] * runs["threads"].astype(float)
     if stock:
         runs["stock YADE, h"] = runs["grain-steps"] / stock / HOUR
-    shown = [name for name in ("runs", "grain-steps", "wall time, h", "core time, h", "stock YADE, h") if name in runs]
+    shown = ["runs", "grain-steps", "wall time, h", "core time, h", *["stock YADE, h"] * (stock is not None)]
     sums = runs.groupby("engine", sort=False)[shown].sum()
     return pandas.concat([sums, sums.sum().to_frame("all").T.astype(sums.dtypes)]).reset_index(names="engine")
 

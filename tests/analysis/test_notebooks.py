@@ -5,7 +5,9 @@ import shutil
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 
 from labkit.cli import main
 
@@ -37,6 +39,15 @@ def test_runs_and_draws(file, tmp_path):
     words = ["notebooks", alone(file, tmp_path), "--results", RESULTS, "-o", figures]
     assert main([str(word) for word in words]) == 0
     assert {found.name for found in figures.iterdir()} == figures_of(file) != set()
+    for drawn in figures.iterdir():
+        assert different(drawn, RESULTS / drawn.name) < 1e-3, f"{drawn.name} is not the stored picture any more"
+
+
+def different(first, second):
+    """The share of the pixels of two pictures of one size that differ by more than a font's smoothing does."""
+    first, second = (np.asarray(Image.open(file).convert("L"), dtype=int) for file in (first, second))
+    assert first.shape == second.shape
+    return np.mean(np.abs(first - second) > 60)
 
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)

@@ -6,8 +6,11 @@ import pytest
 
 import labkit.paper
 from labkit.cli import main
-from labkit.model.parameters import ROOT_3_2, Model
+from labkit.model.parameters import Model
 from labkit.paper import figures, size_groups
+from labkit.paper.ends import ends, sheared
+from labkit.paper.ends import main as tests_of_the_paper
+from labkit.paper.lines import critical_lines
 from labkit.paper.model_runs import CALIBRATED, models
 from labkit.provenance import of_file
 
@@ -78,13 +81,15 @@ def test_a_run_without_contacts_at_the_start_has_no_model(runs, folder):
     plt.close(figure)
 
 
-def test_critical_line_and_its_fit(runs):
+def test_critical_line_and_its_fit(runs, known):
     p, e = figures.critical_line(Model())
     assert (np.diff(e) > 0).all() and (np.diff(p) < 0).all() and p[-1] == 0.0 and e[-1] == 0.76
-    fitted = figures.fitted_lines(figures.monotonic(runs)).parameters
-    table_2 = Model().parameters
-    assert fitted.F_c / ROOT_3_2 == pytest.approx(0.77, abs=0.02)  # the model is near its critical state at 40 %
-    assert fitted.c_cLam == pytest.approx(table_2.c_cLam, rel=0.1)
+    assert figures.fitted_lines({}) is None and figures.fitted_lines({"cv-dense": runs["cv-dense"]}) is None
+    fitted = figures.fitted_lines(figures.monotonic(known)).parameters
+    lines = critical_lines(ends(sheared(tests_of_the_paper(known)))).set_index("parameter")["value"]
+    for name in ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"):  # drawn as told
+        assert getattr(fitted, name) == pytest.approx(lines[name])
+    assert fitted.c_cLam == pytest.approx(Model().parameters.c_cLam, rel=0.1)
 
 
 def test_only_the_papers_tests_are_monotonic(runs):

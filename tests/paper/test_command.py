@@ -1,0 +1,57 @@
+"""`labkit paper` from the first grain to the report: a small campaign with a run that fails, and again without it."""
+
+import pandas
+import pytest
+
+from labkit.paper.notebooks import notebook_files
+from tests.analysis.test_notebooks import ROOT, figures_of
+
+CAMPAIGN = """
+settings: quick
+engine: fused
+specimens:
+  dense: {void_ratio: 0.62, grains: 200, law: paper}
+runs:
+  cv:        {path: cv, specimen: dense, strain: 0.2, rate: 100 1/s}
+  cp_500kPa: {path: cp, specimen: dense, strain: 0.02, rate: 100 1/s, pressure: 500 kPa}
+"""
+WILD = "  wild: {path: cv, specimen: dense, strain: 0.2, time_step_factor: 2}\n"
+TABLES = ("fidelity.csv", "fidelity.md", "critical_states.csv", "critical_lines.csv", "one_critical_line.csv",
+          "sff.csv", "parameters.csv", "model_errors.csv", "model_errors.md", "campaign.csv")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("paper")
+    (folder / "campaign").mkdir()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def first(folder, labkit_command):
+    """The finished process of the campaign with a run that fails."""
+    (folder / "campaign/campaign.yaml").write_text(CAMPAIGN + WILD)
+    return labkit_command("paper", folder / "campaign", "-o", folder / "results/paper")
+
+
+def test_a_run_that_fails_is_told_and_the_others_are_taken(first, folder):
+    assert first.returncode == 1 and "run wild failed: the time step" in first.stderr
+    output = folder / "results/paper"
+    assert {file.name for file in (output / "runs").iterdir()} == {"cv-dense.run.nc", "cp_500kPa-dense.run.nc"}
+    figures = {name for file in notebook_files(ROOT / "analysis") for name in figures_of(file)}
+    there = {file.name for file in output.iterdir()}
+    assert {*TABLES, *figures, "gallery.png", "report.html", "calibrated.json", "model.nc"} <= there
+    costs = pandas.read_csv(output / "campaign.csv")
+    assert set(costs["threads"]) == {1} and (costs["grain_steps"] == costs["steps"] * costs["grains"]).all()
+    assert "cp_500kPa-dense" in (output / "report.html").read_text()
+
+
+def test_what_is_finished_is_not_run_again_and_its_tables_stay_the_same(first, folder, labkit_command):
+    campaign, output = folder / "campaign", folder / "results/paper"
+    ran = {file: file.stat().st_mtime_ns for at in (campaign / "runs", output / "runs") for file in at.iterdir()}
+    tables = {name: (output / name).read_bytes() for name in TABLES}
+    (campaign / "campaign.yaml").write_text(CAMPAIGN)
+    done = labkit_command("paper", campaign, "-o", output)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {file: file.stat().st_mtime_ns for file in ran} == ran
+    assert {name: (output / name).read_bytes() for name in TABLES} == tables
