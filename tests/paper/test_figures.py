@@ -9,7 +9,7 @@ from labkit.cli import main
 from labkit.model.parameters import Model
 from labkit.paper import figures, size_groups
 from labkit.paper.ends import ends, sheared
-from labkit.paper.ends import main as tests_of_the_paper
+from labkit.paper.ends import main as papers_tests
 from labkit.paper.lines import critical_lines
 from labkit.paper.model_runs import CALIBRATED, models
 from labkit.provenance import of_file
@@ -86,7 +86,7 @@ def test_critical_line_and_its_fit(runs, known):
     assert (np.diff(e) > 0).all() and (np.diff(p) < 0).all() and p[-1] == 0.0 and e[-1] == 0.76
     assert figures.fitted_lines({}) is None and figures.fitted_lines({"cv-dense": runs["cv-dense"]}) is None
     fitted = figures.fitted_lines(figures.monotonic(known)).parameters
-    lines = critical_lines(ends(sheared(tests_of_the_paper(known)))).set_index("parameter")["value"]
+    lines = critical_lines(ends(sheared(papers_tests(known)))).set_index("parameter")["value"]
     for name in ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"):  # drawn as told
         assert getattr(fitted, name) == pytest.approx(lines[name])
     assert fitted.c_cLam == pytest.approx(Model().parameters.c_cLam, rel=0.1)
