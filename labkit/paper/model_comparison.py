@@ -118,6 +118,7 @@ def _followed(run, model):
     return result, result.failure or ""
 
 
+FAR_ENOUGH = 0.1  # of the strain of a test: a model that ends before has no error
 ERROR_COLUMNS = ("run", "path", "parameters", "calibrated_on", "q_error", "p_error", "e_error", "e_error_of_change",
                  "reached", "status")  # fmt: skip
 
@@ -133,16 +134,16 @@ def _measured(run):
 
 
 def _errors(run, gone, predicted):
-    """The errors of a prediction after the strains `gone`."""
+    """The errors of a prediction after the strains `gone`; NaN for what the path gives, and for all if it ends soon."""
     way, measured = travelled(run["axial_strain"].values), _measured(run)
     both = way <= gone[-1] * (1.0 + 1e-9)
     off = {key: _rms(np.interp(way, gone, predicted[key])[both] - measured[key][both]) for key in measured}
     given = {"cv": "e", "cp": "p", "cyclic_cp": "p", "isoc": "qe", "isod": "qe"}.get(run.attrs["path"], "")
-    off |= {key: np.nan for key in given}
+    reached = float(min(gone[-1] / way[-1], 1.0)) if way[-1] else 0.0
+    off |= {key: np.nan for key in (given if reached >= FAR_ENOUGH else off)}
     return {
         "q_error": off["q"] / np.abs(measured["q"]).max(), "p_error": off["p"] / measured["p"].mean(),
-        "e_error": off["e"], "e_error_of_change": off["e"] / max(np.ptp(measured["e"]), 1e-12),
-        "reached": float(min(gone[-1] / way[-1], 1.0)) if way[-1] else 0.0,
+        "e_error": off["e"], "e_error_of_change": off["e"] / max(np.ptp(measured["e"]), 1e-12), "reached": reached,
     }  # fmt: skip
 
 
@@ -248,17 +249,17 @@ def failures(errors):
 
 
 def _per_test(errors):
-    wide = errors.pivot(index="run", columns="parameters", values=list(SHOWN))
+    wide = errors.pivot(index="run", columns="parameters", values=[*SHOWN, "reached"])
     present = [label for label in (TABLE_2, OURS) if label in errors["parameters"].values]
-    rows = [[name, *(_percent(wide.loc[name, (key, label)]) for key in SHOWN for label in present)]
-            for name in dict.fromkeys(errors["run"])]  # fmt: skip
+    rows = [[name, *(_percent(wide.loc[name, (key, label)], wide.loc[name, ("reached", label)])
+                     for key in SHOWN for label in present)] for name in dict.fromkeys(errors["run"])]  # fmt: skip
     names = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
     header = ["test", *(f"{names[key]}, {WORDS[label]}" for key in SHOWN for label in present)]
     return markdown_table(header, rows) if rows else ""
 
 
-def _percent(value):
-    return f"{value:.1%}" if np.isfinite(value) else "given"
+def _percent(value, reached=1.0):
+    return f"{value:.1%}" if np.isfinite(value) else "given" if reached >= FAR_ENOUGH else "ended"
 
 
 def as_json(found):

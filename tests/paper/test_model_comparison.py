@@ -60,6 +60,10 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
     errors = comparison.compare({"isod-loose": longer}, comparison.models(None))[0]
     assert errors["reached"][0] < 1.0 and errors["status"][0]
     assert any("isod-loose" in words for words in comparison.failures(errors))
+    longest = run.assign(axial_strain=run["axial_strain"] * 40.0)
+    errors = comparison.compare({"isod-loose": longest}, comparison.models(None))[0]
+    assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(errors["p_error"][0])  # no error, not a small one
+    assert "| isod-loose | ended | ended | ended |" in comparison.summary(errors, None)
 
 
 def test_chance_is_that_of_another_seed(known):
