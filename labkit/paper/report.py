@@ -120,7 +120,9 @@ def model(folder):
 
 
 def engines(folder):
-    return join("## YADE and the engine fused", pieces.pictures("engines", folder, FIGURES))
+    words = "Tests of the same specimens. off: relative difference from YADE."
+    table = pieces.csv_table(folder / "engines.csv", "ends of the tests on both engines", TABLES)
+    return join("## YADE and the engine fused", pieces.pictures("engines", folder, FIGURES), words, table)
 
 
 def speed_error(folder):

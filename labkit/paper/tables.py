@@ -8,6 +8,7 @@ from labkit.files import make_folder
 from labkit.paper import fidelity, model_comparison, sources
 from labkit.paper.causes import guarded_study
 from labkit.paper.ends import ends, extrapolated, in_memory, main, sheared
+from labkit.paper.engines import engine_table
 from labkit.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from labkit.paper.sff_errors import sff_errors
 from labkit.provenance import write_told
@@ -33,7 +34,7 @@ def write_tables(runs, output, study=None):
         "critical_extrapolated.csv": extrapolated(sheared(main(known))),
         "critical_lines.csv": critical_lines(at_ends), "one_critical_line.csv": one_line(at_ends),
         "sff.csv": sff_errors(runs), "parameters.csv": model_comparison.parameters(found, other),
-        "model_errors.csv": errors,
+        "model_errors.csv": errors, "engines.csv": engine_table(known),
     }  # fmt: skip
     texts = {name: table.to_csv(index=False, float_format="%.6g") for name, table in tables.items()}
     texts["fidelity.md"] = fidelity.page(numbers) + "\n"
