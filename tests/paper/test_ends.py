@@ -39,7 +39,7 @@ def test_ends_are_the_critical_states_of_labkit_critical(known):
 
 def test_runs_are_chosen_by_their_names(known):
     assert not any(name.startswith(("share", "full")) for name in main(known))
-    assert set(matching(known, r"cv-dense(_more-s\d+)?")) == {"cv-dense", "cv-dense_more-s2", "cv-dense_more-s3"}
+    assert set(matching(known, r"cv-medium(_more-s\d+)?")) == {"cv-medium", "cv-medium_more-s2", "cv-medium_more-s3"}
     assert "cp_start-cyclic_dense" not in sheared(known) and "isoc-dense" not in sheared(known)
     assert len(ends({})) == len(extrapolated({})) == len(starts({})) == 0
 

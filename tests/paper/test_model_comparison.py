@@ -68,7 +68,7 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
 
 def test_chance_is_that_of_another_seed(known):
     errors = comparison.compare(known, {})[0]
-    assert set(errors["parameters"]) == {comparison.SEED} and len(errors) == 6
+    assert set(errors["parameters"]) == {comparison.SEED} and len(errors) == 4
     assert (errors["q_error"] > 0.0).all() and errors["q_error"].max() < 0.03
 
 
