@@ -12,8 +12,8 @@ engine: fused
 specimens:
   dense: {void_ratio: 0.62, grains: 200, law: paper}
 runs:
-  cv:        {path: cv, specimen: [dense], strain: 0.2, rate: 100 1/s}
-  cp_500kPa: {path: cp, specimen: [dense], strain: 0.02, rate: 100 1/s, pressure: 500 kPa}
+  cv-dense: {path: cv, specimen: dense, strain: 0.2, rate: 100 1/s}
+  cp_500kPa-dense: {path: cp, specimen: dense, strain: 0.02, rate: 100 1/s, pressure: 500 kPa}
 """
 WILD = "  wild: {path: cv, specimen: dense, strain: 0.2, time_step_factor: 2}\n"
 TABLES = ("fidelity.csv", "fidelity.md", "critical_states.csv", "critical_lines.csv", "one_critical_line.csv",
