@@ -124,6 +124,16 @@ class Campaign:
             name = sources[name]
         return next(item for item in self.specimens if item.name == name)
 
+    def consolidation(self, run):
+        """The name of the consolidation that labkit adds before a run, where the run holds a stress that its specimen
+        was not brought to; None for any other run."""
+        at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
+        if run.pressure in (None, at) or run.loading().control() is None:
+            return None
+        return f"{run.specimen}-at-p{run.pressure / 1e3:.10g}kPa-{run.engine}"
+
+
+RESERVED = re.compile(r".*-at-p[0-9.e+-]+kPa-(yade|fused)")  # names of Campaign.consolidation
 
 COMMON = {"settings": choice(tuple(SETTINGS)), "engine": choice(ENGINES), "threads": whole}
 SPECIMEN = {
@@ -138,7 +148,6 @@ RUN = {
 }  # fmt: skip
 TOP = {"name": word, **COMMON, "time_step_factor": number, "snapshots": whole}
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
-RESERVED = re.compile(r".*-at-p[0-9.e+-]+kPa-(yade|fused)")  # of consolidations that labkit adds
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
 
 
@@ -533,8 +542,7 @@ def _check_run(campaign, run, line, mistakes):
     """What needs the specimen too: the law, and steps that fit the path."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
     checked(lambda: require_law(run.engine, run.scene(origin)), where, line, mistakes)
-    at = next((item.pressure for item in campaign.consolidated if item.name == run.specimen), None)
-    if run.pressure not in (None, at) and run.loading().control() is not None:  # it is consolidated first
+    if campaign.consolidation(run):
         checked(lambda: require_law(run.engine, origin.scene), f"{where}, its consolidation", line, mistakes)
     checked(lambda: schedule_of(run, origin), where, line, mistakes)
 

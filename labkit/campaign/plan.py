@@ -22,7 +22,6 @@ OUTDATED = "outdated"  # what was made with other parameters
 RECIPES, LOGS, REPORT = "recipes", "logs", "report.md"
 CAMPAIGN = "campaign.yaml"  # a copy of the file
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
-HOLDS_A_STRESS = ("cr", "cp", "cyclic_cp")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,16 +87,11 @@ def plan_of(campaign):
     runs = []
     for run in campaign.runs:
         start = {**made, **consolidated}[run.specimen]
-        if run.path in HOLDS_A_STRESS and run.pressure is not None and not _is_at(start, run.pressure):
-            name = f"{run.specimen}-at-p{run.pressure / 1e3:.10g}kPa-{run.engine}"
+        if name := campaign.consolidation(run):
             item = Consolidated(name, run.specimen, run.pressure, run.engine, run.threads)
             start = consolidated.setdefault(name, _consolidation_job(item, start))
         runs.append(_run_job(run, start))
     return Plan(campaign, tuple(made.values()), tuple(consolidated.values()), tuple(runs))
-
-
-def _is_at(job, pressure):
-    return isinstance(job.item, Consolidated) and job.item.pressure == pressure
 
 
 def _specimen_job(item):

@@ -13,9 +13,19 @@ import math
 import numpy as np
 import pandas
 
-from labkit.campaign.plan import HOLDS_A_STRESS
 from labkit.critical import SHEAR, WINDOW
-from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts, table
+from labkit.paper.ends import (
+    HOLDS_A_STRESS,
+    between,
+    blocks,
+    ends,
+    extrapolated,
+    main,
+    matching,
+    sheared,
+    starts,
+    table,
+)
 from labkit.paper.estimates import NOTHING, Estimate, jackknife, two_samples
 from labkit.study.errors import same_specimens
 from labkit.study.table import open_study

@@ -8,7 +8,6 @@ import re
 import numpy as np
 import pandas
 
-from labkit.campaign.plan import HOLDS_A_STRESS
 from labkit.critical import SHEAR, TENSORS, WINDOW, critical_states
 from labkit.paper.estimates import BLOCKS
 from labkit.paths import travelled
@@ -17,6 +16,7 @@ from labkit.verify import HELD_AFTER
 
 ENOUGH_STRAIN = 0.15  # from which the last quarter of a shear test is near the critical state
 RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; slower than that the last half cannot tell from a line
+HOLDS_A_STRESS = ("cr", "cp", "cyclic_cp")
 OTHERS = ("share_", "full_")  # tests of the engines and the laws, not of the paper
 
 

@@ -17,7 +17,8 @@ runs:
 """
 WILD = "  wild: {path: cv, specimen: dense, strain: 0.2, time_step_factor: 2}\n"
 TABLES = ("fidelity.csv", "fidelity.md", "critical_states.csv", "critical_lines.csv", "one_critical_line.csv",
-          "sff.csv", "parameters.csv", "model_errors.csv", "model_errors.md", "campaign.csv")  # fmt: skip
+          "critical_extrapolated.csv", "sff.csv", "parameters.csv", "model_errors.csv", "model_errors.md",
+          "engines.csv", "campaign.csv")  # fmt: skip
 
 
 @pytest.fixture(scope="module")
