@@ -6,7 +6,10 @@ xarray are loaded when they are first used.
 
 __version__ = "0.1.0"
 
-_LAZY = {"open_run": "labkit.dataset", "open_state": "labkit.dataset", "open_campaign": "labkit.campaign.collection"}
+_LAZY = {
+    "open_run": "labkit.runs.dataset", "open_state": "labkit.runs.dataset",
+    "open_campaign": "labkit.campaign.collection",
+}  # fmt: skip
 __all__ = ["__version__", *_LAZY]
 
 

@@ -19,21 +19,21 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 
-from labkit.dataset import open_run
-from labkit.energy import BALANCE_LIMIT
+from labkit.runs.dataset import open_run
+from labkit.dem.energy import BALANCE_LIMIT
 from labkit.engines import start_engine
 from labkit.errors import InputError, PhysicsError
 from labkit.hard_scenes import CLEAR_ERROR, LIMIT_SAID, SILENT_WRONG
-from labkit.limits import DRIFT_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
+from labkit.dem.limits import DRIFT_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
 from labkit.micro.indicators import fluctuation_velocity
 from labkit.micro.stress import relative_error
-from labkit.recorder import read_checkpoint
-from labkit.scene import Scene
-from labkit.schema import RECORD
-from labkit.specimen import Recipe, insert_grains, make_specimen, side_for
-from labkit.state import Ledger, read_state, write_state
-from labkit.timestep import critical_time_step
-from labkit.verify import SFF_PRESSURE, drift_share, findings
+from labkit.dem.recorder import read_checkpoint
+from labkit.dem.scene import Scene
+from labkit.io.schema import RECORD
+from labkit.dem.specimen import Recipe, insert_grains, make_specimen, side_for
+from labkit.dem.state import Ledger, read_state, write_state
+from labkit.dem.time_step import critical_time_step
+from labkit.runs.verify import SFF_PRESSURE, drift_share, findings
 
 STRESS_TOLERANCE = 1e-9  # of the stress: stored, from stored contacts, and from the contacts that the kernel finds
 C0_TOLERANCE = 0.06  # of Love with 500 grains; it falls with the root of their number

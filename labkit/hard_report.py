@@ -9,16 +9,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 
-from labkit import markdown, plots
-from labkit.dataset import open_run
+from labkit.visuals import markdown
+from labkit.visuals import plots
+from labkit.runs.dataset import open_run
 from labkit.errors import InputError
-from labkit.files import make_folder, write_text
+from labkit.io.files import make_folder, write_text
 from labkit.hard_cases import Outcome, cycle_ends, examine
 from labkit.hard_scenes import CLEAR_ERROR, CORRECT, LIMIT_SAID, SCENES, SILENT_WRONG
-from labkit.limits import OVERLAP_LIMIT, PRESSURE_LIMIT
-from labkit.provenance import write_told
-from labkit.scene import Scene
-from labkit.specimen import side_for
+from labkit.dem.limits import OVERLAP_LIMIT, PRESSURE_LIMIT
+from labkit.io.provenance import write_told
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import side_for
 
 SMALLEST_VOID_RATIO = 0.3
 

@@ -2,7 +2,7 @@
 
 import shutil
 
-from labkit.bench import bench
+from labkit.bench.engines import bench
 
 
 def test_every_engine_is_measured(specimen_file):

@@ -82,7 +82,7 @@ def test_bad_input(name, folder, labkit_command):
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become nobody")
 def test_a_directory_that_an_ordinary_user_cannot_write():
     code = (
-        "import os, labkit.files as files\n"
+        "import os, labkit.io.files as files\n"
         "os.setuid(65534)\n"
         "try: files.require_writable('/usr/new.run.nc')\n"
         "except files.InputError as error: print(error)"

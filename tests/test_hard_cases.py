@@ -12,9 +12,9 @@ import labkit
 from labkit.cli import call, main
 from labkit.hard_cases import CASES, cycle_ends, examine, turning_records
 from labkit.hard_scenes import CLEAR_ERROR, LIMIT_SAID, SCENES, SILENT_WRONG
-from labkit.scene import Scene
-from labkit.specimen import Recipe, make_specimen, side_for
-from labkit.state import read_state, write_state
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe, make_specimen, side_for
+from labkit.dem.state import read_state, write_state
 
 GRAINS = 120
 EXTENT = 0.1  # of the strains of the full form

@@ -12,7 +12,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from labkit.schema import CONTACTS, RECORD
+from labkit.io.schema import CONTACTS, RECORD
 
 KILLS = int(os.environ.get("LABKIT_KILLS", "1"))
 PATHS = {

@@ -6,9 +6,10 @@ import pytest
 import xarray as xr
 
 import labkit
-from labkit.cli import FIGURES, main
+from labkit.cli import main
+from labkit.cli.app import FIGURES
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.sff_family import FORMS
+from labkit.sff.family import FORMS
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
-from labkit.paths import PATHS, make_path
-from labkit.servo import velocity_gradient
+from labkit.dem.paths import PATHS, make_path
+from labkit.dem.servo import velocity_gradient
 
 
 def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.verify import findings
+from labkit.runs.verify import findings
 
 PATHS = {
     "cr": ["--pressure", 0.5e6, "--strain", 0.015],

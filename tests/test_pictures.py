@@ -10,14 +10,15 @@ import pytest
 from matplotlib.image import imread
 
 import labkit
-from labkit import paraview, render
+from labkit.visuals import paraview
+from labkit.visuals import render
 from labkit.cli import main
 from labkit.micro.grains import grain_fabric, grain_stress
 from labkit.micro.stress import love_stress
-from labkit.moment import moments, of_state
-from labkit.picture import picture
-from labkit.scene import Scene
-from labkit.state import grains_in_cell
+from labkit.visuals.moment import moments, of_state
+from labkit.visuals.picture import picture
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
 
 TYPES = {"Float32": "<f4", "Int32": "<i4", "Int64": "<i8", "UInt8": "u1"}
 

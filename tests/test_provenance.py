@@ -8,7 +8,7 @@ import sys
 import netCDF4
 import pytest
 
-from labkit import provenance
+from labkit.io import provenance
 
 KNOWN = ("command", "made", "labkit_version", "commit", "python", "libraries", "machine", "inputs", "seed")
 
@@ -85,7 +85,7 @@ def test_the_commit_is_that_of_the_checkout_alone(tmp_path):
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", "-C", str(tmp_path)]
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "x"]):
         subprocess.run([*git, *words], check=True)
-    code = "import json, labkit.provenance as p; print(json.dumps(p.commit()))"
+    code = "import json, labkit.io.provenance as p; print(json.dumps(p.commit()))"
     for place, expected in (("site", ""), (root.parent, None)):
         done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path / place, capture_output=True, text=True)
         found = json.loads(done.stdout)

@@ -6,7 +6,7 @@ import pytest
 
 import labkit
 from labkit.micro.stress import relative_error
-from labkit.verify import findings
+from labkit.runs.verify import findings
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_a_selection_of_snapshots_computes_from_its_own_contacts(run):
 
 
 def test_a_run_of_another_specimen_is_left_alone(labkit_command, specimen_file, run_file, tmp_path):
-    from labkit.state import read_state, write_state
+    from labkit.dem.state import read_state, write_state
 
     state = read_state(specimen_file)
     other = tmp_path / "other.state.nc"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
-from labkit.scene import Scene
+from labkit.dem.scene import Scene
 
 
 def test_table_1_and_the_contact_law_below_equation_3():

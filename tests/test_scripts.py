@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import labkit
-from labkit.state import read_state
+from labkit.dem.state import read_state
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "yade_scripts"
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from labkit import servo
-from labkit.paths import make_path
-from labkit.scene import Scene
-from labkit.specimen import Recipe, insert_grains
-from labkit.state import grains_in_cell
+from labkit.dem import servo
+from labkit.dem.paths import make_path
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe, insert_grains
+from labkit.dem.state import grains_in_cell
 
 
 def test_stiffness_of_a_cubic_crystal_is_its_closed_form():

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import lebedev_rule
 
-from labkit.sff import sff_stress, symmetric_product
+from labkit.sff.c0 import sff_stress, symmetric_product
 
 E = 0.15e9
 

@@ -12,9 +12,9 @@ from labkit.micro.directions import Fit, TangentialFit
 from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.sff import sff_stress, strength_shares
-from labkit.sff_budget import PARTS, error_budget, standard_errors
-from labkit.sff_family import FORMS, product_integral, stress, tangential_coupling
+from labkit.sff.c0 import sff_stress, strength_shares
+from labkit.sff.budget import PARTS, error_budget, standard_errors
+from labkit.sff.family import FORMS, product_integral, stress, tangential_coupling
 from tests.contact_sets import E, contact_sets, make
 from tests.micro.test_directions import random_tensors
 

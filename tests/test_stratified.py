@@ -6,9 +6,9 @@ import pytest
 from labkit.errors import InputError
 from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress
-from labkit.scene import Scene
-from labkit.state import read_state
-from labkit.stratified import Layer, insert_layer, strata, stratum_of
+from labkit.dem.scene import Scene
+from labkit.dem.state import read_state
+from labkit.dem.stratified import Layer, insert_layer, strata, stratum_of
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from labkit.errors import PhysicsError
-from labkit.scene import Scene
-from labkit.state import grains_in_cell, read_state
-from labkit.timestep import critical_time_step, require_stable
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell, read_state
+from labkit.dem.time_step import critical_time_step, require_stable
 
 
 def pair(scene):
@@ -43,7 +43,7 @@ def test_a_step_beyond_the_limit_is_refused(specimen_file):
 def test_a_run_with_a_step_beyond_the_limit_is_refused(specimen_file, tmp_path, labkit_command):
     import dataclasses
 
-    from labkit.state import write_state
+    from labkit.dem.state import write_state
 
     state = read_state(specimen_file)
     write_state(tmp_path / "s.state.nc", state.replace(scene=dataclasses.replace(state.scene, time_step_factor=0.5)))

@@ -13,12 +13,12 @@ class Refuse(importlib.abc.MetaPathFinder):
             raise ImportError(name + " is not for YADE's interpreter")
 sys.meta_path.insert(0, Refuse())
 sys.path.append(sys.argv[1])
-import labkit.arguments, labkit.commands, labkit.measure, labkit.micro.fabric, labkit.paths, labkit.recorder
-import labkit.scene, labkit.sff, labkit.simulation, labkit.specimen, labkit.state, labkit.yade_main, labkit.progress
-import labkit.provenance
-from labkit.specimen import Recipe, insert_grains
-from labkit.measure import measure
-state = insert_grains(labkit.scene.Scene(), Recipe(0.67, side=1e-3))
+import labkit.cli.arguments, labkit.cli.commands, labkit.dem.measure, labkit.micro.fabric, labkit.dem.paths, labkit.dem.recorder
+import labkit.dem.scene, labkit.sff.c0, labkit.dem.simulation, labkit.dem.specimen, labkit.dem.state, labkit.cli.yade_main, labkit.io.progress
+import labkit.io.provenance
+from labkit.dem.specimen import Recipe, insert_grains
+from labkit.dem.measure import measure
+state = insert_grains(labkit.dem.scene.Scene(), Recipe(0.67, side=1e-3))
 print(sorted(measure(state, state.cell))[0])
 """
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.schema import LATER
-from labkit.verify import findings
+from labkit.io.schema import LATER
+from labkit.runs.verify import findings
 
 
 @pytest.fixture

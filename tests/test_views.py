@@ -3,7 +3,7 @@
 import time
 
 import labkit
-from labkit.critical import critical_states
+from labkit.runs.critical import critical_states
 
 
 def test_watch_draws_a_run_in_the_terminal(run_file, labkit_command):

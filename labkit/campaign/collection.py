@@ -20,10 +20,10 @@ from xarray.core import indexing
 
 from labkit.campaign.plan import RECIPES
 from labkit.campaign.products import numbers
-from labkit.dataset import open_run
+from labkit.runs.dataset import open_run
 from labkit.errors import InputError
-from labkit.files import open_netcdf
-from labkit.schema import RECORD, SIZES
+from labkit.io.files import open_netcdf
+from labkit.io.schema import RECORD, SIZES
 
 PARAMETERS = {  # coordinate -> units, words
     "path": ("", "loading path"),
@@ -47,7 +47,7 @@ def open_campaign(*places):
     """The runs of campaigns, of folders or run files, as one lazy xarray.Dataset.
 
     Dimensions `run` (coordinate: the name) and `time` (records; shorter runs end in NaN), `i`, `j`. Variables are those
-    of labkit.schema.RECORD that any run has; the parameters of the runs are coordinates along `run`. Raises InputError
+    of labkit.io.schema.RECORD that any run has; the parameters of the runs are coordinates along `run`. Raises InputError
     for a place without run files.
     """
     files = run_files(places)

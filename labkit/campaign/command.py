@@ -6,14 +6,14 @@ import os
 import sys
 from pathlib import Path
 
-from labkit import arguments
+from labkit.cli import arguments
 from labkit.campaign import cost, tables, workflow
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import REPORT, plan_of
 from labkit.engines.yade_process import find_yade
 from labkit.errors import InputError
-from labkit.files import require_writable
-from labkit.progress import reporter
+from labkit.io.files import require_writable
+from labkit.io.progress import reporter
 
 OURS = ("quick", "paper")  # campaigns that come with labkit
 

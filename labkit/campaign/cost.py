@@ -16,12 +16,12 @@ import tempfile
 import time
 from pathlib import Path
 
-from labkit import bench
+from labkit.bench import engines as bench
 from labkit.campaign.file import schedule_of
 from labkit.errors import PhysicsError
-from labkit.files import write_text
-from labkit.provenance import machine
-from labkit.servo import STANDARD
+from labkit.io.files import write_text
+from labkit.io.provenance import machine
+from labkit.dem.servo import STANDARD
 
 SIZES = (150, 1000)  # grains of the specimens that speeds are measured on
 STEPS = {"fused": 3000, "yade": 500}
@@ -182,7 +182,7 @@ def _speed_of(engine, files):
 
 
 def _steps(engine, file):
-    """(seconds, {quantity: value}) of labkit.speed in a process of its own."""
+    """(seconds, {quantity: value}) of labkit.bench.speed in a process of its own."""
     begin = time.monotonic()
     if engine == "yade":
         found = bench.in_yade("speed.py", 1, str(file), STEPS[engine])

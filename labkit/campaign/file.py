@@ -22,11 +22,11 @@ from pathlib import Path
 from labkit.campaign.values import choice, number, quantity, whole, word
 from labkit.engines import ENGINES, require_law
 from labkit.errors import InputError
-from labkit.paths import PATHS, make_path
-from labkit.scene import LAWS, Scene
-from labkit.settings import SETTINGS, settings
-from labkit.simulation import SNAPSHOTS, Schedule
-from labkit.specimen import MINIMUM_GRAINS, Recipe, mean_grain_volume, side_for
+from labkit.dem.paths import PATHS, make_path
+from labkit.dem.scene import LAWS, Scene
+from labkit.dem.settings import SETTINGS, settings
+from labkit.dem.simulation import SNAPSHOTS, Schedule
+from labkit.dem.specimen import MINIMUM_GRAINS, Recipe, mean_grain_volume, side_for
 
 MOST_GRAINS = 100_000  # of one specimen: hours on one core already
 MOST_THREADS = 256
@@ -100,7 +100,7 @@ class Run:
         return dataclasses.replace(specimen.scene, time_step_factor=factor, law=self.law or specimen.law)
 
     def loading(self):
-        """The path of labkit.paths. A pressure that is the specimen's own is not known yet: a usual one stands."""
+        """The path of labkit.dem.paths. A pressure that is the specimen's own is not known yet: a usual one stands."""
         kind = PATHS[self.path]
         rate = self.rate or kind.rate * settings(self.settings).rate_factor
         return make_path(

@@ -14,17 +14,18 @@ import pandas
 import xarray as xr
 
 import labkit
-from labkit import markdown, plots
+from labkit.visuals import markdown
+from labkit.visuals import plots
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import CAMPAIGN, FIGURES, REPORT, RUNS, STATISTICS, plan_of
 from labkit.campaign.workflow import failures
-from labkit.critical import SHEAR, critical_states
+from labkit.runs.critical import SHEAR, critical_states
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError, fail
-from labkit.files import whole_file
-from labkit.limits import RECORDED, exceeded
-from labkit.provenance import commit, data_sha256, libraries, machine, of_file, provenance, write_told
-from labkit.verify import SFF_PRESSURE
+from labkit.io.files import whole_file
+from labkit.dem.limits import RECORDED, exceeded
+from labkit.io.provenance import commit, data_sha256, libraries, machine, of_file, provenance, write_told
+from labkit.runs.verify import SFF_PRESSURE
 
 
 def statistics(name):

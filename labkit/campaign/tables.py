@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labkit.errors import InputError
-from labkit.files import require_writable, write_text
+from labkit.io.files import require_writable, write_text
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from labkit.campaign.plan import CAMPAIGN, FIGURES, LOGS, STATISTICS, write_recipes
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, Interrupted
-from labkit.files import write_text
-from labkit.interruption import only_writer
+from labkit.io.files import write_text
+from labkit.io.interruption import only_writer
 
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"

@@ -21,7 +21,7 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def state(self):
-        """The State now; a copy, with the contacts sorted by grain and the ledger (labkit.energy) kept up."""
+        """The State now; a copy, with the contacts sorted by grain and the ledger (labkit.dem.energy) kept up."""
 
     @abc.abstractmethod
     def load(self, state):

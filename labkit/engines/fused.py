@@ -16,7 +16,7 @@ from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, 
 from labkit.engines.kernel.packing import Grains, History, pack
 from labkit.engines.kernel.stress import branch_force
 from labkit.errors import InputError, PhysicsError
-from labkit.memory import return_large_arrays
+from labkit.io.memory import return_large_arrays
 from labkit.micro.indicators import kinetic_energy
 
 # Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough

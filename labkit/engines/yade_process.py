@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 
 from labkit.errors import InputError, Interrupted, PhysicsError
-from labkit.progress import PIPE, read_pipe
+from labkit.io.progress import PIPE, read_pipe
 
 PACKAGE = Path(__file__).resolve().parents[1]
 NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC info", "Running script")

@@ -3,7 +3,7 @@
     parameters   Table 2, the readings of ambiguous equations, and both with E as a Model
     equations    C0 to C5, 31 and 32, each a function that stands next to its number
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic starts
-    driver       takes a state along a loading path of labkit.paths, or any mixed control
+    driver       takes a state along a loading path of labkit.dem.paths, or any mixed control
     integrators  adaptive and fixed-step, explicit and implicit
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once

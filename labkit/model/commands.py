@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.arguments import require
+from labkit.cli.arguments import require
 from labkit.errors import InputError, PhysicsError
-from labkit.files import labkit_kind, open_netcdf, require_writable
-from labkit.limits import exceeded
+from labkit.io.files import labkit_kind, open_netcdf, require_writable
+from labkit.dem.limits import exceeded
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive
 from labkit.model.parameters import Model
 from labkit.model.run_file import ENGINE, records, write_result
 from labkit.model.state import contact_anisotropy, isotropic_force_anisotropy, isotropic_state
-from labkit.provenance import write_told
+from labkit.io.provenance import write_told
 
 
 def model_command(options, history):
@@ -52,7 +52,7 @@ def model_command(options, history):
 
 def calibrate_command(options, runs):
     """Fits the parameters to runs (name -> run), prints the report and writes what was asked for. Raises InputError."""
-    from labkit import plots  # not for labkit model, which starts faster without them
+    from labkit.visuals import plots  # not for labkit model, which starts faster without them
     from labkit.model.calibration import fit, observe
 
     outputs = [file for file in (options.output, options.csv, options.figure) if file]

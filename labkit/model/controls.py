@@ -1,4 +1,4 @@
-"""From the paths of labkit.paths to Controls, and paths that have no simulation: oedometer and mixed control."""
+"""From the paths of labkit.dem.paths to Controls, and paths that have no simulation: oedometer and mixed control."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.model.rates import Control
 from labkit.model.tensors import require_symmetric, to_six
-from labkit.paths import PATHS, ConstantVolume, IsotropicCompression, make_path
+from labkit.dem.paths import PATHS, ConstantVolume, IsotropicCompression, make_path
 
 GAIN = 100.0  # 1 per unit of strain: drift of a held stress falls to 1/e within 1 % of strain
 
@@ -72,7 +72,7 @@ MODEL_PATHS = {**PATHS, Oedometer.name: Oedometer}
 
 
 def model_path(name, pressure, stop_pressure=None, **parameters):
-    """The path of that name for a state at `pressure`, Pa; as labkit.paths.make_path, with the oedometer.
+    """The path of that name for a state at `pressure`, Pa; as labkit.dem.paths.make_path, with the oedometer.
 
     Paths that hold a stress hold `pressure`; isoc and isod stop at `stop_pressure`. Raises InputError.
     """

@@ -88,7 +88,7 @@ class Result:
 
 
 def drive(model, path, state, record_strain=None, integrator=None):
-    """Takes `state` along `path` (labkit.paths, or Oedometer and Mixed of labkit.model.controls); a Result.
+    """Takes `state` along `path` (labkit.dem.paths, or Oedometer and Mixed of labkit.model.controls); a Result.
 
     record_strain: axial strain between two records (default: the path's). integrator: default Adaptive(). Each
     piece between two reversals is integrated for itself, as the rates jump there. Where the equations end, the

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit import plots
+from labkit.visuals import plots
 from labkit.model.commands import with_inherent_anisotropy
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.parameters import Model
 from labkit.model.run_file import as_run
 from labkit.model.state import isotropic_state
-from labkit.paths import REVERSALS
+from labkit.dem.paths import REVERSALS
 
 FLAT = Model().reading(beyond_e_cmax="flat")
 MPA = 1e6

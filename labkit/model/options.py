@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from labkit.arguments import strains
+from labkit.cli.arguments import strains
 from labkit.model.parameters import READINGS
-from labkit.paths import PATHS
+from labkit.dem.paths import PATHS
 
 
 def add_model_options(parser):

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from labkit.errors import InputError
-from labkit.scene import Scene
+from labkit.dem.scene import Scene
 
 ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a triaxial deviator to its norm
 

@@ -15,19 +15,19 @@ import numpy as np
 import xarray as xr
 
 import labkit
-import labkit.dataset  # gives the accessor .lab to as_run
-from labkit.files import create_variables, whole_file
+import labkit.runs.dataset  # gives the accessor .lab to as_run
+from labkit.io.files import create_variables, whole_file
 from labkit.model.parameters import Model
-from labkit.paths import travelled
-from labkit.provenance import data_sha256, provenance
-from labkit.scene import Scene
-from labkit.schema import CONTACTS, GRAINS, RECORD
+from labkit.dem.paths import travelled
+from labkit.io.provenance import data_sha256, provenance
+from labkit.dem.scene import Scene
+from labkit.io.schema import CONTACTS, GRAINS, RECORD
 
 ENGINE = "model"
 
 
 def records(result):
-    """The variables of labkit.schema.RECORD of a Result, name -> array along time."""
+    """The variables of labkit.io.schema.RECORD of a Result, name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
@@ -55,7 +55,7 @@ def records(result):
 
 
 def as_run(result):
-    """The Result as labkit.open_run would give its run file, without the file: an xarray.Dataset for labkit.plots."""
+    """The Result as labkit.open_run would give its run file, without the file: an xarray.Dataset for labkit.visuals.plots."""
     values = records(result)
     attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in RECORD.items()}
     run = xr.Dataset(

@@ -10,7 +10,7 @@ from labkit.errors import InputError
 from labkit.model.equations import compression_coordination_number
 from labkit.model.parameters import Model
 from labkit.model.tensors import require_symmetric, to_six, to_tensor
-from labkit.sff import sff_stress, symmetric_product
+from labkit.sff.c0 import sff_stress, symmetric_product
 
 
 def _zero():

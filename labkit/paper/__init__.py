@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from labkit.dataset import open_run
+from labkit.runs.dataset import open_run
 from labkit.errors import InputError
 
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 import pandas
 
-from labkit.critical import SHEAR, WINDOW
+from labkit.runs.critical import SHEAR, WINDOW
 from labkit.paper.ends import (
     HOLDS_A_STRESS,
     between,

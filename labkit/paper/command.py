@@ -8,21 +8,21 @@ from pathlib import Path
 
 import pandas
 
-from labkit import plots
+from labkit.visuals import plots
 from labkit.campaign import workflow
 from labkit.campaign.command import ours, tell
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import CAMPAIGN, RUNS, plan_of
 from labkit.errors import InputError
-from labkit.files import make_folder
-from labkit.moment import moments
+from labkit.io.files import make_folder
+from labkit.visuals.moment import moments
 from labkit.paper import runs, sources
 from labkit.paper.condense import condense
 from labkit.paper.notebooks import execute, notebook_files
 from labkit.paper.report import report
 from labkit.paper.tables import write_tables
-from labkit.picture import picture
-from labkit.provenance import write_told
+from labkit.visuals.picture import picture
+from labkit.io.provenance import write_told
 
 PICTURED = "cv-dense"  # at its start and end
 NOTEBOOKS = Path(__file__).resolve().parents[2] / "analysis"

@@ -16,10 +16,10 @@ import numpy as np
 import xarray as xr
 
 import labkit
-from labkit.files import create_variables, open_netcdf, whole_file
+from labkit.io.files import create_variables, open_netcdf, whole_file
 from labkit.paper.size_groups import write_size_groups
-from labkit.provenance import data_sha256, provenance
-from labkit.schema import CONTACTS, GRAINS, RECORD
+from labkit.io.provenance import data_sha256, provenance
+from labkit.io.schema import CONTACTS, GRAINS, RECORD
 
 PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> the snapshots whose contacts are kept
 FIG_2 = "cv-dense"

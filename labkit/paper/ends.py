@@ -8,11 +8,11 @@ import re
 import numpy as np
 import pandas
 
-from labkit.critical import SHEAR, TENSORS, WINDOW, critical_states
+from labkit.runs.critical import SHEAR, TENSORS, WINDOW, critical_states
 from labkit.paper.estimates import BLOCKS
-from labkit.paths import travelled
-from labkit.schema import LATER, RECORD
-from labkit.verify import HELD_AFTER
+from labkit.dem.paths import travelled
+from labkit.io.schema import LATER, RECORD
+from labkit.runs.verify import HELD_AFTER
 
 ENOUGH_STRAIN = 0.15  # from which the last quarter of a shear test is near the critical state
 RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; slower than that the last half cannot tell from a line

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas
 
-from labkit.critical import SHEAR
+from labkit.runs.critical import SHEAR
 from labkit.paper.ends import ends, matching
 
 KINDS = {"yade": "YADE, law yade", "fused": "fused, law yade", "paper": "fused, law paper"}

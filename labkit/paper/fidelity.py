@@ -10,17 +10,17 @@ from collections.abc import Callable
 import numpy as np
 import pandas
 
-from labkit.critical import SHEAR, WINDOW
-from labkit.limits import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
-from labkit.markdown import table as markdown_table
+from labkit.runs.critical import SHEAR, WINDOW
+from labkit.dem.limits import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
+from labkit.visuals.markdown import table as markdown_table
 from labkit.model.parameters import ROOT_3_2
 from labkit.paper import lines
 from labkit.paper.causes import effects, end_comparisons, start_comparisons, study_effects
 from labkit.paper.ends import blocks, ends, main, matching, sheared, starts
 from labkit.paper.estimates import BLOCKS, Estimate, jackknife, text
-from labkit.paths import REVERSALS
+from labkit.dem.paths import REVERSALS
 from labkit.study.collisions import Collision, restitution, sampled_outcomes
-from labkit.verify import SFF_PRESSURE, SFF_TOLERANCE
+from labkit.runs.verify import SFF_PRESSURE, SFF_TOLERANCE
 
 MPA = 1e6
 

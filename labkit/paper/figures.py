@@ -14,8 +14,9 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 
-from labkit import micro_figures, plots
-from labkit.critical import SHEAR, critical_states
+from labkit.visuals import micro_figures
+from labkit.visuals import plots
+from labkit.runs.critical import SHEAR, critical_states
 from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.parameters import ROOT_3_2, Model

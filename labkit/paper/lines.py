@@ -9,12 +9,12 @@ import numpy as np
 import pandas
 from scipy import optimize, stats
 
-from labkit.critical import SHEAR
+from labkit.runs.critical import SHEAR
 from labkit.micro.stress import mean_stress
 from labkit.model.parameters import ROOT_3_2, Parameters
 from labkit.paper.estimates import CONFIDENCE, jackknife
-from labkit.scene import Scene
-from labkit.sff import sff_stress
+from labkit.dem.scene import Scene
+from labkit.sff.c0 import sff_stress
 
 PAPER = Parameters()
 SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda in a test's end: the weights of the two lines fitted at once

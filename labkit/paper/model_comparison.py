@@ -10,16 +10,16 @@ import xarray as xr
 
 import labkit
 from labkit.errors import InputError
-from labkit.files import whole_file
-from labkit.markdown import table as markdown_table
+from labkit.io.files import whole_file
+from labkit.visuals.markdown import table as markdown_table
 from labkit.model.calibration import fit, observe
 from labkit.model.parameters import Model
 from labkit.model.run_file import ENGINE, records
 from labkit.paper.ends import main
 from labkit.paper.model_runs import follow
-from labkit.paths import travelled
-from labkit.provenance import provenance
-from labkit.schema import RECORD
+from labkit.dem.paths import travelled
+from labkit.io.provenance import provenance
+from labkit.io.schema import RECORD
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
 WORDS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}

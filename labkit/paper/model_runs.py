@@ -12,7 +12,7 @@ from labkit.model.driver import drive
 from labkit.model.parameters import Model
 from labkit.model.run_file import as_run
 from labkit.model.state import isotropic_state
-from labkit.paths import path_class
+from labkit.dem.paths import path_class
 
 TABLE_2, CALIBRATED = "Table 2", "calibrated"
 
@@ -30,7 +30,7 @@ def models(folder):
 
 
 def path_of(run):
-    """The path of labkit.paths along which a run went."""
+    """The path of labkit.dem.paths along which a run went."""
     kind = path_class(run.attrs["path"])
     given = json.loads(run.attrs["path_parameters"])
     fields = {field.name for field in dataclasses.fields(kind)}

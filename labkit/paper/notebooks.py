@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from labkit.errors import InputError, PhysicsError
-from labkit.files import make_folder
+from labkit.io.files import make_folder
 
 LIMIT = 600  # seconds for one cell
 RESULTS, FIGURES = "LABKIT_RESULTS", "LABKIT_FIGURES"  # environment variables that the notebooks read

@@ -10,7 +10,7 @@ import netCDF4
 import pandas
 
 from labkit.paper.pieces import join, missing, table
-from labkit.provenance import file_sha256, of_file, provenance, rows
+from labkit.io.provenance import file_sha256, of_file, provenance, rows
 
 DIGITS = 12  # of a hash, enough to tell files apart
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas
 
-from labkit import markdown
+from labkit.visuals import markdown
 
 CAPTIONS = pandas.read_csv(Path(__file__).with_name("captions.csv")).set_index("file")
 SHOWN = {  # file -> column -> heading, for files with more than people read

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import pandas
 
-from labkit import markdown
+from labkit.visuals import markdown
 from labkit.errors import InputError
-from labkit.files import require_writable
+from labkit.io.files import require_writable
 from labkit.paper import pieces
 from labkit.paper.origins import origins
 from labkit.paper.pieces import join
 from labkit.paper.web_page import write_page
-from labkit.provenance import tell
+from labkit.io.provenance import tell
 
 TABLES = "labkit paper"  # commands that make what is missing
 FIGURES = "labkit notebooks"

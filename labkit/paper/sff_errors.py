@@ -7,8 +7,8 @@ import pandas
 import xarray as xr
 
 from labkit.micro.stress import mean_stress, relative_error
-from labkit.sff_budget import PARTS
-from labkit.verify import SFF_PRESSURE, SFF_TOLERANCE
+from labkit.sff.budget import PARTS
+from labkit.runs.verify import SFF_PRESSURE, SFF_TOLERANCE
 
 BETTER = ("c0_volume", "fourth")  # forms without C0's assumptions: of equal stress of all sizes; and of second order
 COLUMNS = (
@@ -21,8 +21,8 @@ def sff_errors(runs):
     """A pandas.DataFrame with a row per monotonic test: the error of C0 over the records with p > 50 kPa.
 
     worst (at worst_strain and worst_p_MPa), mean: Frobenius norm over that of Love; over: records over 2 %. At the
-    worst of the snapshots whose contacts are known: snapshot_error, the error of the forms of labkit.sff_family that
-    leave an assumption of C0 out, and the share of each part of labkit.sff_budget in the error; the shares add up to 1,
+    worst of the snapshots whose contacts are known: snapshot_error, the error of the forms of labkit.sff.family that
+    leave an assumption of C0 out, and the share of each part of labkit.sff.budget in the error; the shares add up to 1,
     a negative one takes off from the error.
     """
     monotonic = {name: run for name, run in runs.items() if run.attrs["path"] != "cyclic_cp"}

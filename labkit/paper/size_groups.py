@@ -7,8 +7,8 @@ from pathlib import Path
 import xarray as xr
 
 from labkit.errors import InputError
-from labkit.files import whole_file
-from labkit.provenance import provenance
+from labkit.io.files import whole_file
+from labkit.io.provenance import provenance
 
 FILE = "size_groups.nc"
 GROUPS = 5  # as the paper has

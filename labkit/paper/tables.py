@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from labkit.files import make_folder
+from labkit.io.files import make_folder
 from labkit.paper import fidelity, model_comparison, sources
 from labkit.paper.causes import guarded_study
 from labkit.paper.ends import ends, extrapolated, in_memory, main, sheared
 from labkit.paper.engines import engine_table
 from labkit.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from labkit.paper.sff_errors import sff_errors
-from labkit.provenance import write_told
+from labkit.io.provenance import write_told
 
 
 def write_tables(runs, output, study=None):

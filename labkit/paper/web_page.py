@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image
 
 from labkit.errors import InputError
-from labkit.files import whole_file
+from labkit.io.files import whole_file
 
 OLDEST = (2, 19)  # pandoc that embeds pictures
 STYLE = Path(__file__).with_name("report.css")

@@ -44,8 +44,8 @@ import pandas
 
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
-from labkit.scene import Scene
-from labkit.state import grains_in_cell
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
 
 DURATION = math.pi / math.sqrt(2.0)  # of a collision without damping, in sqrt(m/kn)
 SAMPLES = 64  # of the places of begin and end of a collision within a step

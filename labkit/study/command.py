@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from labkit import plots
-from labkit.files import make_folder, whole_file
-from labkit.provenance import tell, write_told
+from labkit.visuals import plots
+from labkit.io.files import make_folder, whole_file
+from labkit.io.provenance import tell, write_told
 from labkit.study import figures
 from labkit.study.design import DESIGNS
 from labkit.study.errors import errors

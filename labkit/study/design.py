@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 
-from labkit.paths import ConstantMeanStress, make_path
-from labkit.scene import Scene
-from labkit.servo import Servo
-from labkit.settings import SETTINGS
-from labkit.specimen import mean_grain_volume
+from labkit.dem.paths import ConstantMeanStress, make_path
+from labkit.dem.scene import Scene
+from labkit.dem.servo import Servo
+from labkit.dem.settings import SETTINGS
+from labkit.dem.specimen import mean_grain_volume
 
 VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
 RATE = ConstantMeanStress.rate

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter, NullLocator, ScalarFormatter
 
-from labkit.plots import WIDTH
+from labkit.visuals.plots import WIDTH
 from labkit.study.design import BASELINE, PRESET
 from labkit.study.errors import front
 

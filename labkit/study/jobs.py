@@ -19,20 +19,20 @@ from pathlib import Path
 import numpy as np
 
 import labkit
-from labkit.consolidation import consolidate
+from labkit.dem.consolidation import consolidate
 from labkit.engines.fused import FusedEngine
 from labkit.engines.yade_process import die_with_parent
 from labkit.errors import InputError, PhysicsError
-from labkit.files import write_text
-from labkit.paths import ConstantVolume
-from labkit.scene import Scene
-from labkit.servo import velocity_gradient
-from labkit.simulation import run
-from labkit.specimen import Recipe, make_specimen, side_for
-from labkit.state import read_state, write_state
+from labkit.io.files import write_text
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import Scene
+from labkit.dem.servo import velocity_gradient
+from labkit.dem.simulation import run
+from labkit.dem.specimen import Recipe, make_specimen, side_for
+from labkit.dem.state import read_state, write_state
 from labkit.study.design import PRESSURE, STEP1_FRICTION, VOID_RATIO
 from labkit.study.observables import observables
-from labkit.timestep import critical_time_step
+from labkit.dem.time_step import critical_time_step
 
 SPECIMEN_COST = 0.05  # of that of a test with the specimen, about
 YARDSTICK_STEPS, YARDSTICK_ROUNDS = 1500, 5

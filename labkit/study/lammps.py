@@ -1,4 +1,4 @@
-"""The CV path in LAMMPS, for comparison with law paper: labkit.bench_lammps says what is alike and what is not.
+"""The CV path in LAMMPS, for comparison with law paper: labkit.bench.lammps says what is alike and what is not.
 
 Measured with 996 grains, e = 0.67, beta = 0.2, against the engine fused from the same specimen:
 
@@ -25,9 +25,9 @@ import math
 
 import numpy as np
 
-from labkit.bench_lammps import deform
+from labkit.bench.lammps import deform
 from labkit.errors import InputError
-from labkit.paths import ConstantVolume
+from labkit.dem.paths import ConstantVolume
 
 CLASSES = 8  # of grain size: a stiffness is within 3 % of its pair's, 0.9 % on average; of one class 24 % and 7 %
 SETTLE = 5000  # steps at rest: grains find the tangential forces that LAMMPS has not been told

@@ -13,15 +13,17 @@ import numpy as np
 import pandas
 
 import labkit
-from labkit import bench, micro_figures, plots
+from labkit.bench import engines as bench
+from labkit.visuals import micro_figures
+from labkit.visuals import plots
 from labkit.engines.fused import FusedEngine
-from labkit.files import whole_file
+from labkit.io.files import whole_file
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.model.speed import measure_all
-from labkit.paths import ConstantVolume
-from labkit.servo import velocity_gradient
-from labkit.simulation import run
-from labkit.state import read_state
+from labkit.bench.model import measure_all
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.servo import velocity_gradient
+from labkit.dem.simulation import run
+from labkit.dem.state import read_state
 from labkit.study.collisions import collision_errors
 from labkit.study.design import BASELINE, PRESET
 from labkit.study.jobs import run_case, run_file, specimen_file

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.critical import WINDOW
-from labkit.verify import SFF_PRESSURE
+from labkit.runs.critical import WINDOW
+from labkit.runs.verify import SFF_PRESSURE
 
 # name -> (label, unit, whether its error is relative); those of the critical state are means over the last quarter
 OBSERVABLES = {

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit import markdown
-from labkit.paths import ConstantVolume
-from labkit.scene import Scene
-from labkit.servo import STANDARD
+from labkit.visuals import markdown
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import Scene
+from labkit.dem.servo import STANDARD
 from labkit.study.design import BASELINE, PRESET, PRESSURE, RATE, VOID_RATIO
 from labkit.study.observables import CHECKS, OBSERVABLES
 from labkit.study.table import cost
@@ -250,7 +250,7 @@ def _time_step(data):
         rows.append([*names, over, balance, f"{100 * held:.2g} %", guard])
     return """## The time step, through the limit and past it
 
-The guards were off here but for the pairs with the rate, to see what comes. The limit is that of `labkit.timestep`, a
+The guards were off here but for the pairs with the rate, to see what comes. The limit is that of `labkit.dem.time_step`, a
 bound that is on the safe side; it is the mean over the specimens, the range beside it decides what the guard says.
 
 """ + markdown.table(["factor", "level", "step over limit", CHECKS["energy_balance_error"][0], CHECKS["held_error"][0],

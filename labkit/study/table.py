@@ -9,7 +9,7 @@ import xarray
 
 import labkit
 from labkit.errors import InputError
-from labkit.files import write_text
+from labkit.io.files import write_text
 from labkit.study.jobs import result_file
 from labkit.study.observables import CHECKS, OBSERVABLES
 

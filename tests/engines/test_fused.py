@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from labkit.bench_kernel import copies
-from labkit.energy import balance_error, opened
+from labkit.bench.kernel import copies
+from labkit.dem.energy import balance_error, opened
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.contacts import contacts_of, contacts_per_grain
 from labkit.micro.indicators import kinetic_energy
-from labkit.paths import ConstantVolume
-from labkit.scene import LAWS, Scene
-from labkit.schema import STATE
-from labkit.servo import velocity_gradient
-from labkit.specimen import Recipe, make_specimen, side_for
-from labkit.state import State, grains_in_cell, read_state, write_state
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import LAWS, Scene
+from labkit.io.schema import STATE
+from labkit.dem.servo import velocity_gradient
+from labkit.dem.specimen import Recipe, make_specimen, side_for
+from labkit.dem.state import State, grains_in_cell, read_state, write_state
 
 STILL = np.zeros((3, 3))
 R = 85e-6
@@ -385,8 +385,8 @@ def test_the_second_start_compiles_nothing():
     code = """
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel import steps
-from labkit.scene import Scene
-from labkit.state import grains_in_cell
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
 import numpy as np
 FusedEngine(grains_in_cell(Scene(), np.full(2, 1e-4), np.array([[0, 0, 0], [0, 0, 1.9e-4]]), np.eye(3) * 1e-3))
 print(sum(steps.advance_one_thread.stats.cache_misses.values()))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from labkit.scene import Scene
+from labkit.dem.scene import Scene
 
 PAIRS = {"equal": (85e-6, 85e-6), "1.5": (102e-6, 68e-6), "1/1.5": (68e-6, 102e-6)}
 

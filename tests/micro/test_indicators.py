@@ -2,8 +2,8 @@ import numpy as np
 
 from labkit.micro import indicators
 from labkit.micro.contacts import Contacts
-from labkit.scene import Scene
-from labkit.state import grains_in_cell
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
 
 NONE = Contacts(np.zeros((0, 2), int), *(np.zeros(s) for s in ((0, 3), 0, 0, (0, 3), (0, 3))))
 

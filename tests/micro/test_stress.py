@@ -3,8 +3,8 @@ import numpy as np
 from labkit.micro.contacts import Contacts, contacts_of
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.scene import Scene
-from labkit.state import grains_in_cell
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
 
 
 def simple_cubic(n=3, overlap=1e-6, radius=85e-6):

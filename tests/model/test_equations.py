@@ -10,7 +10,7 @@ from labkit.model.parameters import Model, Parameters
 from labkit.model.state import ModelState
 from labkit.model.stiffness import state_rate, stress_rate
 from labkit.model.tensors import to_six, to_tensor
-from labkit.sff import sff_stress
+from labkit.sff.c0 import sff_stress
 from tests.model.random_states import AXIS, assert_same_rates, deviator, random_state, rotation, symmetric
 from tests.model.scalar_formulas import scalar_rates
 

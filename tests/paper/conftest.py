@@ -16,7 +16,7 @@ from labkit.campaign.file import read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.paper.ends import in_memory
-from labkit.sff import sff_stress
+from labkit.sff.c0 import sff_stress
 
 CAMPAIGN = Path(labkit.__file__).parent / "campaign/paper.yaml"
 STARTS = {"dense": 0.21e6, "medium": 0.5e6, "loose": 0.3e6, "dense_high": 1e6, "cyclic_loose": 0.5e6}

@@ -5,7 +5,8 @@ import pytest
 import xarray as xr
 
 import labkit
-from labkit import paper, provenance
+from labkit.io import provenance
+from labkit import paper
 from labkit.errors import InputError
 from labkit.paper.condense import PICTURES, condense
 from labkit.paper.size_groups import read_size_groups

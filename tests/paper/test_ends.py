@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from labkit.critical import critical_states
+from labkit.runs.critical import critical_states
 from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
-from labkit.paths import travelled
+from labkit.dem.paths import travelled
 
 
 def relaxing(run, relaxation):

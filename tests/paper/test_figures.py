@@ -12,7 +12,7 @@ from labkit.paper.ends import ends, sheared
 from labkit.paper.ends import main as papers_tests
 from labkit.paper.lines import critical_lines
 from labkit.paper.model_runs import CALIBRATED, models
-from labkit.provenance import of_file
+from labkit.io.provenance import of_file
 
 RUNS = {
     "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4], "cv-loose": ["cv", 0.724, 3e5, "--strain", 0.4],

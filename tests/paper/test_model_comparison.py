@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 import labkit
-from labkit import plots
+from labkit.visuals import plots
 from labkit.model import Model
 from labkit.paper import model_comparison as comparison
 from labkit.paper.ends import in_memory

@@ -12,7 +12,7 @@ from PIL import Image
 
 import labkit
 from labkit.errors import InputError
-from labkit.markdown import number
+from labkit.visuals.markdown import number
 from labkit.paper import runs, web_page
 from labkit.paper.command import cost_table
 from labkit.paper.condense import condense

@@ -6,7 +6,7 @@ import pytest
 
 import labkit
 from labkit.paper.sff_errors import sff_errors
-from labkit.sff_budget import PARTS
+from labkit.sff.budget import PARTS
 
 
 def test_the_parts_add_up(run_file):

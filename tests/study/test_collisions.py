@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError, PhysicsError
-from labkit.scene import Scene
+from labkit.dem.scene import Scene
 from labkit.study import collisions
 from labkit.study.collisions import collide, collision_errors, orders, restitution
 

@@ -5,9 +5,10 @@ import dataclasses
 
 import pytest
 
-from labkit import arguments, commands
+from labkit.cli import arguments
+from labkit.cli import commands
 from labkit.errors import InputError
-from labkit.settings import SETTINGS, settings
+from labkit.dem.settings import SETTINGS, settings
 from labkit.study.design import BASELINE, DESIGNS, PRESET, full
 
 

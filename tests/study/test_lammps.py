@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
-from labkit.bench_lammps import size_classes, steps_per_second
+from labkit.bench.lammps import size_classes, steps_per_second
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
-from labkit.paths import ConstantVolume
-from labkit.scene import Scene
-from labkit.servo import velocity_gradient
-from labkit.specimen import Recipe, make_specimen, side_for
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import Scene
+from labkit.dem.servo import velocity_gradient
+from labkit.dem.specimen import Recipe, make_specimen, side_for
 from labkit.study.lammps import shear_in_lammps
 
 LAMMPS = shutil.which("lmp")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.critical import critical_states
+from labkit.runs.critical import critical_states
 from labkit.study.observables import CHECKS, OBSERVABLES, PEAK, max_of_means, observables
 
 

@@ -11,7 +11,7 @@ import common  # noqa: E402
 import numpy as np  # noqa: E402
 
 from labkit.engines.yade import YadeEngine  # noqa: E402
-from labkit.state import read_state, write_state  # noqa: E402
+from labkit.dem.state import read_state, write_state  # noqa: E402
 
 file, counts, numbers = common.words
 gradient = np.array([float(x) for x in numbers.split(",")]).reshape(3, 3)

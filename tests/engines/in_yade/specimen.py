@@ -13,9 +13,9 @@ from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.micro.contacts import contacts_of  # noqa: E402
 from labkit.micro.indicators import kinetic_energy  # noqa: E402
 from labkit.micro.stress import love_stress  # noqa: E402
-from labkit.paths import ConstantVolume  # noqa: E402
-from labkit.servo import velocity_gradient  # noqa: E402
-from labkit.state import STATE, read_state, write_state  # noqa: E402
+from labkit.dem.paths import ConstantVolume  # noqa: E402
+from labkit.dem.servo import velocity_gradient  # noqa: E402
+from labkit.dem.state import STATE, read_state, write_state  # noqa: E402
 
 specimen = read_state(common.words[0])
 gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)

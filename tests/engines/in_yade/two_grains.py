@@ -9,8 +9,8 @@ import numpy as np  # noqa: E402
 
 from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.micro.contacts import contacts_of  # noqa: E402
-from labkit.scene import Scene  # noqa: E402
-from labkit.state import grains_in_cell  # noqa: E402
+from labkit.dem.scene import Scene  # noqa: E402
+from labkit.dem.state import grains_in_cell  # noqa: E402
 
 DT = 1e-9
 STILL = np.zeros((3, 3))

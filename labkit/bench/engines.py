@@ -1,0 +1,92 @@
+"""Speed on one scene, measured in turn: ratios of one run are compared, not times of different ones."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+
+from labkit.bench import lammps as bench_lammps
+from labkit.engines.yade_process import find_script, find_yade, yade_environment
+from labkit.errors import PhysicsError
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.servo import STANDARD, velocity_gradient
+from labkit.dem.state import read_state
+
+
+def variants(scene):
+    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has and
+    what knows the contact law of the scene."""
+    found = {}
+    if shutil.which("yade") and scene.law == "yade":
+        found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", 1, file, steps)
+        found["labkit on YADE, 1 thread"] = lambda file, steps: in_yade("speed.py", 1, file, steps)
+        found["labkit on YADE, 2 threads"] = lambda file, steps: in_yade("speed.py", 2, file, steps)
+    if shutil.which("lmp"):
+        found["LAMMPS, 1 process"] = _in_lammps
+    found["fused, 1 thread"] = lambda file, steps: in_fused(1, file, FASTER * steps)
+    found["fused, 2 threads"] = lambda file, steps: in_fused(2, file, FASTER * steps)
+    return found
+
+
+FASTER = 10  # the engine fused takes so many times more steps, so that a measurement lasts
+
+
+def bench(specimen, steps, rounds, progress):
+    """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
+    machines = variants(read_state(specimen).scene)
+    found = {name: [] for name in machines}
+    for turn in range(rounds):
+        for number, (name, run) in enumerate(machines.items()):
+            progress((turn * len(machines) + number) / (rounds * len(machines)), name)
+            found[name].append(run(os.path.abspath(specimen), steps))
+    progress(1.0, "done")
+    return found
+
+
+def in_yade(script, threads, specimen, steps):
+    """What a script of yade_scripts measures in a YADE of its own, quantity -> value."""
+    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), specimen, str(steps)]
+    return _quantities(command, yade_environment())
+
+
+def in_fused(threads, specimen, steps):
+    """What labkit.bench.speed measures of the engine fused in a process of its own, quantity -> value."""
+    command = [sys.executable, "-m", "labkit.bench.speed", specimen, str(steps), str(threads)]
+    return _quantities(command, None)
+
+
+def _quantities(command, environment):
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    words = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
+    if done.returncode or not words:
+        raise PhysicsError(f"{command[-3]} ended with exit status {done.returncode}: {done.stderr.strip()[-300:]}")
+    return {name: float(value) for name, value in words}
+
+
+def _in_lammps(specimen, steps):
+    state = read_state(specimen)
+    rates = velocity_gradient(ConstantVolume(), 1.0, state.time_step).diagonal()
+    return {"steps_per_second": bench_lammps.steps_per_second(shutil.which("lmp"), state, rates, steps)}
+
+
+def table(found, grains, time_step, rate):
+    """Medians, ratios to the first variant (median and range over the rounds), cost of records and of the servo."""
+    base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
+    between = ConstantVolume.record_strain / (rate * time_step)
+    heading = ("", "steps/s", "grain-steps/s", "ratio", "range", "records, %", "servo, %")
+    lines = ["{:<30} {:>9} {:>14} {:>7} {:>13} {:>11} {:>9}".format(*heading)]
+    for name, turns in found.items():
+        speed = [turn["steps_per_second"] for turn in turns]
+        ratio = [a / b for a, b in zip(speed, base)]
+        record = [turn["steps_per_record"] / between for turn in turns if "steps_per_record" in turn]
+        sums = [turn["steps_per_stress"] / STANDARD.interval for turn in turns if "steps_per_stress" in turn]
+        median = statistics.median(speed)
+        row = f"{name:<30} {median:9.1f} {median * grains:14.3g} {statistics.median(ratio):7.2f} "
+        row += f"{min(ratio):6.2f}-{max(ratio):<6.2f}"
+        if record:
+            row += f" {100 * statistics.median(record):11.2f} {100 * statistics.median(sums):9.2f}"
+        lines.append(row)
+    return "\n".join(lines)

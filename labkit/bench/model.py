@@ -1,0 +1,135 @@
+"""Speed against error of the integrators, and of the finite-element interface; on one core."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+
+from labkit.visuals import plots
+from labkit.errors import PhysicsError
+from labkit.io.files import write_text
+from labkit.model.controls import model_path
+from labkit.model.driver import drive
+from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Scipy
+from labkit.model.material_point import states, update
+from labkit.model.parameters import Model
+from labkit.model.state import ModelState, isotropic_state
+
+RECORD = 0.01  # axial strain between two records, at which the error is taken
+STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
+SCIPY = ("RK45", "DOP853", "LSODA", "Radau")
+REPEATS = 3
+BUDGET = 1.0  # s: a run that takes longer is not repeated, and no finer one is tried
+POINTS = 20_000
+
+
+def tests(model):
+    """title -> (path, start): smooth, with reversals, and stiff."""
+    start = isotropic_state(model, 0.67, 0.5e6)
+    return {
+        "CV to 40 %, smooth": (model_path("cv", 0.5e6, strain=0.4), start),
+        "cyclic CP, six reversals": (model_path("cyclic_cp", 0.5e6), start),
+        "CV to 10 % from Lambda = 1e-5, stiff": (model_path("cv", 0.5e6, strain=0.1), ModelState(0.606, 5.9, 1e-5)),
+    }
+
+
+def measure_all(folder):
+    """Writes model_speed.txt and model_speed.png into the folder; the text."""
+    model = Model()
+    found = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
+    text = table(found) + "\n\n" + one_path(model) + "\n\n" + material_points(model) + "\n"
+    write_text(Path(folder) / "model_speed.txt", text)
+    plots.save(plots.work_precision(found), Path(folder) / "model_speed.png")
+    return text
+
+
+def work(model, path, start):
+    """label -> list of (setting, seconds, error or None where the integrator gave up)."""
+    exact = drive(model, path, start, RECORD, Adaptive(1e-12)).require().stress
+    kinds = {kind.__name__: (kind, STEPS) for kind in FIXED}
+    kinds["Adaptive (Dormand-Prince)"] = (Adaptive, TOLERANCES)
+    for method in SCIPY:
+        kinds[f"scipy {method}"] = (lambda tolerance, method=method: Scipy(method, tolerance), TOLERANCES)
+    drive(model, model_path("cv", 1.0, strain=1e-3), start, integrator=BackwardEuler(1e-3)).require()  # compiles
+    return {label: _curve(model, path, start, make, settings, exact) for label, (make, settings) in kinds.items()}
+
+
+def _curve(model, path, start, make, settings, exact):
+    points = []
+    for setting in settings:
+        seconds, error = np.inf, None
+        for _ in range(REPEATS):
+            integrator = make(setting)
+            begin = time.thread_time()
+            try:
+                result = drive(model, path, start, RECORD, integrator).require()
+                error = _error(result.stress, exact)
+            except (PhysicsError, FloatingPointError):
+                error = None
+            seconds = min(seconds, time.thread_time() - begin)
+            if seconds > BUDGET:
+                break
+        points.append((setting, seconds, error))
+        if seconds > BUDGET:
+            break
+    return points
+
+
+def _error(stress, exact):
+    """Largest error of the stress over the largest stress, Frobenius norms; None if it is none."""
+    if stress.shape != exact.shape:
+        return None
+    norm = np.linalg.norm(stress - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max()
+    return float(norm) if np.isfinite(norm) and norm < 1.0 else None
+
+
+def table(found):
+    """Time and error of every integrator at every setting, as text."""
+    lines = [f"Stress error (largest over records, relative) and time; best of {REPEATS}. Fixed steps: strain; others: "
+             "tolerance."]  # fmt: skip
+    for title, curves in found.items():
+        lines += ["", title]
+        for label, points in curves.items():
+            words = (f"{s:g}: {t * 1e3:.3g} ms {'failed' if e is None else f'{e:.1e}'}" for s, t, e in points)
+            lines.append(f"  {label:<26} " + ", ".join(words))
+    return "\n".join(lines)
+
+
+def one_path(model):
+    """The time of a CV path to 60 % with 601 records whose error is below 1e-6."""
+    start = isotropic_state(model, 0.67, 0.5e6)
+    path = model_path("cv", 0.5e6, strain=0.6)
+    exact = drive(model, path, start, integrator=Adaptive(1e-12)).stress
+    times = []
+    for _ in range(10):
+        begin = time.thread_time()
+        result = drive(model, path, start)
+        times.append(time.thread_time() - begin)
+    return (f"one CV path to 60 %, {len(result)} records, default tolerance: {np.median(times) * 1e3:.2f} ms, "
+            f"stress error {_error(result.stress, exact):.1e}")  # fmt: skip
+
+
+def material_points(model):
+    """Updates per second of the finite-element interface, with and without tangent."""
+    path = model_path("cv", 0.5e6, strain=0.05)
+    y = states(drive(model, path, isotropic_state(model, 0.67, 0.5e6)).state(), POINTS)
+    rng = np.random.default_rng(0)
+    lines = [f"material points, {POINTS} at once, tolerance 1e-4; million updates per second:"]
+    for size in (1e-5, 3e-5, 1e-4, 1e-3):
+        d = rng.normal(size=(POINTS, 6))
+        d *= size / np.linalg.norm(d, axis=1)[:, None]
+        rates = []
+        for tangent in (False, True):
+            times = []
+            for _ in range(5):
+                begin = time.thread_time()
+                found = update(model, y, d, tangent).require()
+                times.append(time.thread_time() - begin)
+            rates.append(POINTS / min(times) / 1e6)
+        substeps = found.substeps.mean()
+        lines.append(f"  |strain increment| {size:g}: {rates[0]:.2f} state and stress, {rates[1]:.2f} with consistent "
+                     f"tangent; {substeps:.2f} substeps")  # fmt: skip
+    return "\n".join(lines)

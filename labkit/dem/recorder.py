@@ -1,0 +1,171 @@
+"""The recorder: appends records, snapshots and a checkpoint to a run file that is whole at any moment.
+
+What was recorded since the last save is kept in memory. A save copies the file, appends to the copy
+and puts it in place of the old one, so that a kill at any moment leaves the last save under the name.
+The checkpoint, a State in the group `checkpoint`, comes with the records that belong to it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError, PhysicsError
+from labkit.io.files import create_variables, open_netcdf, remove_leftovers, whole_file
+from labkit.io.interruption import only_writer
+from labkit.io.provenance import data_sha256
+from labkit.io.schema import CONTACTS, GRAINS, RECORD, STATE
+from labkit.dem.state import State, read_group, write_attributes
+
+
+@dataclasses.dataclass(frozen=True)
+class Begun:
+    """A run to go on with: the State of its checkpoint, the seconds spent, whether it is complete."""
+
+    state: State
+    first_cell: np.ndarray  # (3, 3), m: at zero strain
+    wall_time: float
+    complete: bool
+
+
+class Recorder:
+    """Writes one run file, alone while it is open as a context.
+
+    `path` is the loading path, `settings` what else decides the records, `specimen` the State it starts from.
+    """
+
+    def __init__(self, file, path, settings, specimen):
+        self.file = Path(file)
+        self.specimen = specimen.digest()
+        self.path = path
+        self.settings = settings
+        self.records = 0  # in the file and in memory
+        self._new = []
+        self._snapshots = []
+
+    def __enter__(self):
+        self._lock = only_writer(self.file)
+        self._lock.__enter__()
+        remove_leftovers(self.file)
+        return self
+
+    def __exit__(self, *exception):
+        return self._lock.__exit__(*exception)
+
+    def record(self, values, contacts=None, position=None):
+        """Keeps one record (labkit.dem.measure), with a snapshot if contacts and positions are given."""
+        if contacts is not None:
+            self._snapshots.append((self.records, contacts, position))
+        self._new.append(values)
+        self.records += 1
+
+    def save(self, state, complete, wall_time):
+        """Brings the file up to the present: all records so far and the state to go on from."""
+        try:
+            self._save(state, complete, wall_time)
+        except (OSError, RuntimeError) as error:  # netCDF4 says RuntimeError when the disk is full
+            raise PhysicsError(
+                f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); what was saved before "
+                "is intact: make room on the disk and give the same command again"
+            ) from None
+        self._new.clear()
+        self._snapshots.clear()
+
+    def _save(self, state, complete, wall_time):
+        with whole_file(self.file) as temporary:
+            exists = self.file.exists()
+            if exists:
+                shutil.copyfile(self.file, temporary)
+            with netCDF4.Dataset(temporary, "a" if exists else "w") as dataset:
+                if not exists:
+                    self._create(dataset, state)
+                self._append(dataset)
+                write_attributes(dataset, state, "run")
+                dataset.complete = np.int32(complete)
+                dataset.wall_time = float(wall_time)
+                dataset.steps = np.int64(state.step)
+                _write_checkpoint(dataset, state)
+                if complete:
+                    dataset.data_sha256 = data_sha256(dataset)
+
+    def _create(self, dataset, state):
+        dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own
+        dataset.path_parameters = self.parameters()
+        dataset.specimen = self.specimen
+        create_variables(dataset, RECORD, {}, compression=None)
+        dataset.createDimension("snapshot", None)
+        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+        dataset["contacts"]["row_size"].sample_dimension = "contact"
+        create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
+        dataset["grains"]["radius"][:] = state.radius
+
+    def parameters(self):
+        return json.dumps({**vars(self.path), **self.settings})
+
+    def _append(self, dataset):
+        first = len(dataset.dimensions["time"])
+        for name in RECORD:
+            values = [record[name] for record in self._new]
+            if values:
+                dataset[name][first : first + len(values)] = np.array(values)
+        group, positions = dataset["contacts"], dataset["grains"]["position"]
+        for index, contacts, position in self._snapshots:
+            snapshot = len(dataset.dimensions["snapshot"])
+            start = len(group.dimensions["contact"])
+            group["record"][snapshot] = index
+            group["row_size"][snapshot] = len(contacts)
+            group["contact_grain"][start : start + len(contacts)] = contacts.grain
+            for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
+                group[name][start : start + len(contacts)] = getattr(contacts, name)
+            positions[snapshot] = position
+
+    def resume(self):
+        """What a Begun run file holds, or None when there is no file yet.
+
+        Raises InputError when the file holds a run with other parameters or of another specimen.
+        """
+        if not self.file.exists():
+            return None
+        with open_netcdf(self.file, "run") as dataset:
+            found = dataset.getncattr("path"), dataset.path_parameters
+            if found != (self.path.name, self.parameters()):
+                raise InputError(
+                    f"{self.file} holds another run ({found[0]} with {found[1]}): "
+                    "give another -o, or the same options to go on with it"
+                )
+            if not bool(dataset.complete) and any(name not in dataset.variables for name in RECORD):
+                raise InputError(f"{self.file} was begun with an earlier version of labkit: give another -o")
+            if getattr(dataset, "specimen", None) != self.specimen:
+                raise InputError(f"{self.file} was begun with another specimen: give another -o")
+            self.records = len(dataset.dimensions["time"])
+            first_cell = dataset["cell"][0].filled()
+            return Begun(_read_checkpoint(dataset), first_cell, float(dataset.wall_time), bool(dataset.complete))
+
+
+def read_checkpoint(file):
+    """The State of the last save of a run file. Raises InputError when it is none."""
+    with open_netcdf(file, "run") as dataset:
+        return _read_checkpoint(dataset)
+
+
+def _read_checkpoint(dataset):
+    group = dataset["checkpoint"]
+    return read_group(group, dataset, int(group.contacts))
+
+
+def _write_checkpoint(dataset, state):
+    """Overwrites the last checkpoint. Not compressed: HDF5 can then write every value where the old one was."""
+    contacts = len(state.contact_grain)
+    if "checkpoint" not in dataset.groups:
+        group = dataset.createGroup("checkpoint")
+        create_variables(group, STATE, {"grain": state.number_of_grains}, compression=None)
+    group = dataset["checkpoint"]
+    group.contacts = np.int64(contacts)
+    for name, variable in STATE.items():
+        rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
+        group[name][rows] = getattr(state, name)

@@ -1,0 +1,179 @@
+"""State: grains, periodic cell and contacts with their history. A plain value with a file form.
+
+The instant of a state is the one between the forces and the motion of a step: positions, cell, overlaps
+and contact forces belong together, velocities are half a step old. An engine that takes a state moves
+the grains first, so that a run through a state file goes on as if nothing had happened.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+
+import netCDF4
+import numpy as np
+
+import labkit
+from labkit.errors import InputError
+from labkit.io.files import create_variables, open_netcdf, whole_file
+from labkit.io.provenance import data_sha256
+from labkit.dem.scene import Scene
+from labkit.io.schema import SIZES, STATE
+
+
+@dataclasses.dataclass(frozen=True)
+class Ledger:
+    """Energies since the ledger was opened, J (labkit.dem.energy): what was stored then, the work of the cell, and what
+    friction, rolling and damping (Newton's or the dashpots') have taken."""
+
+    start: float = 0.0
+    cell_work: float = 0.0
+    friction_loss: float = 0.0
+    rolling_loss: float = 0.0
+    damping_loss: float = 0.0
+
+    def plus(self, *flows):
+        """With more work and losses, in the order of the fields."""
+        values = dataclasses.astuple(self)
+        return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """See labkit.io.schema.STATE for shapes and units."""
+
+    scene: Scene
+    radius: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    angular_velocity: np.ndarray
+    cell: np.ndarray
+    velocity_gradient: np.ndarray
+    contact_grain: np.ndarray
+    contact_shift: np.ndarray
+    tangential_force: np.ndarray
+    rolling_moment: np.ndarray
+    time: float = 0.0
+    time_step: float = 0.0
+    step: int = 0
+    seed: int = 0
+    engine: str = ""
+    engine_version: str = ""
+    history: str = ""
+    recipe: str = ""  # JSON of the Recipe that made the specimen
+    provenance: str = ""  # JSON of labkit.io.provenance
+    ledger: Ledger = Ledger()
+
+    @property
+    def number_of_grains(self):
+        return len(self.radius)
+
+    @property
+    def volume(self):
+        """Volume of the cell, m3."""
+        return float(np.linalg.det(self.cell))
+
+    def replace(self, **changes):
+        return dataclasses.replace(self, **changes)
+
+    def digest(self):
+        """SHA-256 of the scene and of all arrays, hexadecimal: tells one specimen from another."""
+        digest = hashlib.sha256(self.scene.to_json().encode())
+        for name in STATE:
+            digest.update(np.ascontiguousarray(getattr(self, name)).tobytes())
+        return digest.hexdigest()
+
+    def at_rest(self):
+        """The same state with all velocities zero, the cell held, and the clock at zero."""
+        zero = np.zeros_like(self.velocity)
+        return self.replace(
+            velocity=zero, angular_velocity=zero, velocity_gradient=np.zeros((3, 3)), time=0.0, step=0
+        )
+
+
+def grains_in_cell(scene, radius, position, cell, seed=0, history=""):
+    """A State of grains at rest without contact history. radius (n,), position (n, 3), cell (3, 3), m."""
+    zero = np.zeros((len(radius), 3))
+    return State(
+        scene=scene, radius=radius, position=position, velocity=zero, angular_velocity=zero,
+        cell=cell, velocity_gradient=np.zeros((3, 3)),
+        contact_grain=np.zeros((0, 2), np.int32), contact_shift=np.zeros((0, 3), np.int32),
+        tangential_force=np.zeros((0, 3)), rolling_moment=np.zeros((0, 3)),
+        time_step=scene.time_step, seed=seed, history=history,
+    )  # fmt: skip
+
+
+FAR = 1000  # cells: no grain travels so far
+
+ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
+
+
+def write_attributes(dataset, state, kind):
+    """The attributes that state and run files share."""
+    dataset.Conventions = "CF-1.10"
+    dataset.labkit_file = kind
+    dataset.labkit_version = labkit.__version__
+    dataset.scene = state.scene.to_json()
+    for name in ATTRIBUTES:
+        setattr(dataset, name, getattr(state, name))
+    dataset.ledger = np.array(dataclasses.astuple(state.ledger))
+
+
+def read_group(group, attributes, contacts=None):
+    """The State in a netCDF group, with the attributes of the dataset `attributes`.
+
+    `contacts`: how many contacts hold, if the group may have room for more.
+    """
+    values = {}
+    for name, variable in STATE.items():
+        rows = slice(contacts if "contact" in variable.dimensions else None)
+        values[name] = np.ascontiguousarray(group[name][rows].filled())
+    kept = {name: getattr(attributes, name) for name in ATTRIBUTES if name in attributes.ncattrs()}
+    for name in ("step", "seed"):
+        kept[name] = int(kept[name])
+    for name in ("time", "time_step"):
+        kept[name] = float(kept[name])
+    if "ledger" in attributes.ncattrs():
+        kept["ledger"] = Ledger(*(float(x) for x in attributes.ledger))
+    return State(scene=Scene.from_json(attributes.scene), **values, **kept)
+
+
+def write_state(path, state):
+    """Writes a state file, whole or not at all."""
+    with whole_file(path) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
+        write_attributes(dataset, state, "state")
+        create_variables(dataset, STATE, {"grain": state.number_of_grains, "contact": len(state.contact_grain)})
+        for name in STATE:
+            dataset[name][...] = getattr(state, name)
+        dataset.data_sha256 = data_sha256(dataset)
+
+
+def read_state(path):
+    """Reads a state file. Raises InputError when it is missing, of another kind, or damaged."""
+    with open_netcdf(path, "state") as dataset:
+        try:
+            state = read_group(dataset, dataset)
+            require_valid(state)
+            return state
+        except (IndexError, AttributeError, KeyError, RuntimeError, ValueError) as error:
+            raise InputError(f"{path} is damaged ({error}): write it again") from None
+
+
+def require_valid(state):
+    """Raises ValueError when the arrays of a state cannot be grains in a cell."""
+    grains, contacts = state.number_of_grains, len(state.contact_grain)
+    for name, variable in STATE.items():
+        values = getattr(state, name)
+        sizes = {**SIZES, "grain": grains, "contact": contacts}
+        if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
+            raise ValueError(f"{name} has the shape {values.shape}")
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} holds values that are no numbers")
+    if not (state.radius > 0.0).all():
+        raise ValueError("radius holds values that are not positive")
+    if not state.volume > 0.0:
+        raise ValueError("cell has no volume")
+    if np.abs(np.linalg.solve(state.cell, state.position.T)).max(initial=0.0) > FAR:
+        raise ValueError(f"position lies more than {FAR} cells away")
+    if contacts and not (0 <= state.contact_grain.min() and state.contact_grain.max() < grains):
+        raise ValueError("contact_grain names grains that are not there")

@@ -1,0 +1,177 @@
+"""The family of stress-force-fabric relationships under one interface: what each keeps of Love's sum (sections 3, 4).
+
+Every form takes the contacts of one instant and gives a stress: `stress(name, contacts, radius, volume, E)`.
+
+| form | order of normals and normal force | of the tangential force | sizes of grains |
+|---|---|---|---|
+| `classical` (Eq. 12) | 2, of f itself | 2, of f itself | one mean diameter |
+| `classical_groups` (Eq. 16) | the same in each size group | | summed with Eq. 15 |
+| `linear` (Eqs. 28-30) | 2, without the product of A and F | 0 | f~, all sizes alike |
+| `c0` (C0) | 2 | 0 | f~, all sizes alike |
+| `c0_tangential` | 2 | 2 | f~, all sizes alike |
+| `c0_volume` | 2 | 0 | l f over the mean grain volume |
+| `c0_groups` | C0 in each size group | | summed with Eq. 17 |
+| `c0_fourth` | 4 | 0 | f~, all sizes alike |
+| `fourth` | 4 | 2 | l f over the mean grain volume |
+
+With l f over the mean grain volume the average over contact sides is Love's sum, whatever the sizes: Eq. 17 with one
+group. The assumption that all sizes carry the same stress, which f~ makes (below Eq. 19), is not needed then.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.contacts import contact_arms
+from labkit.micro.fabric import series_of
+from labkit.micro.normalised import Vectors, vectors_of_contacts, vectors_of_sides
+from labkit.micro.size_groups import diameter_edges, groups_by_diameter
+from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.sff.c0 import IDENTITY, symmetric_product
+
+GROUPS = 5
+
+
+def product_integral(A, F, A4=None, F4=None):
+    """integral of (1 + n.A n + A4::nnnn) (1 + n.F n + F4::nnnn) n n over the sphere, over 4 pi; shape (3, 3).
+
+    I/3 + 2/15 (A + F) + 2/105 tr(FA) I + 8/105 sym(FA), the normal part of C0, and with fourth orders
+    + 8/315 (A4:F + F4:A) + 8/3465 (A4::F4) I + 64/3465 sym(A4_iklm F4_jklm).
+    """
+    FA = symmetric_product(F, A)
+    value = IDENTITY / 3 + 2 / 15 * (A + F) + 2 / 105 * np.trace(FA) * IDENTITY + 8 / 105 * FA
+    if A4 is not None:
+        both = np.einsum("iklm,jklm->ij", A4, F4)
+        value = value + 8 / 315 * (np.einsum("ijkl,kl->ij", A4, F) + np.einsum("ijkl,kl->ij", F4, A))
+        value = value + 8 / 3465 * np.trace(both) * IDENTITY + 32 / 3465 * (both + both.T)
+    return value
+
+
+def tangential_coupling(A, Ft, A4=None):
+    """What C0's tangential term leaves out when contacts are not isotropic; shape (3, 3), to be added to F^t.
+
+    F^t = <n (x) t> over the isotropic sphere with t = -Lambda_t/Lambda. To the lowest order t = G n - (n.G n) n + W n
+    with G = 5 sym(F^t) and W = 3 skew(F^t)^T, and the integral of n (x) t with the weight n.A n + A4::nnnn is
+    2/3 A S - 2/21 tr(AS) I - 8/21 sym(AS) + 2/5 A K - 8/63 A4:S, S = sym(F^t), K = skew(F^t).
+    """
+    S, K = 0.5 * (Ft + Ft.T), 0.5 * (Ft - Ft.T)
+    AS = symmetric_product(A, S)
+    value = 2 / 3 * A @ S - 2 / 21 * np.trace(AS) * IDENTITY - 8 / 21 * AS + 2 / 5 * A @ K
+    return value if A4 is None else value - 8 / 63 * np.einsum("ijkl,kl->ij", A4, S)
+
+
+def bracket(series, tangential):
+    """What stands in the brackets of C0, for any order, times Lambda; shape (3, 3).
+
+    `tangential`: order of the tangential term, 0 (F^t alone) or 2.
+    """
+    density, force = series.density, series.normal_force
+    fourth = density.fourth if density.fourth.any() else None
+    value = product_integral(density.second, force.second, fourth, force.fourth) + series.mobilisation
+    if tangential == 2:
+        value = value + tangential_coupling(density.second, series.mobilisation, fourth)
+    return force.mean * value
+
+
+def mean_volume(radius):
+    """V_g/N_g for every grain, shape (grain,), m3."""
+    return np.full(len(radius), (4.0 / 3.0 * np.pi * radius**3).mean())
+
+
+def _scale(contacts, radius, volume, E):
+    """E Z/(1 + e), e nominal."""
+    return E * 2 * len(contacts) / len(radius) / (1.0 + void_ratio_nominal(radius, volume))
+
+
+def _normalised(order, tangential, grain_volume=lambda radius: None):
+    """C0 and its relatives: E Z/(1 + e) Lambda [...] with series of an order, f~ made with `grain_volume`."""
+
+    def stress_of(contacts, radius, volume, E):
+        found = series_of(vectors_of_contacts(radius, contacts, E, grain_volume(radius)), order)
+        return _scale(contacts, radius, volume, E) * bracket(found, tangential)
+
+    return stress_of
+
+
+def _linear(contacts, radius, volume, E):
+    """Eqs. 28 and 29: E Z Lambda/(1 + e) [I/3 + 2/15 A + 2/15 F + F^t]."""
+    found = series_of(vectors_of_contacts(radius, contacts, E), 2)
+    A, F, Lam = found.density.second, found.normal_force.second, found.normal_force.mean
+    linear = IDENTITY / 3 + 2 / 15 * A + 2 / 15 * F + found.mobilisation
+    return _scale(contacts, radius, volume, E) * Lam * linear
+
+
+def _classical(contacts, side, radius, volume):
+    """Eq. 12 for the chosen sides (n, 2): N_c D f/(6V) [I + 2/5 (A + G^n + 3/2 G^t)].
+
+    The paper prints 3V: that is right when a contact counts once. With its own N_c, both sides, it is 6V. D is the
+    mean of 2|l| and f the directional mean of f_n over the sides; 3/2 G^t = 15/2 F^t with F^t that of Eq. 27 for f.
+    """
+    row, _ = np.nonzero(side)
+    D = 2.0 * contact_arms(radius, contacts)[side].mean()
+    forces = Vectors(contacts.normal[row], contacts.normal_force[row], contacts.tangential_force[row])
+    found = series_of(forces, 2)
+    A, Gn, Gt = found.density.second, found.normal_force.second, 5.0 * found.mobilisation
+    scale = len(row) * D * found.normal_force.mean / (6.0 * volume)
+    return scale * (IDENTITY + 0.4 * (A + Gn + 1.5 * Gt))
+
+
+def _classical_whole(contacts, radius, volume, E):
+    return _classical(contacts, np.ones((len(contacts), 2), dtype=bool), radius, volume)
+
+
+def _classical_groups(contacts, radius, volume, E, group):
+    """Eq. 16: the classical form of each group, which holds N_c(k)/N_c in its own number of contacts."""
+    return sum(_classical(contacts, side, radius, volume) for _, side in _sides_of_groups(contacts, group))
+
+
+def _c0_groups(contacts, radius, volume, E, group):
+    """Eq. 17 with C0 in each group, f~ made with the mean grain volume of the group."""
+    solid = 4.0 / 3.0 * np.pi * radius**3
+    arm = contact_arms(radius, contacts)
+    total = np.zeros((3, 3))
+    for k, side in _sides_of_groups(contacts, group):
+        own = group == k
+        vectors = vectors_of_sides(contacts, side, arm / (solid[own].mean() * E))
+        weight = E * len(vectors) / own.sum() * solid[own].sum() / volume  # E Z/(1+e) Z(k)/Z V_g(k)/V_g
+        total = total + weight * bracket(series_of(vectors, 2), 0)
+    return total
+
+
+def _sides_of_groups(contacts, group):
+    """(k, sides (n, 2) of bool) of every group that has contacts."""
+    of_side = group[contacts.grain]
+    for k in np.unique(of_side):
+        yield k, of_side == k
+
+
+FORMS = {
+    "classical": _classical_whole,
+    "classical_groups": _classical_groups,
+    "linear": _linear,
+    "c0": _normalised(2, 0),
+    "c0_tangential": _normalised(2, 2),
+    "c0_volume": _normalised(2, 0, mean_volume),
+    "c0_groups": _c0_groups,
+    "c0_fourth": _normalised(4, 0),
+    "fourth": _normalised(4, 2, mean_volume),
+}
+
+
+def stress(form, contacts, radius, volume, young_modulus, group=None):
+    """The stress of one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
+
+    `radius` (grain,) m of all grains, `volume` of the cell m3, E in Pa. `group` (grain,): index of the size group of
+    each grain for the forms that end in `_groups`; default: five equal intervals of the diameter. Raises InputError
+    for a form that is unknown.
+    """
+    if form not in FORMS:
+        raise InputError(f"the form {form!r} is unknown: use one of {', '.join(FORMS)}")
+    if len(contacts) == 0 or not contacts.normal_force.any():
+        return np.zeros((3, 3))
+    if not form.endswith("_groups"):
+        return FORMS[form](contacts, radius, volume, young_modulus)
+    if group is None:
+        group = groups_by_diameter(radius, diameter_edges(radius, GROUPS))
+    return FORMS[form](contacts, radius, volume, young_modulus, np.asarray(group))

@@ -1,0 +1,122 @@
+"""Pictures of a specimen: its grains, and beside them its contacts as sticks, at one or more moments (labkit.visuals.moment).
+
+Both are coloured by the normalised force over its mean; the stick of a contact is as wide as that is large.
+"""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from labkit.micro.contacts import contacts_per_grain
+from labkit.micro.grains import mean_per_grain
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.visuals.paraview import cell_corners, over_mean
+from labkit.visuals.render import canvas, draw_spheres, draw_sticks, haze, shaded, view_from
+
+VIEW = view_from(azimuth=30.0, elevation=20.0)
+COLORS, TOP = "YlOrRd", 3.0  # of the normalised force over its mean
+RATTLER = (0.62, 0.72, 0.80)
+STICK, WIDEST = 0.08, 4.0  # radius in mean grain diameters per mean force, and the force beyond which it stays
+PANEL = 5.2  # inches, width
+EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+
+
+def picture(moments):
+    """Grains and contacts of each Moment, a row each, all on one scale; a Figure."""
+    moments = list(moments)
+    low, high = _frame(moments)
+    tall = PANEL * (high[1] - low[1]) / (high[0] - low[0])
+    head, foot = 0.32, 0.95
+    height = len(moments) * (tall + head) + foot
+    figure = plt.figure(figsize=(2 * PANEL, height))
+    for row, moment in enumerate(moments):
+        bottom = height - (row + 1) * (tall + head)
+        for column, image in enumerate(images(moment, low, high)):
+            axes = figure.add_axes((0.5 * column, bottom / height, 0.5, tall / height))
+            axes.imshow(image, origin="lower")
+            axes.axis("off")
+        figure.text(0.5, (bottom + tall + 0.08) / height, words(moment), ha="center", fontsize=10)
+    _scale_bar(figure, (high[0] - low[0]) / PANEL, height)
+    _color_bar(figure, height)
+    _directions(figure, height)
+    return figure
+
+
+def images(moment, low, high, width=round(150 * PANEL)):
+    """The pictures of the grains and of the contacts, (rows, width, 4) each, of the part of the view from `low` to
+    `high` (2,), m from the middle of the cell."""
+    middle = VIEW[:2] @ moment.cell.sum(axis=1) / 2
+    low, high = low + middle, high + middle
+    mean = 2.0 * moment.radius.mean()
+    corners = cell_corners(moment.cell)
+    edges = np.array([corners[list(edge)] for edge in EDGES])
+    normalised, ends = moment.normalised_force(), moment.contact_ends()
+    of_contacts = over_mean(normalised.mean(axis=1), normalised)
+    grains = canvas(VIEW, low, high, width)
+    draw_spheres(grains, moment.position, moment.radius, grain_colors(moment))
+    network = canvas(VIEW, low, high, width)
+    draw_sticks(network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), _colors(of_contacts))
+    white = haze(network, moment.cell, 2.5 * mean)
+    draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
+    return shaded(grains, 0.4 * mean), shaded(network, 0.4 * mean, white)
+
+
+def grain_colors(moment):
+    """Colour (grain, 3) by the mean of Lambda_n over the contacts of each grain, over that of all contact sides."""
+    n, normalised = len(moment.radius), moment.normalised_force()
+    colors = _colors(over_mean(mean_per_grain(moment.contacts, normalised, n), normalised))
+    return np.where((contacts_per_grain(n, moment.contacts) == 0)[:, None], RATTLER, colors)
+
+
+def words(moment):
+    """Where on its path a moment is."""
+    p, q = mean_stress(moment.stress) / 1e3, deviatoric_stress(moment.stress) / 1e3
+    strain = "" if moment.axial_strain is None else f"axial strain {100 * moment.axial_strain:.1f} %,  "
+    number = f"{len(moment.radius)} grains, {len(moment.contacts)} contacts"
+    return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
+
+
+def _colors(ratio):
+    return plt.get_cmap(COLORS)(np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
+
+
+def _frame(moments):
+    """The lower left and upper right corner, m from the middle of each cell, of a view that holds all of them and the
+    grains at their faces."""
+    corners = [cell_corners(moment.cell) for moment in moments]
+    seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
+    margin = 1.2 * max(moment.radius.max() for moment in moments)
+    return seen.min(axis=0) - margin, seen.max(axis=0) + margin
+
+
+def _color_bar(figure, height):
+    axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
+    colors = plt.cm.ScalarMappable(plt.Normalize(0.0, TOP), COLORS)
+    figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
+    axes.set_xlabel("normalised force $\\Lambda_n$ over its mean; of a grain: mean of its contacts, blue: it has none",
+                    fontsize=9, labelpad=2)  # fmt: skip
+
+
+def _scale_bar(figure, metres_per_inch, height):
+    """A length of 1, 2 or 5 times a power of ten, m, that is at most an inch and a half."""
+    longest = 1.5 * metres_per_inch
+    power = 10.0 ** np.floor(np.log10(longest))
+    length = power * max(n for n in (1, 2, 5) if n * power <= longest)
+    across = length / metres_per_inch / (2 * PANEL)
+    axes = figure.add_axes((0.06, 0.49 / height, across, 0.2 / height))
+    axes.plot([0, 1], [0.5, 0.5], color="0.2", lw=2.5, solid_capstyle="butt")
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.axis("off")
+    figure.text(0.06 + across / 2, 0.46 / height, f"{1e3 * length:g} mm", ha="center", va="top", fontsize=9)
+
+
+def _directions(figure, height):
+    """x, y and z as arrows at the lower right."""
+    size = 0.8  # inches
+    axes = figure.add_axes((0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4),
+                           ylim=(-0.8, 1.6))  # fmt: skip
+    axes.axis("off")
+    for name, arrow in zip("xyz", VIEW[:2].T):
+        axes.annotate("", arrow, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "lw": 1.2, "color": "0.2"})
+        axes.text(*(1.3 * arrow), name, ha="center", va="center", fontsize=9, color="0.2")

@@ -1,0 +1,199 @@
+"""Figures. Love (or DEM) is solid, C0 dashed; stress in MPa, strain in %."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+from matplotlib.lines import Line2D  # noqa: E402
+
+from labkit.io.files import whole_file  # noqa: E402
+from labkit.dem.paths import travelled  # noqa: E402
+from labkit.io.provenance import provenance, tell  # noqa: E402
+
+WIDTH = 10.0  # inches
+DPI = 150
+FORMATS = (".png", ".pdf", ".svg", ".webp")
+STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
+
+
+def sff_against_love(runs):
+    """q and p against axial strain, and q against p, of runs opened with labkit.open_run; a Figure.
+
+    `runs`: label -> run. A colour is a run, solid is Love, dashed is C0.
+    """
+    figure, panels = plt.subplots(1, 3, figsize=(WIDTH, 3.6 + 0.22 * (len(runs) // 4)), layout="constrained")
+    for color, (label, run) in zip(_colors(len(runs)), runs.items()):
+        strain = run["axial_strain"].values * 100
+        for name, style in STYLES.values():
+            p, q = run.lab.mean_stress(name).values / 1e6, run.lab.deviatoric_stress(name).values / 1e6
+            for axes, x, y in zip(panels, (strain, strain, p), (q, p, q)):
+                axes.plot(x, y, style, color=color, label=label if style == "-" else None)
+    for axes in panels:
+        axes.set(xlabel="axial strain (%)", ylim=(min(0, axes.get_ylim()[0]), None))
+        axes.grid(alpha=0.25)
+    panels[0].set(ylabel="deviatoric stress q (MPa)")
+    panels[1].set(ylabel="mean stress p (MPa)")
+    panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in STYLES.items()]
+    runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
+    columns = max(1, min(5, 110 // max(len(label) for label in runs)))
+    figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
+    return figure
+
+
+def e_p_paths(runs, critical=None, width=WIDTH):
+    """e against p of shear tests in one diagram (Fig. 1), and q against p beside it; a Figure.
+
+    `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path. `critical`:
+    label -> (p, e) of critical state lines, Pa.
+    """
+    figure, (left, right) = plt.subplots(1, 2, figsize=(width, 0.52 * width), layout="constrained")
+    styles = {"cv": "-", "cr": "--", "cp": ":"}
+    start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
+    scale = plt.Normalize(start.min(), start.max() + 1e-9)
+    for e, run in zip(start, runs.values()):
+        color, style = plt.get_cmap("viridis")(0.9 * scale(e)), styles[run.attrs["path"]]
+        p, q = run.lab.mean_stress().values / 1e6, run.lab.deviatoric_stress().values / 1e6
+        left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2)
+        left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
+        right.plot(p, q, linestyle=style, color=color, lw=1.2)
+        right.plot(p[-1], q[-1], "o", color=color, ms=4)
+    top = np.array([0.0, right.get_xlim()[1]])
+    right.plot(top, 0.92 * top, color="0.5", lw=0.8)
+    left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
+    right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
+    present = {run.attrs["path"] for run in runs.values()}
+    shown = {name: style for name, style in styles.items() if name in present}
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=name.upper()) for name, style in shown.items()]
+    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
+    lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
+    for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":")):
+        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
+    for axes in (left, right):
+        axes.grid(alpha=0.25)
+    columns = 8 if width >= WIDTH else 4
+    figure.legend(handles=lines, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
+    bar = figure.colorbar(plt.cm.ScalarMappable(scale, plt.get_cmap("viridis")), ax=right, pad=0.02)
+    bar.set_label("void ratio at the start")
+    return figure
+
+
+QUANTITIES = {
+    "strain": ("axial strain (%)", lambda run, stress: percent(run)),
+    "travelled": ("axial strain travelled (%)", lambda run, stress: travelled(percent(run))),
+    "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
+    "q": ("q (MPa)", lambda run, stress: run.lab.deviatoric_stress(stress).values / 1e6),
+    "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),
+    "e_nominal": ("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
+    "Z": ("Z", lambda run, stress: run["coordination_number"].values),
+    "Lambda": ("$\\Lambda$", lambda run, stress: run["mean_normalised_force"].values),
+    "A": ("$A_{zz}$", lambda run, stress: run["contact_anisotropy"].values[:, 2, 2]),
+    "F": ("$F_{zz}$", lambda run, stress: run["normal_force_anisotropy"].values[:, 2, 2]),
+    "Ft": ("$F^t_{zz}$", lambda run, stress: run["mobilisation"].values[:, 2, 2]),
+}
+
+
+def diagram(name):
+    """(label of x, label of y, function of a run and the name of a stress that gives x and y) of a diagram.
+
+    `name`: two of QUANTITIES, e.g. `q-strain` for q over the axial strain.
+    """
+    (y_label, y), (x_label, x) = (QUANTITIES[part] for part in name.split("-"))
+    return x_label, y_label, lambda run, stress="stress": (x(run, stress), y(run, stress))
+
+
+def percent(run):
+    """Axial strain of the records, %."""
+    return run["axial_strain"].values * 100
+
+
+def curves(rows, names):
+    """Runs of simulations and of the model in the diagrams `names`, a row of panels for each group; a Figure.
+
+    `rows`: title of the row -> (label -> run). Where a figure has both kinds, the model is dotted.
+    """
+    figure, grid = plt.subplots(
+        len(rows), len(names), figsize=(WIDTH, 3.1 * len(rows)), layout="constrained", squeeze=False
+    )
+    both = len({run.attrs.get("engine") == "model" for runs in rows.values() for run in runs.values()}) > 1
+    for panels, (title, runs) in zip(grid, rows.items()):
+        for color, (label, run) in zip(_colors(len(runs)), runs.items()):
+            style = ":" if both and run.attrs.get("engine") == "model" else "-"
+            for axes, name in zip(panels, names):
+                axes.plot(*diagram(name)[2](run), style, color=color, lw=1.4, label=label)
+        for axes, name in zip(panels, names):
+            axes.set(xlabel=diagram(name)[0], ylabel=diagram(name)[1])
+            axes.grid(alpha=0.25)
+        panels[0].set_title(title, loc="left", fontsize=10)
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    return figure
+
+
+STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
+
+
+def calibration(observations, predicted):
+    """The five statistics of runs against the model with fitted parameters, over the travelled strain; a Figure.
+
+    `observations`: of labkit.model.calibration; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
+    the model.
+    """
+    figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 6.0), layout="constrained")
+    panels = grid.ravel()
+    for color, o in zip(_colors(len(observations)), observations):
+        steps = np.linalg.norm(o.strain_step, axis=1)
+        way = 100 * np.concatenate([[0.0], np.cumsum(steps)])
+        for k, axes in enumerate(panels[:5]):
+            axes.plot(way, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
+            axes.plot(way, predicted[o.name][:, k], ":", color=color, lw=1.8)
+    for label, axes in zip(STATISTICS, panels):
+        axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
+        axes.grid(alpha=0.25)
+    panels[5].axis("off")
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, style in (("run", "-"), ("model", ":"))]
+    handles = panels[0].get_legend_handles_labels()[0] + lines
+    panels[5].legend(handles=handles, loc="center", frameon=False, fontsize=8, ncols=1 + len(handles) // 14)
+    return figure
+
+
+def work_precision(panels):
+    """Time against error of integrators; a Figure. `panels`: title -> (label -> list of (setting, seconds, error)).
+
+    Settings at which an integrator gave up have no error and no point.
+    """
+    figure, grid = plt.subplots(1, len(panels), figsize=(WIDTH * 1.3, 4.6), layout="constrained", squeeze=False)
+    for axes, (title, curves_) in zip(grid[0], panels.items()):
+        for number, (label, points) in enumerate(curves_.items()):
+            kept = [(error, 1e3 * seconds) for _, seconds, error in points if error]
+            color, marker = plt.get_cmap("tab20").colors[number % 20], "osD^v<>*PXhp"[number % 12]
+            axes.loglog(*zip(*kept), marker=marker, ms=4, lw=1.2, color=color, label=label) if kept else None
+        axes.set(xlabel="relative error of the stress", ylabel="time (ms)", title=title)
+        axes.title.set_fontsize(10)
+        axes.invert_xaxis()
+        axes.grid(alpha=0.25)
+    handles = {h.get_label(): h for axes in grid[0] for h in axes.get_legend_handles_labels()[0]}
+    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    return figure
+
+
+def _colors(number):
+    return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
+
+
+def save(figure, path, inputs=(), command=None, dpi=DPI):
+    """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
+    provenance, beside another lies a file with it; `inputs`: the files that it shows, `command`: what made it
+    (default: this process)."""
+    ending = Path(path).suffix[1:].lower()
+    metadata = {"provenance": provenance(command, inputs, path)} if ending == "png" else None
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=dpi, format=ending, metadata=metadata)
+    if ending != "png":
+        tell(path, inputs, command)
+    plt.close(figure)

@@ -1,0 +1,65 @@
+"""A live view of runs in the terminal, where batches run: q-eps, e-p and the error of C0, drawn again and again.
+
+A run file is replaced as a whole at every save, so that it can be read while the run goes on.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+
+import plotext
+
+from labkit.runs.dataset import open_run
+
+SHOWN = ("stress", "stress_sff", "void_ratio", "axial_strain")
+
+
+def watch(files, interval, once):
+    """Draws until all runs are complete, every `interval` seconds, or `once`. Raises InputError."""
+    while True:
+        runs = {Path(file).name.removesuffix(".run.nc"): snapshot(file) for file in files}
+        size = shutil.get_terminal_size((100, 30))
+        if not once:
+            print("\x1b[2J\x1b[H", end="")  # clears the terminal
+        print(draw(runs, size.columns, max(12, size.lines - len(runs) - 2)))
+        print(*(status(name, run) for name, run in runs.items()), sep="\n", flush=True)
+        if once or all(run.attrs["complete"] for run in runs.values()):
+            return
+        time.sleep(interval)
+
+
+def snapshot(file):
+    """What is shown of a run, in memory, the file closed."""
+    with open_run(file) as run:
+        return run[list(SHOWN)].load()
+
+
+def status(name, run):
+    strain = float(run["axial_strain"][-1])
+    state = "complete" if run.attrs["complete"] else "going on"
+    return (
+        f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, axial strain {strain:.2%}, "
+        f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, C0 off by {float(run.lab.sff_error()[-1]):.2%}"
+    )
+
+
+def draw(runs, width, height):
+    """The three diagrams as text."""
+    plotext.clear_figure()
+    plotext.theme("clear")
+    plotext.subplots(1, 3)
+    plotext.plot_size(width, height)
+    panels = (
+        ("q (MPa), strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.deviatoric_stress() / 1e6)),
+        ("e, p (MPa)", lambda r: (r.lab.mean_stress() / 1e6, r["void_ratio"])),
+        ("C0 error (%), strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.sff_error() * 100)),
+    )
+    for number, (title, values) in enumerate(panels, start=1):
+        plotext.subplot(1, number)
+        plotext.title(title)
+        for name, run in runs.items():
+            x, y = values(run)
+            plotext.plot(x.values.tolist(), y.values.tolist(), label=name if len(runs) > 1 else None)
+    return plotext.build()
