@@ -7,7 +7,7 @@ from pathlib import Path
 import labkit
 from labkit.dem.state import read_state
 
-SCRIPTS = Path(__file__).resolve().parents[1] / "yade_scripts"
+SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 
 def test_by_hand(tmp_path, specimen_file):

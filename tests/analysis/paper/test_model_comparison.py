@@ -12,7 +12,7 @@ from labkit.model import Model
 from labkit.paper import model_comparison as comparison
 from labkit.paper.ends import in_memory
 from labkit.paper.tables import write_tables
-from tests.paper.conftest import make
+from tests.analysis.paper.conftest import make
 
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
 FEW = ("cv-dense", "cv-medium", "cv-loose", "cp_500kPa-medium", "cr_1MPa-loose", "isoc-loose", "isod-dense_high",
