@@ -1,89 +1,155 @@
 """Loading paths (section 2): strain rates that are given, stresses that are held, and when to stop.
 
-They know no engine. A path is a frozen dataclass; adding one means writing it here and naming it in PATHS.
-Directions are x, y, z; strain rates are logarithmic, 1/s, compression positive.
+A path knows no engine and no file. It is a frozen dataclass that says everything of itself: the simulation, the command
+line, campaigns, `verify` and the figures ask it. A path of your own is a subclass of Path with
+`@labkit.register_path`, see examples/own_path.py. Directions are x, y, z; strain rates are logarithmic, 1/s,
+compression positive.
 """
 
 from __future__ import annotations
 
+import abc
 import dataclasses
-import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.dem.limits import PRESSURE_LIMIT
+from labkit.extensions import Registry
+from labkit.parameters import check_parameters, parameter, parameters_of, restored, with_unit
 
+PRESSURE_LIMIT = 3e6  # Pa, of Table 1's grains: there the mean overlap reaches 2 %
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
 
 
 @dataclasses.dataclass(frozen=True)
 class Control:
-    """What a servo holds: `measure` (k, 3) @ (sigma_x, sigma_y, sigma_z) at `target` (k,), Pa, by moving the cell
+    """What the servo holds: `measure` (k, 3) @ (sigma_x, sigma_y, sigma_z) at `target` (k,), Pa, by moving the cell
     with `free` (3, k) @ the k rates that it finds."""
 
     measure: np.ndarray
     free: np.ndarray
     target: np.ndarray
 
+    def __post_init__(self) -> None:
+        for name in ("measure", "free", "target"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+
 
 @dataclasses.dataclass(frozen=True)
-class ConstantVolume:
-    """CV, triaxial compression at constant volume: eps_x = eps_y = -eps_z/2 at a constant axial rate.
+class Held:
+    """Something that a path keeps, for `labkit verify`.
 
-    rate: axial strain rate, 1/s; strain: axial strain to reach, logarithmic. Raises InputError otherwise.
+    kind: `stress`: measure (k, 3) @ the normal stresses stays at target (k,), Pa; `strain`: measure (k, 3) @ the normal
+    strains stays zero; `volume`: the volume stays what it was.
     """
 
-    rate: float = 10.0
-    strain: float = 0.4
+    name: str
+    kind: str
+    measure: np.ndarray | None = None
+    target: np.ndarray | None = None
 
-    name = "cv"
-    direction = (-0.5, -0.5, 1.0)
-    stops_early = False  # whether `stops` has to be asked
-    record_strain = 1e-3  # axial strain between two records, unless the user says otherwise
 
-    def __post_init__(self):
-        _require_rate(self.rate)
-        _require("--strain", self.strain, 0.0, 2.0)
+@dataclasses.dataclass(frozen=True)
+class Path(abc.ABC):
+    """What is given, what is held, where it turns and ends, whether it is shear, and how it is drawn.
 
-    def turning_points(self):
+    A subclass has a `name` and a `direction`, the given strain rates in x, y and z over the axial `rate`; where it has
+    a `control`, the servo moves what that leaves free. Its fields are made with labkit.parameter, and so are known to the
+    command line and to campaigns. Raises InputError for values outside their ranges.
+    """
+
+    rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="axial strain rate")
+    strain: float = parameter(0.4, above=0.0, high=2.0, help="axial strain to reach, logarithmic")
+
+    name: ClassVar[str]
+    direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
+    shear: ClassVar[bool] = False  # whether it ends, if long enough, in a critical state
+    holds: ClassVar[str] = "stress"  # the name of the stress that its control holds
+    line_style: ClassVar[str] = "-"  # in figures, of matplotlib
+    record_strain: ClassVar[float] = 1e-3  # axial strain between two records, unless the user says otherwise
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    def turning_points(self) -> tuple[float, ...]:
         """Axial strains at which the path turns; the last one ends it."""
         return (self.strain,)
 
-    def control(self):
+    def control(self) -> Control | None:
         """The Control of the servo, or None when all rates are given."""
         return None
 
-    def stops(self, pressure):
+    def stops(self, pressure: float) -> bool:
         """Whether the path ends at this mean stress, Pa, before its last strain."""
         return False
 
+    @property
+    def stops_early(self) -> bool:
+        """Whether `stops` has to be asked."""
+        return type(self).stops is not Path.stops
+
+    def held(self) -> tuple[Held, ...]:
+        """What `labkit verify` checks of a run; here the stresses of the control."""
+        control = self.control()
+        return () if control is None else (Held(self.holds, "stress", control.measure, control.target),)
+
+    def starting_at(self, pressure: float) -> Path:
+        """The path for a specimen with this mean stress, Pa: a stress to hold that was not given is that one."""
+        return self
+
+    def parameters(self) -> dict[str, Any]:
+        """Its fields, name -> value in SI units, for files."""
+        return dataclasses.asdict(self)
+
 
 @dataclasses.dataclass(frozen=True)
-class ConstantRadialStress(ConstantVolume):
-    """CR, drained triaxial compression: sigma_x = sigma_y = `pressure` (Pa) at a constant axial rate."""
+class StressPath(Path):
+    """A path that holds a stress. pressure: Pa; None stands for the mean stress of the specimen."""
 
-    pressure: float | None = None
+    pressure: float | None = parameter(None, unit="Pa", above=0.0, high=1e12, help="stress that the path holds")
+
+    def starting_at(self, pressure: float) -> StressPath:
+        return self if self.pressure is not None else dataclasses.replace(self, pressure=with_unit(pressure, "Pa"))
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstantVolume(Path):
+    """CV, triaxial compression at constant volume: eps_x = eps_y = -eps_z/2 at a constant axial rate."""
+
+    name = "cv"
+    direction = (-0.5, -0.5, 1.0)
+    shear = True
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("volume", "volume"),)
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstantRadialStress(StressPath):
+    """CR, drained triaxial compression: sigma_x = sigma_y = `pressure` at a constant axial rate."""
 
     name = "cr"
-    direction = (0.0, 0.0, 1.0)
+    shear = True
+    holds = "radial stress"
+    line_style = "--"
 
-    def __post_init__(self):
-        super().__post_init__()
-        _require_pressure(self.pressure)
-
-    def control(self):
+    def control(self) -> Control:
         radial = np.eye(3)[:2]
         return Control(radial, radial.T, np.full(2, self.pressure))
 
 
 @dataclasses.dataclass(frozen=True)
-class ConstantMeanStress(ConstantRadialStress):
-    """CP, triaxial compression with the mean stress held at `pressure` (Pa) by equal radial strains."""
+class ConstantMeanStress(StressPath):
+    """CP, triaxial compression with the mean stress held at `pressure` by equal radial strains."""
 
     name = "cp"
+    shear = True
+    holds = "mean stress"
+    line_style = ":"
 
-    def control(self):
+    def control(self) -> Control:
         return Control(np.full((1, 3), 1 / 3), np.array([[1.0], [1.0], [0.0]]), np.array([self.pressure]))
 
 
@@ -91,149 +157,136 @@ class ConstantMeanStress(ConstantRadialStress):
 class CyclicConstantMeanStress(ConstantMeanStress):
     """Cyclic CP: the axial direction turns at each of `reversals`, and the path ends at the last of them."""
 
-    reversals: tuple[float, ...] = REVERSALS
-    strain: float = 0.04  # the last reversal
+    strain: float = dataclasses.field(init=False, default=0.04)  # the last reversal
+    reversals: tuple[float, ...] = parameter(
+        REVERSALS, help="axial strains at which the path turns, the last one ends it; with = if the first is negative"
+    )
 
     name = "cyclic_cp"
+    shear = False
+    line_style = "-."
 
-    def __post_init__(self):
-        object.__setattr__(self, "reversals", tuple(float(x) for x in self.reversals))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = parameters_of(type(self))["reversals"]
         if not self.reversals:
-            raise InputError("--reversals is empty: give axial strains, e.g. 0.01,-0.01,0.02")
+            raise InputError("is empty", field="reversals", allowed="axial strains, e.g. 0.01,-0.01,0.02")
         steps = np.diff((0.0, *self.reversals))
         if not (np.isfinite(steps).all() and (np.abs(self.reversals) <= 2.0).all()):
-            raise InputError("--reversals holds a strain that is not possible: give numbers from -2 to 2")
+            raise known.error(self.reversals, "holds a strain that is not possible", "numbers from -2 to 2")
         if (steps == 0.0).any() or (np.sign(steps[1:]) == np.sign(steps[:-1])).any():
-            raise InputError("--reversals does not turn at each strain: go up and down in turn, e.g. 0.01,-0.01,0.02")
+            said = "does not turn at each strain: go up and down in turn"
+            raise known.error(self.reversals, said, "e.g. 0.01,-0.01,0.02")
         object.__setattr__(self, "strain", self.reversals[-1])
-        _require_rate(self.rate)
-        _require_pressure(self.pressure)
 
-    def turning_points(self):
+    def turning_points(self) -> tuple[float, ...]:
         return self.reversals
 
 
-@dataclasses.dataclass(frozen=True)
-class IsotropicCompression(ConstantVolume):
-    """ISOC, equal rates in the three directions until the mean stress reaches `pressure` (Pa)."""
+_EQUAL = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [1.0, 0.0, -1.0]])
 
-    rate: float = 5.0
-    strain: float = 0.1
-    pressure: float = PRESSURE_LIMIT
+
+@dataclasses.dataclass(frozen=True)
+class IsotropicCompression(Path):
+    """ISOC, equal rates in the three directions until the mean stress reaches `pressure`."""
+
+    rate: float = parameter(5.0, unit="1/s", above=0.0, high=1e4, help="strain rate in each direction")
+    strain: float = parameter(0.1, above=0.0, high=2.0, help="strain at which it ends at the latest")
+    pressure: float = parameter(PRESSURE_LIMIT, unit="Pa", above=0.0, high=1e12, help="mean stress at which it stops")
 
     name = "isoc"
     direction = (1.0, 1.0, 1.0)
-    stops_early = True
     record_strain = 1e-4
 
-    def __post_init__(self):
-        super().__post_init__()
-        _require_pressure(self.pressure)
-
-    def stops(self, pressure):
+    def stops(self, pressure: float) -> bool:
         return pressure >= self.pressure
 
+    def held(self) -> tuple[Held, ...]:
+        return (Held("three equal strains", "strain", _EQUAL),)
+
 
 @dataclasses.dataclass(frozen=True)
-class IsotropicDilation(IsotropicCompression):
-    """ISOD, equal negative rates in the three directions until the mean stress falls under `pressure` (Pa)."""
+class IsotropicDilation(Path):
+    """ISOD, equal negative rates in the three directions until the mean stress falls under `pressure`."""
 
-    rate: float = 2.5
-    strain: float = -0.1
-    pressure: float = 20e3
+    rate: float = parameter(2.5, unit="1/s", above=0.0, high=1e4, help="strain rate in each direction")
+    strain: float = parameter(-0.1, low=-2.0, high=-1e-9, help="strain at which it ends at the latest, negative")
+    pressure: float = parameter(20e3, unit="Pa", above=0.0, high=1e12, help="mean stress under which it stops")
 
     name = "isod"
+    direction = (1.0, 1.0, 1.0)
+    record_strain = 1e-4
 
-    def __post_init__(self):
-        _require_rate(self.rate)
-        if not -2.0 <= self.strain < 0.0:
-            raise InputError(f"--strain {self.strain:g} is not possible for isod: give a negative number from -2")
-        _require_pressure(self.pressure)
-
-    def stops(self, pressure):
+    def stops(self, pressure: float) -> bool:
         return pressure < self.pressure
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("three equal strains", "strain", _EQUAL),)
 
 
 @dataclasses.dataclass(frozen=True)
-class Consolidation:
-    """Not a test: brings the three normal stresses to `pressure` (Pa), the start of CR and CP."""
+class Consolidation(StressPath):
+    """Not a test: brings the three normal stresses to `pressure`, the start of CR and CP."""
 
-    pressure: float
-    rate: float = 5.0
+    rate: float = parameter(5.0, unit="1/s", above=0.0, high=1e4, help="scale of the largest strain rate")
 
+    name = "consolidation"
     direction = (0.0, 0.0, 0.0)
 
-    def control(self):
+    def control(self) -> Control:
         return Control(np.eye(3), np.eye(3), np.full(3, self.pressure))
 
 
 @dataclasses.dataclass(frozen=True)
-class Biaxial:
+class Biaxial(Path):
     """Not a test: brings a plane layer to sigma_x and sigma_z (Pa), its thickness held."""
 
-    stress_x: float
-    stress_z: float
     rate: float = 5.0
+    stress_x: float = 0.1e6
+    stress_z: float = 0.1e6
 
+    name = "biaxial"
     direction = (0.0, 0.0, 0.0)
 
-    def control(self):
+    def control(self) -> Control:
         plane = np.eye(3)[[0, 2]]
         return Control(plane, plane.T, np.array([self.stress_x, self.stress_z]))
 
 
-PATHS = {
-    path.name: path
-    for path in (
-        ConstantVolume, ConstantRadialStress, ConstantMeanStress,
-        IsotropicCompression, IsotropicDilation, CyclicConstantMeanStress,
-    )
-}  # fmt: skip
+PATHS: Registry = Registry(
+    "path",
+    {
+        "cv": "labkit.dem.paths:ConstantVolume",
+        "cr": "labkit.dem.paths:ConstantRadialStress",
+        "cp": "labkit.dem.paths:ConstantMeanStress",
+        "isoc": "labkit.dem.paths:IsotropicCompression",
+        "isod": "labkit.dem.paths:IsotropicDilation",
+        "cyclic_cp": "labkit.dem.paths:CyclicConstantMeanStress",
+    },
+)
 
 
-def path_class(name):
-    """The class of a path. Raises InputError for an unknown name."""
-    if name not in PATHS:
-        raise InputError(f"path {name!r} is unknown: use one of {', '.join(PATHS)}")
-    return PATHS[name]
-
-
-def make_path(name, pressure_now=None, **parameters):
+def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
     """The path of that name; parameters that are None take its defaults.
 
-    `pressure_now`: what a path that holds a stress takes when no pressure is given, Pa. Raises InputError
-    for an unknown path, a value that is not possible, or a parameter that the path does not have.
+    Raises InputError for an unknown path, a value that is not possible, or a parameter that the path does not have.
     """
-    kind = path_class(name)
-    given = {key: value for key, value in parameters.items() if value is not None}
-    known = {field.name for field in dataclasses.fields(kind)}
-    for key in given:
-        if key not in known or (key == "strain" and kind is CyclicConstantMeanStress):
-            raise InputError(f"--{key} is not a parameter of {name}: leave it out")
-    if pressure_now is not None and issubclass(kind, ConstantRadialStress):
-        given.setdefault("pressure", pressure_now)
+    kind = PATHS.require(name)
+    given = {key: value for key, value in (parameters or {}).items() if value is not None}
+    for key, value in given.items():
+        if key not in parameters_of(kind):
+            raise InputError(f"is not a parameter of {name}: leave it out", field=key)
     return kind(**given)
 
 
-def _require(option, value, above, most):
-    if not (math.isfinite(value) and above < value <= most):
-        raise InputError(f"{option} {value:g} is not possible: give a number above {above:g}, at most {most:g}")
+def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
+    """The path of a run file from its name and `path_parameters`; None where nobody here knows that path."""
+    if name not in PATHS:
+        return None
+    kind = PATHS[name]
+    return restored(kind, {key: value for key, value in values.items() if key in parameters_of(kind)})
 
 
-def _require_rate(rate):
-    _require("--rate", rate, 0.0, 1e4)
-
-
-def _require_pressure(pressure):
-    if pressure is None:
-        raise InputError("--pressure is missing: give it in Pa, e.g. 0.5e6")
-    if not (math.isfinite(pressure) and 0.0 < pressure <= PRESSURE_LIMIT):
-        raise InputError(
-            f"--pressure {pressure:g} Pa is not possible: give more than 0 and at most {PRESSURE_LIMIT:g}, "
-            "where the mean overlap reaches its limit of 2 %"
-        )
-
-
-def travelled(axial_strain):
+def travelled(axial_strain: np.ndarray) -> np.ndarray:
     """Axial strain travelled until each record, shape (n,); it grows through reversals."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])

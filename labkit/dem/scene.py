@@ -8,17 +8,17 @@ import math
 
 import numpy as np
 
+from labkit.dem.laws import LAWS, ContactLaw
 from labkit.errors import InputError
-
-LAWS = ("yade", "paper")
-STIFFEST_DAMPING = 3.4  # damping ratio of the stiffest mode over that of one contact: a grain has many dashpots
+from labkit.parameters import check_parameters, parameter, restored
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
     """An immutable description of the grains and of how they touch. SI units; defaults are Table 1.
 
-    `law = "yade"` is YADE's rolling-resistance law. It departs from the paper's Eqs. 1-3 in three ways that matter:
+    `law = "rolling_resistance"` is YADE's rolling-resistance law. It departs from the paper's Eqs. 1-3 in three ways
+    that matter:
 
     * no dashpots: energy leaves through Newton's local non-viscous damping, `local_damping`;
     * rolling stiffness kt Ra Rb/4 where the paper has kt (Ra Rb/(Ra + Rb))^2: equal for equal grains,
@@ -31,116 +31,108 @@ class Scene:
     ratcheting, and turns forces with their contact to first order, so that over a run they leave the tangent
     plane by some 1e-3 of their size.
 
-    A `planar` scene has grains that move in planes y = const and turn about y only. They stand for discs: kn does not
-    depend on their size and is that of two mean grains, so that coarse and fine layers differ in scale alone.
-
-    `law = "paper"` is Eqs. 1-3, for the engine fused alone: dashpots `beta_n`, `beta_t`, kr = kt r*^2,
+    `law = "spring_dashpot"` is Eqs. 1-3, for the engine fused alone: dashpots `beta_n`, `beta_t`, kr = kt r*^2,
     |M| <= mu_r r* fn; no local damping. The limits bound the springs, fn there being kn delta; the dashpots act
     beside them, so that a separating pair may be pulled for an instant. Records and stresses hold the forces of the
     springs, which a State determines; the work of the cell counts the dashpots too.
 
-    Raises InputError for a value outside its physical range.
+    A `planar` scene has grains that move in planes y = const and turn about y only. They stand for discs: kn does not
+    depend on their size and is that of two mean grains, so that coarse and fine layers differ in scale alone.
+
+    `law` may also be one of your own, see labkit.ContactLaw. Raises InputError for a value outside its physical range.
     """
 
-    mean_diameter: float = 0.17e-3  # D, m
-    diameter_spread: float = 0.2  # half-width of the uniform distribution over D
-    density: float = 2650.0  # rho, kg/m3
-    young_modulus: float = 0.15e9  # E, Pa
-    stiffness_ratio: float = 2.0  # kappa = kn/kt
-    friction: float = 0.4  # mu
-    rolling_friction: float = 0.1  # mu_r
-    rolling_limit_scale: float = 1.0
-    local_damping: float = 0.2  # Newton's non-viscous damping, of law yade
-    time_step_factor: float = 0.2  # of sqrt(m/kn) of the mean grain
-    law: str = "yade"
-    planar: bool = False  # discs in a plane, see below
-    beta_n: float = 0.2  # dashpots of law paper
-    beta_t: float = 0.2
+    mean_diameter: float = parameter(0.17e-3, unit="m", low=1e-9, high=1e3, help="D, mean diameter of the grains")
+    diameter_spread: float = parameter(
+        0.2, low=0.0, high=0.9, help="half-width of the uniform distribution of diameters over D"
+    )
+    density: float = parameter(2650.0, unit="kg/m3", low=1e-3, high=1e9, help="rho of the grains")
+    young_modulus: float = parameter(0.15e9, unit="Pa", low=1.0, high=1e15, help="E of the contacts")
+    stiffness_ratio: float = parameter(2.0, low=0.1, high=100.0, help="kappa = kn/kt")
+    friction: float = parameter(0.4, low=0.0, high=10.0, help="mu")
+    rolling_friction: float = parameter(0.1, low=0.0, high=10.0, help="mu_r")
+    rolling_limit_scale: float = parameter(
+        1.0, low=0.0, high=10.0, help="factor of the rolling limit, law rolling_resistance"
+    )
+    local_damping: float = parameter(
+        0.2, low=0.0, high=0.99, help="Newton's non-viscous damping, law rolling_resistance"
+    )
+    time_step_factor: float = parameter(
+        0.2, low=1e-6, high=10.0, help="time step over sqrt(m/kn) of the mean grain"
+    )
+    law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
+    planar: bool = parameter(False, option=False, help="discs in a plane")
+    beta_n: float = parameter(0.2, low=0.0, high=10.0, help="normal dashpot, law spring_dashpot")
+    beta_t: float = parameter(0.2, low=0.0, high=10.0, help="tangential dashpot, law spring_dashpot")
 
-    def __post_init__(self):
-        for field, low, high in _RANGES:
-            value = getattr(self, field)
-            if not (isinstance(value, (int, float)) and math.isfinite(value) and low <= value <= high):
-                raise InputError(f"{field.replace('_', ' ')} is {value}: give a number from {low:g} to {high:g}")
-        if self.law not in LAWS:
-            raise InputError(f"contact law {self.law!r} is unknown: use one of {', '.join(LAWS)}")
+    def __post_init__(self) -> None:
+        check_parameters(self)
 
-    def normal_stiffness(self, radius_a, radius_b):
-        """kn = (pi/2) E D*, D* = Da Db/(Da + Db) (paper, below Eq. 3). Radii in m, any shape; N/m."""
-        if self.planar:
-            return np.pi / 4 * self.young_modulus * self.mean_diameter * np.ones_like(radius_a + radius_b)
-        return np.pi * self.young_modulus * radius_a * radius_b / (radius_a + radius_b)
+    @property
+    def contact_law(self) -> ContactLaw:
+        """The ContactLaw that `law` names."""
+        return _instance(LAWS[self.law])
 
-    def tangential_stiffness(self, radius_a, radius_b):
-        """kt = kn/kappa (paper, below Eq. 3). Radii in m, any shape; N/m."""
-        return self.normal_stiffness(radius_a, radius_b) / self.stiffness_ratio
+    def normal_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """kn of the contact law. Radii in m, any shape; N/m."""
+        return self.contact_law.normal_stiffness(self, radius_a, radius_b)
 
-    def rolling_stiffness(self, radius_a, radius_b):
-        """kr: kt Ra Rb/4 of law yade, kt r*^2 of law paper (Eq. 3). Radii in m, any shape; N m."""
-        kt, product = self.tangential_stiffness(radius_a, radius_b), radius_a * radius_b
-        return kt * (product / 4.0 if self.law == "yade" else (product / (radius_a + radius_b)) ** 2)
+    def tangential_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """kt of the contact law. Radii in m, any shape; N/m."""
+        return self.contact_law.tangential_stiffness(self, radius_a, radius_b)
 
-    def dashpots(self, radius_a, radius_b):
-        """2 beta sqrt(m* k) of the normal and of the tangential dashpot, m* = ma mb/(ma + mb) (Eqs. 1 and 2).
+    def rolling_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """kr of the contact law. Radii in m, any shape; N m."""
+        return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
-        Radii in m, any shape; N s/m. Of law paper alone.
-        """
-        a, b = self.mass(radius_a), self.mass(radius_b)
-        reduced = a * b / (a + b)
-        kn, kt = self.normal_stiffness(radius_a, radius_b), self.tangential_stiffness(radius_a, radius_b)
-        return 2.0 * self.beta_n * np.sqrt(reduced * kn), 2.0 * self.beta_t * np.sqrt(reduced * kt)
+    def normal_force(self, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
+        """Elastic normal force of the contact law. Radii and overlaps in m, any shape; N, compression positive."""
+        return self.contact_law.normal_force(self, radius_a, radius_b, overlap)
 
-    def mass(self, radius):
+    def mass(self, radius: np.ndarray) -> np.ndarray:
         """Mass of a spherical grain, kg. Radius in m, any shape."""
         return self.density * (4.0 / 3.0) * np.pi * radius**3
 
-    def moment_of_inertia(self, radius):
+    def moment_of_inertia(self, radius: np.ndarray) -> np.ndarray:
         """2/5 m R^2 of a spherical grain, kg m2. Radius in m, any shape."""
         return 0.4 * self.mass(radius) * radius**2
 
     @property
-    def time_unit(self):
+    def time_unit(self) -> float:
         """sqrt(m/kn) of two grains of mean diameter, s."""
         radius = self.mean_diameter / 2
         return float(np.sqrt(self.mass(radius) / self.normal_stiffness(radius, radius)))
 
     @property
-    def time_step(self):
+    def time_step(self) -> float:
         """The time step of a test, s: `time_step_factor` sqrt(m/kn) (sqrt(1 + zeta^2) - zeta).
 
         zeta is the damping ratio of the stiffest mode, 0 without dashpots. With the default factor this is 0.55 to
-        0.6 of the rigorous limit of a dense specimen, labkit.dem.time_step, for either law.
+        0.6 of the rigorous limit of a dense specimen, labkit.dem.time_step, for either of labkit's laws.
         """
-        zeta = STIFFEST_DAMPING * max(self.beta_n, self.beta_t) if self.law == "paper" else 0.0
+        zeta = self.contact_law.damping_ratio(self)
         return self.time_step_factor * self.time_unit * (math.sqrt(1.0 + zeta**2) - zeta)
 
-    def with_friction(self, friction, rolling_friction):
+    def with_friction(self, friction: float, rolling_friction: float) -> Scene:
         """The same scene with another (mu, mu_r)."""
         return dataclasses.replace(self, friction=friction, rolling_friction=rolling_friction)
 
-    def to_json(self):
+    def to_json(self) -> str:
+        """The scene as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
-    def from_json(cls, text):
-        """Raises InputError when the text is not a scene."""
+    def from_json(cls, text: str) -> Scene:
+        """The scene of a file. Raises InputError when the text is not a scene."""
         try:
-            return cls(**json.loads(text))
+            return restored(cls, json.loads(text))
         except (TypeError, ValueError) as error:
             raise InputError(f"not a labkit scene: {error}") from None
 
 
-_RANGES = (
-    ("mean_diameter", 1e-9, 1e3),
-    ("diameter_spread", 0.0, 0.9),
-    ("density", 1e-3, 1e9),
-    ("young_modulus", 1.0, 1e15),
-    ("stiffness_ratio", 0.1, 100.0),
-    ("friction", 0.0, 10.0),
-    ("rolling_friction", 0.0, 10.0),
-    ("rolling_limit_scale", 0.0, 10.0),
-    ("local_damping", 0.0, 0.99),
-    ("time_step_factor", 1e-6, 10.0),
-    ("beta_n", 0.0, 10.0),
-    ("beta_t", 0.0, 10.0),
-)
+_INSTANCES: dict[type, ContactLaw] = {}
+
+
+def _instance(kind: type[ContactLaw]) -> ContactLaw:
+    """The one instance of a law: laws hold no values, so that all scenes share it."""
+    return _INSTANCES.setdefault(kind, kind())

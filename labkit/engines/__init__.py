@@ -1,27 +1,37 @@
-"""Engines advance a State. `yade` is YADE itself, the reference; `fused` is labkit's own, compiled."""
+"""Engines advance a State.
+
+    yade          YADE itself, the reference; runs in YADE's own process
+    yade_process  how that process is started
+    fused         labkit's own, compiled: kernel/
+"""
 
 from __future__ import annotations
 
-from labkit.errors import InputError
+from labkit.dem.engine import Engine, Start
+from labkit.dem.scene import Scene
+from labkit.dem.state import State
+from labkit.extensions import Registry
 
-ENGINES = ("yade", "fused")
+ENGINES: Registry = Registry(
+    "engine", {"yade": "labkit.engines.yade:YadeEngine", "fused": "labkit.engines.fused:FusedEngine"}
+)
 
 
-def require_law(name, scene):
-    """Raises InputError when the engine of that name does not know the contact law of the scene."""
-    if name == "yade" and scene.law != "yade":
-        raise InputError(f"engine yade does not know contact law {scene.law!r}: give --engine fused")
+def require_engine(name: str, scene: Scene) -> type[Engine]:
+    """The engine class of that name. Raises InputError for an unknown name, or a scene that it cannot take."""
+    kind: type[Engine] = ENGINES.require(name)
+    kind.require(scene)
+    return kind
 
 
-def start_engine(name, state, threads=1):
-    """The engine of that name, holding `state`. Raises InputError for an unknown name."""
-    require_law(name, state.scene)
-    if name == "yade":
-        from labkit.engines.yade import YadeEngine
+def start_engine(name: str, state: State, threads: int = 1) -> Engine:
+    """The engine of that name, holding `state`. Raises InputError for an unknown name or a scene it cannot take."""
+    return require_engine(name, state.scene)(state, threads)  # type: ignore[call-arg]
 
-        return YadeEngine(state, threads)
-    if name == "fused":
-        from labkit.engines.fused import FusedEngine
 
-        return FusedEngine(state, threads)
-    raise InputError(f"engine {name!r} is unknown: use one of {', '.join(ENGINES)}")
+def starter(name: str, threads: int = 1) -> Start:
+    """A function that starts the engine of that name with a state."""
+    return lambda state: start_engine(name, state, threads)
+
+
+__all__ = ["ENGINES", "Engine", "require_engine", "start_engine", "starter"]

@@ -10,11 +10,12 @@ import numba
 import numpy as np
 
 import labkit
-from labkit.engines.base import Engine
+from labkit.dem.engine import Engine
 from labkit.engines.kernel import steps
+from labkit.engines.kernel.build import kernel_of
 from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
 from labkit.engines.kernel.packing import Grains, History, pack
-from labkit.engines.kernel.stress import branch_force
+from labkit.engines.kernel.steps import Motion
 from labkit.errors import InputError, PhysicsError
 from labkit.io.memory import return_large_arrays
 from labkit.micro.indicators import kinetic_energy
@@ -39,6 +40,7 @@ class FusedEngine(Engine):
 
     name = "fused"
     version = labkit.__version__
+    energy = True  # whether work and losses are summed: `labkit bench` alone leaves them out
 
     def __init__(self, state, threads=1, skin=None):
         return_large_arrays()
@@ -50,7 +52,7 @@ class FusedEngine(Engine):
         if threads > 1:
             numba.set_num_threads(threads)
         self._skin = skin
-        self._advance = steps.advance_one_thread if threads == 1 else steps.advance_threads
+        self._threads = threads
         self.load(state)
 
     def load(self, state):
@@ -61,11 +63,12 @@ class FusedEngine(Engine):
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
-        self._law = _law(scene)
+        self._kernel, self._features = kernel_of(scene.contact_law), scene.contact_law.features(scene)
+        self._advance = self._kernel.advance if self._threads == 1 else self._kernel.advance_threads
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
             values for values, kept in (
-                (state.tangential_force, self._law["friction"]), (state.rolling_moment, self._law["rolling"]),
+                (state.tangential_force, self._features.friction), (state.rolling_moment, self._features.rolling),
             ) if kept is not None
         ]  # fmt: skip
         history = History(
@@ -104,15 +107,13 @@ class FusedEngine(Engine):
         self._since_search = 0
 
     def _run(self, steps, gradient, dt, moved_already):
-        p = self._packing
-        law = self._law
+        law = self._features
+        motion = Motion(
+            self._cell, self._before, self._first_cell, self._spread, 2.0 * self._start.radius.max(), self._margin
+        )
         return self._advance(
-            steps, moved_already, dt, gradient, self._before, self._cell, p.grain_first, p.contact_first,
-            p.contact_last, p.sites, p.forces, p.grains, p.image_first, p.owner, p.shift, p.pairs, p.blocks, p.work,
-            p.start,
-            self._first_cell, self._spread, (2.0 * self._start.radius.max(), self._margin), law["kt_over_kn"],
-            law["friction"], law["rolling"], law["yade"], law["paper"], law["dashpots"], law["damping"],
-            gradient if law["energy"] else None, law["turning"],
+            steps, moved_already, dt, gradient, motion, self._packing.arrays, law.constants, law.friction,
+            law.rolling, law.dashpots, law.damping, gradient if self.energy else None, law.turning,
         )  # fmt: skip
 
     def _search(self, kinematics, history):
@@ -125,16 +126,17 @@ class FusedEngine(Engine):
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        for number, block in enumerate(p.grains):
-            steps.write_sites(p.sites, block, number * WIDTH, WIDTH)
-        steps.image_sites(p.sites, p.owner, 0, len(p.owner), p.shift, self._cell, drift)
+        for number, block in enumerate(p.arrays.grains):
+            steps.write_sites(p.arrays.sites, block, number * WIDTH, WIDTH)
+        owner, shift = p.arrays.owner, p.arrays.shift
+        steps.image_sites(p.arrays.sites, owner, 0, len(owner), shift, self._cell, drift)
 
     def _enter_flows(self):
         """Moves work and losses from the kernel's sums to the ledger."""
         if self._packing is None:
             return
         sums = [
-            self._packing.work[:, row : row + WIDTH]
+            self._packing.arrays.work[:, row : row + WIDTH]
             for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, DASHPOT_LOSS)
         ]
         work, friction, rolling, damping, dashpots = (float(values.sum()) for values in sums)
@@ -145,10 +147,7 @@ class FusedEngine(Engine):
             raise PhysicsError(f"forces are no numbers any more: the time step {self._time_step:.3g} s is too large")
 
     def stress(self):
-        p = self._packing
-        total = branch_force(
-            p.sites, p.pairs, p.blocks, p.work[0], p.contact_first, p.contact_last, self._law["friction"]
-        )
+        total = self._kernel.branch_force(self._packing.arrays, self._features.friction)
         return -total / np.linalg.det(self._cell)
 
     def stop_grains(self):
@@ -169,7 +168,7 @@ class FusedEngine(Engine):
         order = touching[np.lexsort((*history.shift[touching].T, second[touching], first[touching]))]
         rows = history.rows
         nothing = np.zeros((len(order), 3))
-        friction, rolling = self._law["friction"] is not None, self._law["rolling"] is not None
+        friction, rolling = self._features.friction is not None, self._features.rolling is not None
         return self._start.replace(
             position=position, velocity=velocity, angular_velocity=spin,
             cell=self._cell.copy(), velocity_gradient=self._before.copy(),
@@ -179,26 +178,3 @@ class FusedEngine(Engine):
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
             ledger=self._ledger,
         )  # fmt: skip
-
-
-def _law(scene):
-    """What the kernel computes for a scene; what is None or False is left out of it."""
-    paper = scene.law == "paper"
-    rolling = None
-    if scene.rolling_friction > 0.0:
-        rolling = scene.rolling_friction if paper else (0.25, 0.5 * scene.rolling_limit_scale * scene.rolling_friction)
-    dashpots = None
-    if paper and (scene.beta_n > 0.0 or scene.beta_t > 0.0):
-        dashpots = (2.0 * scene.beta_n, 2.0 * scene.beta_t, scene.mass(1.0))
-    friction = scene.friction if scene.friction > 0.0 else None
-    return {
-        "kt_over_kn": 1.0 / scene.stiffness_ratio,
-        "friction": friction,
-        "rolling": rolling,
-        "yade": None if paper else True,
-        "paper": True if paper else None,
-        "dashpots": dashpots,
-        "damping": scene.local_damping if scene.local_damping > 0.0 and not paper else None,
-        "energy": True,  # `labkit bench` alone leaves it out
-        "turning": True if paper or friction is not None or rolling is not None else None,
-    }

@@ -12,52 +12,43 @@ from __future__ import annotations
 import gc
 
 import numpy as np
-import yade
-from yade import Matrix3, Vector3
-from yade import utils as yade_utils
-from yade.wrapper import (
-    Bo1_Sphere_Aabb,
-    CohFrictMat,
-    ForceResetter,
-    Ig2_Sphere_Sphere_ScGeom6D,
-    InsertionSortCollider,
-    InteractionLoop,
-    Ip2_CohFrictMat_CohFrictMat_CohFrictPhys,
-    Law2_ScGeom6D_CohFrictPhys_CohesionMoment,
-    NewtonIntegrator,
-    Omega,
-)
 
-from labkit.engines.base import Engine
+from labkit.dem.engine import Engine
+from labkit.dem.scene import Scene
 from labkit.errors import InputError, PhysicsError
 
+try:
+    import yade
+    from yade import Matrix3, Vector3
+    from yade import utils as yade_utils
+    from yade.wrapper import (
+        Bo1_Sphere_Aabb,
+        ForceResetter,
+        InsertionSortCollider,
+        InteractionLoop,
+        NewtonIntegrator,
+        Omega,
+    )
+except ImportError:  # outside YADE the class says what it is, and cannot be started
+    yade = None
+
 VERLET_DISTANCE = 0.1  # of the mean radius: how far a grain may move before neighbours are sought again
-
-
-def material(scene, radius):
-    """YADE's material for a grain of a scene (physics of Scene's docstring): no cohesion, no twist.
-
-    YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): `young` = kn/R of two equal grains makes it the scene's. For spheres
-    that is (pi/2) E whatever the radius. A negative cohesion or moment limit, YADE's default, would be unlimited.
-    """
-    return CohFrictMat(
-        young=float(scene.normal_stiffness(radius, radius)) / radius,
-        poisson=1.0 / scene.stiffness_ratio,  # makes kt = kn/kappa exactly
-        density=scene.density,
-        frictionAngle=float(np.arctan(scene.friction)),
-        isCohesive=False, normalCohesion=0.0, shearCohesion=0.0, fragile=True,
-        momentRotationLaw=scene.rolling_friction > 0.0,
-        alphaKr=0.25, etaRoll=0.5 * scene.rolling_limit_scale * scene.rolling_friction,
-        alphaKtw=0.0, etaTwist=0.0,
-    )  # fmt: skip
 
 
 class YadeEngine(Engine):
     """YADE holding a State. Raises InputError when `threads` is not that of the running YADE (`yade -jN`)."""
 
     name = "yade"
+    own_process = True
+
+    @classmethod
+    def require(cls, scene: Scene) -> None:
+        if not scene.contact_law.on_yade:
+            raise InputError(f"engine yade does not know contact law {scene.law!r}: use the engine fused")
 
     def __init__(self, state, threads=1):
+        if yade is None:
+            raise InputError("engine yade runs inside YADE alone: labkit.run(..., engine='yade') starts it there")
         self.version = yade.config.version
         running = Omega().numThreads
         if threads != running:
@@ -68,7 +59,7 @@ class YadeEngine(Engine):
         _require_loadable(state)
         omega = self._omega = Omega()
         omega.reset()
-        self._start = state
+        self._start, self._law = state, state.scene.contact_law.yade(state.scene)
         self._ledger = state.ledger
         self._cell_work = 0.0
         self._time = state.time
@@ -85,11 +76,7 @@ class YadeEngine(Engine):
         forces = [
             ForceResetter(),
             InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-VERLET_DISTANCE),
-            InteractionLoop(
-                [Ig2_Sphere_Sphere_ScGeom6D(updateRotations=False)],
-                [Ip2_CohFrictMat_CohFrictMat_CohFrictPhys()],
-                [Law2_ScGeom6D_CohFrictPhys_CohesionMoment(useIncrementalForm=True, always_use_moment_law=True)],
-            ),
+            InteractionLoop(self._law.geometry, self._law.physics, self._law.law),
         ]  # fmt: skip
         omega.engines = [newton] + forces
         newton.dead = True
@@ -106,10 +93,10 @@ class YadeEngine(Engine):
     def _add_grains(self, state):
         """Bodies in the order of the state. Grains near in space are near in the state, and so in memory."""
         bodies, planar = self._omega.bodies, state.scene.planar
-        common = material(state.scene, float(state.radius[0])) if len(state.radius) else None
+        common = self._law.material(float(state.radius[0])) if len(state.radius) else None
         columns = (state.position, state.velocity, state.angular_velocity)
         for radius, position, velocity, spin in zip(state.radius.tolist(), *(c.tolist() for c in columns)):
-            grain = yade_utils.sphere(position, radius, material=material(state.scene, radius) if planar else common)
+            grain = yade_utils.sphere(position, radius, material=self._law.material(radius) if planar else common)
             grain.state.vel = velocity
             grain.state.angVel = spin
             if planar:
@@ -127,8 +114,8 @@ class YadeEngine(Engine):
                 first, second, sign = second, first, 1.0
             if (first, second) in history:
                 force, moment = history[first, second]
-                contact.phys.shearForce = Vector3(*(sign * force))
-                contact.phys.moment_bending = Vector3(*(sign * moment))
+                setattr(contact.phys, self._law.tangential_force, Vector3(*(sign * force)))
+                setattr(contact.phys, self._law.rolling_moment, Vector3(*(sign * moment)))
 
     def advance(self, steps, velocity_gradient):
         omega = self._omega
@@ -171,7 +158,7 @@ class YadeEngine(Engine):
     def _ledger_now(self):
         """What YADE has summed since the state was loaded added to the ledger of that state."""
         taken = dict(self._omega.energy.items())
-        losses = (taken.get(name, 0.0) for name in ("shearDissip", "bendingDissip", "nonviscDamp"))
+        losses = (taken.get(name, 0.0) for name in (*self._law.losses, "nonviscDamp"))
         return self._ledger.plus(self._cell_work, *losses)
 
     def state(self):
@@ -202,8 +189,8 @@ class YadeEngine(Engine):
             velocity_gradient=np.array(cell.velGrad, dtype=float).reshape(3, 3),
             contact_grain=pair[order],
             contact_shift=np.where(swap, -shift, shift)[order],
-            tangential_force=(sign * _components([p.shearForce for p in physics]))[order],
-            rolling_moment=(sign * _components([p.moment_bending for p in physics]))[order],
+            tangential_force=(sign * _components([getattr(p, self._law.tangential_force) for p in physics]))[order],
+            rolling_moment=(sign * _components([getattr(p, self._law.rolling_moment) for p in physics]))[order],
             time=self._time, step=self._step, engine=self.name, engine_version=self.version,
             ledger=self._ledger_now(),
         )  # fmt: skip

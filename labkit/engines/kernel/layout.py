@@ -1,4 +1,4 @@
-"""How contacts and grains lie in memory, and how the kernel is compiled.
+"""How contacts and grains lie in memory.
 
 Vectors are computed in blocks of WIDTH contacts or grains. A block is a run of rows, one quantity per row, WIDTH
 numbers each; the rows of a block follow one another, so that the compiler sees constant distances between them
@@ -10,21 +10,11 @@ What a scene leaves out is None where it would be passed, and Numba compiles the
 
 from __future__ import annotations
 
-import llvmlite.binding
-import numba
-
-if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
-    numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
-
-# A step has two loops of a few tenths of a millisecond: OpenMP's threads wait for the next one awake, the others' would
-# sleep. On a machine without a free core that helps nobody: one thread is the fastest there.
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
-
 WIDTH = 64  # contacts or grains of a block
 LANES = 8  # of them that a vector holds
 
 # rows of a block of contacts: constants, then the history that the scene keeps
-KN, RADIUS_A, RADIUS_B, HISTORY = (row * WIDTH for row in range(4))
+STIFFNESS, RADIUS_A, RADIUS_B, HISTORY = (row * WIDTH for row in range(4))
 
 # rows of a block of grains
 X, V, W, INVERSE_MASS, INVERSE_INERTIA = (row * WIDTH for row in (0, 3, 6, 9, 10))
@@ -43,14 +33,3 @@ CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS = (row * WIDTH for row in (
 GRAIN_FORCE = 25 * WIDTH
 DAMPING_LOSS, SPEED2 = (row * WIDTH for row in (31, 32))
 WORK_ROWS = 33
-
-
-def compiled_with(**options):
-    """Numba's decorator as the whole kernel uses it.
-
-    contract: a*b + c in one instruction. Nothing that would let NaN or the order of sums go unnoticed.
-    """
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)
-
-
-compiled = compiled_with()

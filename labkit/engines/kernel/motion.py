@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 
+from labkit.engines.kernel.compiling import compiled
 from labkit.engines.kernel.layout import (
     DAMPING_LOSS,
     GRAIN_FORCE,
@@ -23,7 +24,6 @@ from labkit.engines.kernel.layout import (
     V,
     W,
     X,
-    compiled,
 )
 
 

@@ -11,7 +11,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.engines.kernel.layout import compiled
+from labkit.engines.kernel.compiling import compiled
 from labkit.errors import PhysicsError
 
 LOST = 1000  # periods away: no grain travels so far

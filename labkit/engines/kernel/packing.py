@@ -15,6 +15,7 @@ from labkit.engines.kernel.layout import (
     WORK_ROWS,
 )
 from labkit.engines.kernel.neighbours import LOST, find_pairs, sort_grains
+from labkit.engines.kernel.steps import Arrays
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
 LINE = 64  # bytes of a line of the cache
@@ -45,36 +46,28 @@ class History:
 
 @dataclasses.dataclass(frozen=True)
 class Packing:
-    """The arrays of labkit.engines.kernel.steps, and what is needed to unpack them."""
+    """The arrays of labkit.engines.kernel.steps, and what is needed to unpack them.
 
+    order (grain,): number in the state of each grain; slot (n,): place of each pair among the blocks; pair (n, 2), in
+    the grid's order, and pair_shift (n, 3), the periods to add to its second grain.
+    """
+
+    arrays: Arrays
     order: np.ndarray
-    grain_first: np.ndarray
-    contact_first: np.ndarray
-    contact_last: np.ndarray
-    slot: np.ndarray  # place of each pair among the blocks
-    pair: np.ndarray  # (n, 2), in the grid's order
+    slot: np.ndarray
+    pair: np.ndarray
     pair_shift: np.ndarray
-    image_first: np.ndarray  # the first image of each domain's grains
-    owner: np.ndarray  # grain of each image
-    shift: np.ndarray  # (image, 3) periods
-    sites: np.ndarray
-    forces: np.ndarray
-    grains: np.ndarray
-    pairs: np.ndarray
-    blocks: np.ndarray
-    work: np.ndarray
-    start: np.ndarray  # positions at the search
 
     def unpack_grains(self):
         """position, velocity, spin, each (grain, 3), in the order of the state."""
         back = np.empty_like(self.order)
         back[self.order] = np.arange(len(back))
-        rows = from_blocks(self.grains, len(back))[:9, back]
+        rows = from_blocks(self.arrays.grains, len(back))[:9, back]
         return tuple(np.ascontiguousarray(rows[k : k + 3].T) for k in (0, 3, 6))
 
     def unpack_history(self):
         """The History of all pairs, touching or not."""
-        blocks = self.blocks.reshape(len(self.blocks), -1, WIDTH)
+        blocks = self.arrays.blocks.reshape(len(self.arrays.blocks), -1, WIDTH)
         rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]  # a copy
         return ordered(self.order[self.pair], self.pair_shift, rows)
 
@@ -128,14 +121,14 @@ def pack(grains, history, cell, margin, stiffness):
         laid[slot // WIDTH, row, slot % WIDTH] = numbers
     values = (grains.position, grains.velocity, grains.spin)
     columns = np.concatenate([*(v[order].T for v in values), [1.0 / grains.mass[order], 1.0 / grains.inertia[order]]])
-    return Packing(
-        order=order, grain_first=grain_first, contact_first=contact_first, contact_last=contact_first + counts,
-        slot=slot, pair=pairs.T, pair_shift=shift, image_first=np.searchsorted(owner, grain_first),
-        owner=owner, shift=image_shift,
+    arrays = Arrays(
+        grain_first=grain_first, contact_first=contact_first, contact_last=contact_first + counts,
         sites=aligned((nobody + 1, SITE_COLUMNS)), forces=aligned((nobody + 1, FORCE_COLUMNS)),
-        grains=to_blocks(columns, GRAIN_ROWS), pairs=placed, blocks=laid.reshape(len(laid), -1),
+        grains=to_blocks(columns, GRAIN_ROWS), image_first=np.searchsorted(owner, grain_first), owner=owner,
+        shift=image_shift, pairs=placed, blocks=laid.reshape(len(laid), -1),
         work=aligned((domains, WORK_ROWS * WIDTH)), start=position,
     )  # fmt: skip
+    return Packing(arrays, order, slot, pairs.T, shift)
 
 
 def aligned(shape):

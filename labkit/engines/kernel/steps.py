@@ -9,14 +9,15 @@ the grain after each motion. So a contact knows no periods, and domains share no
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
+from labkit.engines.kernel.compiling import compiled
+from labkit.engines.kernel.contact import block_forces, block_stress
 from labkit.engines.kernel.lanes import add, add_opposite, prefetch, put, read, read_difference, take
-from labkit.engines.kernel.law_paper import paper_block
-from labkit.engines.kernel.law_yade import yade_block
 from labkit.engines.kernel.layout import (
     FORCE,
     FORCE_COLUMNS,
@@ -37,10 +38,48 @@ from labkit.engines.kernel.layout import (
     V,
     W,
     X,
-    compiled,
-    compiled_with,
 )
 from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
+
+
+class Arrays(NamedTuple):
+    """What the loop works on; see layout.py for the rows and columns.
+
+    grain_first (domain + 1,), contact_first, contact_last (domain,): where the grains and contacts of a domain begin
+    and end; sites, forces: of grains and images; grains, pairs, blocks; image_first (domain + 1,), owner (image,),
+    shift (image, 3): images, the grains they follow, and their periods; work (domain, ...): workspaces; start
+    (grain, 3): positions at the search, m.
+    """
+
+    grain_first: np.ndarray
+    contact_first: np.ndarray
+    contact_last: np.ndarray
+    sites: np.ndarray
+    forces: np.ndarray
+    grains: np.ndarray
+    image_first: np.ndarray
+    owner: np.ndarray
+    shift: np.ndarray
+    pairs: np.ndarray
+    blocks: np.ndarray
+    work: np.ndarray
+    start: np.ndarray
+
+
+class Motion(NamedTuple):
+    """What the grains move in, changed in place.
+
+    cell (3, 3), m; before (3, 3): the velocity gradient of the last step, 1/s; first_cell (3, 3), m: that of the last
+    search; spread (2,): how far grains may have moved since the search, at most, m, and how much the cell has stretched;
+    largest_diameter, skin: m.
+    """
+
+    cell: np.ndarray
+    before: np.ndarray
+    first_cell: np.ndarray
+    spread: np.ndarray
+    largest_diameter: float
+    skin: float
 
 
 @compiled
@@ -69,13 +108,9 @@ def add_forces(forces, first, second, work, turning):
             add(forces, SITE_TORQUE, second, i, work, TORQUE_B + i)
 
 
-@compiled
-def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over_kn, friction, rolling, yade,
-                    paper, dashpots, gradient, turning):  # fmt: skip
-    """All contacts first <= k < last of a domain, a whole number of blocks before them.
-
-    yade, paper: None for the other law.
-    """
+def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, constants, friction, rolling, dashpots,
+                    gradient, turning):  # fmt: skip
+    """All contacts first <= k < last of a domain, a whole number of blocks before them."""
     for start in range(first, last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
         block = blocks[start // WIDTH]
@@ -83,10 +118,7 @@ def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, kt_over
             prefetch(block, len(block) + i)  # of the next block: in two halves, not to queue up
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
         read_sites(sites, a, b, work, turning)
-        if yade is not None:
-            yade_block(block, work, n, dt, kt_over_kn, friction, rolling, gradient)
-        if paper is not None:
-            paper_block(block, work, n, dt, kt_over_kn, friction, rolling, dashpots, gradient)
+        block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gradient, turning)
         for i in range(len(block) // 2, len(block), LANES):
             prefetch(block, len(block) + i)
         add_forces(forces, a, b, work, turning)
@@ -165,49 +197,56 @@ def farthest(grains, start, number, back):
     return math.sqrt(largest)
 
 
-def _make_advance(parallel):
-    """The loop over steps; compiled once for one thread and once for several."""
+def advance(steps, moved_already, dt, L, motion, arrays, constants, friction, rolling, dashpots, damping, gradient,
+            turning):  # fmt: skip
+    """Takes up to `steps` steps; returns how many were taken, and whether neighbours must be sought.
 
-    def advance(steps, moved_already, dt, L, before, cell, grain_first, contact_first, contact_last, sites, forces,
-                grains, image_first, owner, shift, pairs, blocks, work, start, first_cell, spread, limits,
-                kt_over_kn, friction, rolling, yade, paper, dashpots, damping, gradient, turning):  # fmt: skip
-        """Takes up to `steps` steps; returns how many were taken, and whether neighbours must be sought.
-
-        In that case the last motion has been made, its forces not: search, and go on with moved_already.
-        spread (2,): how far grains may have moved since the search, at most, and how much the cell has stretched.
-        """
-        domains = len(contact_first)
-        cell_before = np.empty((3, 3))
-        speed = np.empty(domains)
-        largest_diameter, margin = limits
-        for step in range(steps):
-            if not (moved_already and step == 0):
-                cell_before[:] = cell
-                move_cell(cell, L, dt)
-                drift = L @ cell_before
-                for d in numba.prange(domains):
-                    collect_images(forces, owner, image_first[d], image_first[d + 1])
-                    domain_grains(sites, forces, grains, work[d], grain_first[d], grain_first[d + 1], dt, L, before,
-                                  damping, gradient)  # fmt: skip
-                    image_sites(sites, owner, image_first[d], image_first[d + 1], shift, cell, drift)
-                    speed[d] = largest_speed(work[d])
-                before[:] = L
-                spread[1] /= 1.0 - dt * math.sqrt((L * L).sum())
-                spread[0] += dt * speed.max() * spread[1]
-                left = margin - largest_diameter * (spread[1] - 1.0)
-                if 2.0 * spread[0] > left:
-                    back = first_cell @ np.linalg.inv(cell)
-                    spread[0] = farthest(grains, start, len(start), back)
-                    if 2.0 * spread[0] > 0.9 * left:
-                        return step, True
+    In that case the last motion has been made, its forces not: search, and go on with moved_already. What is None is
+    left out of the loop; only arguments of a function tell Numba so, which is why these are not in a tuple.
+    """
+    grain_first, contact_first, contact_last = arrays.grain_first, arrays.contact_first, arrays.contact_last
+    sites, forces, grains, work = arrays.sites, arrays.forces, arrays.grains, arrays.work
+    image_first, owner, shift = arrays.image_first, arrays.owner, arrays.shift
+    pairs, blocks, start = arrays.pairs, arrays.blocks, arrays.start
+    cell, before, spread = motion.cell, motion.before, motion.spread
+    domains = len(contact_first)
+    cell_before = np.empty((3, 3))
+    speed = np.empty(domains)
+    for step in range(steps):
+        if not (moved_already and step == 0):
+            cell_before[:] = cell
+            move_cell(cell, L, dt)
+            drift = L @ cell_before
             for d in numba.prange(domains):
-                domain_contacts(sites, forces, pairs, blocks, work[d], contact_first[d], contact_last[d], dt,
-                                kt_over_kn, friction, rolling, yade, paper, dashpots, gradient, turning)  # fmt: skip
-        return steps, False
+                collect_images(forces, owner, image_first[d], image_first[d + 1])
+                domain_grains(sites, forces, grains, work[d], grain_first[d], grain_first[d + 1], dt, L, before,
+                              damping, gradient)  # fmt: skip
+                image_sites(sites, owner, image_first[d], image_first[d + 1], shift, cell, drift)
+                speed[d] = largest_speed(work[d])
+            before[:] = L
+            spread[1] /= 1.0 - dt * math.sqrt((L * L).sum())
+            spread[0] += dt * speed.max() * spread[1]
+            left = motion.skin - motion.largest_diameter * (spread[1] - 1.0)
+            if 2.0 * spread[0] > left:
+                back = motion.first_cell @ np.linalg.inv(cell)
+                spread[0] = farthest(grains, start, len(start), back)
+                if 2.0 * spread[0] > 0.9 * left:
+                    return step, True
+        for d in numba.prange(domains):
+            domain_contacts(sites, forces, pairs, blocks, work[d], contact_first[d], contact_last[d], dt, constants,
+                            friction, rolling, dashpots, gradient, turning)  # fmt: skip
+    return steps, False
 
-    advance.__qualname__ = f"advance_parallel_{parallel}"  # Numba's cache tells functions apart by their names
-    return compiled_with(parallel=parallel)(advance)
 
-
-advance_one_thread = _make_advance(False)
-advance_threads = _make_advance(True)
+def branch_force(arrays, friction):
+    """Sum over contacts of branch (x) force on the first grain, (3, 3), N m: springs alone, as in the records."""
+    sums = np.zeros(9 * WIDTH)
+    for d in range(len(arrays.contact_first)):
+        last = arrays.contact_last[d]
+        for start in range(arrays.contact_first[d], last, WIDTH):
+            n = min(WIDTH, last - start)
+            end = start + whole_lanes(n)
+            work = arrays.work[0]
+            read_sites(arrays.sites, arrays.pairs[0, start:end], arrays.pairs[1, start:end], work, None)
+            block_stress(arrays.blocks[start // WIDTH], work, n, friction, sums)
+    return sums.reshape((9, WIDTH)).sum(axis=1).reshape((3, 3))

@@ -1,0 +1,117 @@
+"""Blocks of contacts: rows to numbers, the contact law, numbers to rows.
+
+The law itself is `pair` of a labkit.dem.laws.ContactLaw, a function of numbers; here it becomes a loop over a block that
+the compiler turns into vector instructions. `pair` and `spring` stand for those of the law that a kernel is made for
+(labkit.engines.kernel.build).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
+
+from labkit.dem.laws.base import Contact, ContactLaw
+from labkit.dem.laws.vectors import ZERO, dot, length_and_inverse, plus, times
+from labkit.engines.kernel.layout import (
+    CELL_WORK,
+    DASHPOT_LOSS,
+    FORCE,
+    FRICTION_LOSS,
+    HISTORY,
+    RADIUS_A,
+    RADIUS_B,
+    ROLLING_LOSS,
+    STIFFNESS,
+    TORQUE_A,
+    TORQUE_B,
+    VREL,
+    WA,
+    WB,
+    WIDTH,
+    D,
+)
+
+pair, spring = ContactLaw.pair, ContactLaw.spring
+
+
+def load(rows, first, i):
+    """The vector in three rows."""
+    return rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)]
+
+
+def store(rows, first, i, vector):
+    rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)] = vector
+
+
+def block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gradient, turning):
+    """Forces and torques of n contacts, their history brought forward by dt.
+
+    block, work: rows as in layout.py. constants to dashpots, turning: labkit.dem.laws.Features; what is None is left
+    out. gradient: the velocity gradient (3, 3), or None without energy sums.
+    """
+    for i in range(n):
+        ra, rb = block[RADIUS_A + i], block[RADIUS_B + i]
+        d = load(work, D, i)
+        distance, inverse = length_and_inverse(dot(d, d))
+        v = a = b = t = m = ZERO
+        if turning is not None:
+            v, a, b = load(work, VREL, i), load(work, WA, i), load(work, WB, i)
+        if friction is not None:
+            t = load(block, HISTORY, i)
+        if rolling is not None:
+            if friction is not None:
+                m = load(block, HISTORY + 3 * WIDTH, i)
+            else:
+                m = load(block, HISTORY, i)
+        contact = Contact(block[STIFFNESS + i], ra, rb, ra + rb - distance, inverse, d, times(inverse, d), v, a, b)
+        found = pair(contact, t, m, dt, constants, friction, rolling, dashpots, gradient)
+        store(work, FORCE, i, found.force)
+        if turning is not None:
+            store(work, TORQUE_A, i, found.torque_a)
+            store(work, TORQUE_B, i, found.torque_b)
+        if friction is not None:
+            store(block, HISTORY, i, found.tangential_force)
+        if rolling is not None:
+            if friction is not None:
+                store(block, HISTORY + 3 * WIDTH, i, found.rolling_moment)
+            else:
+                store(block, HISTORY, i, found.rolling_moment)
+        if gradient is not None:
+            if friction is not None:
+                work[FRICTION_LOSS + i] += found.friction_loss
+            if rolling is not None:
+                work[ROLLING_LOSS + i] += found.rolling_loss
+            if dashpots is not None:
+                work[DASHPOT_LOSS + i] += found.dashpot_loss
+            work[CELL_WORK + i] += dt * dot(found.force, stretched(gradient, d))
+
+
+def stretched(L, d):
+    """L d."""
+    return (
+        L[0, 0] * d[0] + L[0, 1] * d[1] + L[0, 2] * d[2],
+        L[1, 0] * d[0] + L[1, 1] * d[1] + L[1, 2] * d[2],
+        L[2, 0] * d[0] + L[2, 1] * d[1] + L[2, 2] * d[2],
+    )
+
+
+def block_stress(block, work, n, friction, sums):
+    """Adds branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,): springs alone, as in the records."""
+    for i in range(n):
+        d = load(work, D, i)
+        distance = math.sqrt(dot(d, d))
+        overlap = block[RADIUS_A + i] + block[RADIUS_B + i] - distance
+        share = -spring(block[STIFFNESS + i], overlap) / distance if overlap >= 0.0 else 0.0
+        f = times(share, d)
+        if friction is not None:
+            f = plus(f, load(block, HISTORY, i))
+        sums[i] += d[0] * f[0]
+        sums[WIDTH + i] += d[0] * f[1]
+        sums[2 * WIDTH + i] += d[0] * f[2]
+        sums[3 * WIDTH + i] += d[1] * f[0]
+        sums[4 * WIDTH + i] += d[1] * f[1]
+        sums[5 * WIDTH + i] += d[1] * f[2]
+        sums[6 * WIDTH + i] += d[2] * f[0]
+        sums[7 * WIDTH + i] += d[2] * f[1]
+        sums[8 * WIDTH + i] += d[2] * f[2]

@@ -1,0 +1,156 @@
+"""Extending labkit from outside: registries of paths, contact laws, recorded statistics and engines.
+
+A user's own file registers a class or a function:
+
+    @labkit.register_path
+    @dataclasses.dataclass(frozen=True)
+    class ConstantAxialStress(labkit.Path): ...
+
+and becomes known by `labkit COMMAND ... --use FILE`, by `use: FILE` in a campaign, by the environment variable
+LABKIT_USE (files, separated as in PATH; child processes inherit it), or as an installed package with an entry point in
+the group `labkit.extensions` that names its module. No file of labkit changes.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from labkit.errors import InputError
+
+VARIABLE = "LABKIT_USE"
+GROUP = "labkit.extensions"
+
+
+class Registry(Mapping[str, Any]):
+    """Name -> class, instance or function. What labkit brings is loaded when it is first asked for.
+
+    kind: what messages call an entry; builtin: name -> `module:attribute`; aliases: other names of entries.
+    """
+
+    def __init__(self, kind: str, builtin: dict[str, str], aliases: dict[str, str] | None = None) -> None:
+        self.kind, self._entries, self._aliases = kind, dict[str, Any](builtin), aliases or {}
+
+    def register(self, entry: Any) -> Any:
+        """Makes an entry known under its `name`; a decorator. Raises InputError for a name that is taken."""
+        name = entry.name
+        taken = self._entries.get(name, self._aliases.get(name))
+        if taken is not None and _origin(taken) != _origin(entry):
+            raise InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
+        self._entries[name] = entry
+        return entry
+
+    def __getitem__(self, name: str) -> Any:
+        if self._aliases.get(name, name) not in self._entries:
+            load_extensions()
+        name = self._aliases.get(name, name)
+        entry = self._entries[name]
+        if isinstance(entry, str):
+            module, attribute = entry.split(":")
+            self._entries[name] = entry = getattr(importlib.import_module(module), attribute)
+        return entry
+
+    def __contains__(self, name: object) -> bool:
+        if name not in self._entries and name not in self._aliases:
+            load_extensions()
+        return name in self._entries or name in self._aliases
+
+    def __iter__(self) -> Iterator[str]:
+        load_extensions()
+        return iter(tuple(self._entries))
+
+    def __len__(self) -> int:
+        load_extensions()
+        return len(self._entries)
+
+    def require(self, name: str, field: str | None = None) -> Any:
+        """The entry of that name. Raises InputError that lists the names there are."""
+        try:
+            return self[name]
+        except KeyError:
+            names = ", ".join(self)
+            raise InputError("is unknown", field=field or self.kind, value=repr(name), allowed=f"one of {names}") from None
+
+    def name(self, name: str) -> str:
+        """The name proper of an entry that may be called by an earlier one."""
+        return self._aliases.get(name, name)
+
+    def names(self) -> tuple[str, ...]:
+        """All names, those of earlier versions too."""
+        return (*self, *self._aliases)
+
+
+def _origin(entry: Any) -> str:
+    """Where an entry was defined: a file that is loaded twice registers the same thing."""
+    if isinstance(entry, str):
+        return entry
+    kind = entry if inspect.isclass(entry) or inspect.isfunction(entry) else type(entry)
+    return f"{file_of(kind)}:{kind.__qualname__}"
+
+
+def file_of(entry: Any) -> str | None:
+    """The file that defines a class or function, None for one of a session without a file."""
+    try:
+        return str(Path(inspect.getfile(entry)).resolve())
+    except (TypeError, OSError):
+        return None
+
+
+def use(file: str | os.PathLike[str]) -> None:
+    """Loads a file that registers extensions, for this process and for its children. Raises InputError."""
+    path = Path(file).resolve()
+    if not path.is_file():
+        raise InputError("does not exist", field="use", value=str(file), allowed="a Python file that registers extensions")
+    known = used()
+    if str(path) not in known:
+        os.environ[VARIABLE] = os.pathsep.join([*known, str(path)])
+    _load(str(path))
+
+
+def used() -> list[str]:
+    """The files in use, absolute."""
+    return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
+
+
+@functools.cache
+def load_extensions() -> None:
+    """Loads the files of LABKIT_USE and the installed extensions, once."""
+    for file in used():
+        _load(file)
+    from importlib.metadata import entry_points
+
+    for point in entry_points(group=GROUP):
+        point.load()
+
+
+def _load(file: str) -> None:
+    name = f"labkit_extension_{hashlib.sha256(file.encode()).hexdigest()[:8]}_{Path(file).stem}"
+    main = getattr(sys.modules.get("__main__"), "__file__", None)
+    if name in sys.modules or (main and str(Path(main).resolve()) == file):
+        return  # it is here already, perhaps as the program itself
+    specification = importlib.util.spec_from_file_location(name, file)
+    if specification is None or specification.loader is None:
+        raise InputError("is not a Python file", field="use", value=file, allowed="a file that ends in .py")
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module
+    try:
+        specification.loader.exec_module(module)
+    except BaseException as error:
+        del sys.modules[name]
+        if isinstance(error, (SystemExit, Exception)):
+            said = f"cannot be loaded ({type(error).__name__}: {error})"
+            raise InputError(said, field="use", value=file, allowed="a file that Python can import") from error
+        raise
+
+
+def registering(registry: Callable[[], Registry]) -> Callable[[Any], Any]:
+    """A decorator that registers in a registry that is imported when it is needed."""
+    return lambda entry: registry().register(entry)

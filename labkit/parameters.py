@@ -1,0 +1,180 @@
+"""The one table of parameters: a field of Scene, Recipe or a Path says its unit, its range and its help.
+
+From the same definition come the argument in Python, the option on the command line and the key of a campaign file.
+Every front end may give a number in SI units, or text with a unit: `0.5e6`, `500 kPa`, `0.5 MPa`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import numbers
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from labkit.errors import InputError, shown
+
+UNITS: dict[str, dict[str, float]] = {  # SI unit -> other units of the same kind
+    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+    "1/s": {"1/s": 1.0},
+    "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
+    "1": {"%": 0.01},
+}
+EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
+SUSPECT_PRESSURE = 100.0  # Pa: a smaller bare number is more probably meant in MPa or kPa
+NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """What is known of a field. low, high: range; above: excluded lower bound; choices: the words that it may be.
+
+    kind: float, int, bool, str, or tuple for a list of numbers; optional: None is allowed; option: whether it is an
+    option of the command line and a key of campaigns.
+    """
+
+    name: str
+    default: Any
+    help: str
+    unit: str
+    kind: type
+    low: float
+    high: float
+    above: float
+    choices: Any
+    optional: bool
+    option: bool
+
+    @property
+    def allowed(self) -> str:
+        """What to give, in words for an error."""
+        if self.choices is not None:
+            return f"one of {', '.join(self.choices)}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        what = "a whole number" if self.kind is int else "a number"
+        if math.isfinite(self.above):
+            most = f", at most {self.high:g}" if math.isfinite(self.high) else ""
+            return f"{what} above {self.above:g}{most}{unit}"
+        if math.isfinite(self.low) and math.isfinite(self.high):
+            return f"{self.low:g} to {self.high:g}{unit}"
+        return f"{what}, e.g. {EXAMPLES[self.unit]}"
+
+    def error(self, value: Any, problem: str = "is not possible", allowed: str | None = None) -> InputError:
+        """The InputError for a value of this field."""
+        return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed)
+
+    def read(self, value: Any, unit_needed: bool = False) -> Any:
+        """The value in SI units, checked. Text may have a unit; `unit_needed`: it must. Raises InputError."""
+        if value is None and self.optional:
+            return None
+        if self.kind is bool:
+            return self._flag(value)
+        if self.choices is not None or self.kind is str:
+            return self._word(value)
+        if self.kind is tuple:
+            parts = value.strip("()[] ").split(",") if isinstance(value, str) else value
+            return tuple(self._number(one, unit_needed) for one in parts if one != "")
+        return self.check(self._number(value, unit_needed))
+
+    def _flag(self, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise self.error(value, allowed="True or False")
+        return value
+
+    def _word(self, value: Any) -> str:
+        if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
+            raise self.error(repr(value), "is unknown", self.allowed)
+        return self.choices.name(value) if hasattr(self.choices, "name") else value
+
+    def _number(self, value: Any, unit_needed: bool) -> Any:
+        if isinstance(value, str):
+            value = self._text(value, unit_needed)
+        elif isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise self.error(value, "is not a number")
+        elif self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
+            self._suspect(float(value))
+        if self.kind is int:
+            if value != value or abs(value) > 1e18 or int(value) != value:
+                raise self.error(value, "is not a whole number")
+            return int(value)
+        return float(value)
+
+    def _text(self, text: str, unit_needed: bool) -> float:
+        match = NUMBER.fullmatch(text)
+        if not match:
+            if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
+                raise self.error(text, "is not possible")
+            example = "20" if self.kind is int else EXAMPLES[self.unit]
+            raise self.error(repr(text), "is not a number", f"e.g. {example}")
+        value, unit = float(match[1]), match[2]
+        if unit and unit not in UNITS.get(self.unit, {}):
+            known = ", ".join(UNITS.get(self.unit, {})) or "no unit"
+            raise self.error(text, f"has an unknown unit {unit!r}", f"it in {known}")
+        if not unit and unit_needed and self.unit != "1":
+            raise self.error(text, "has no unit", f"e.g. {EXAMPLES[self.unit]}")
+        if not unit and self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
+            self._suspect(value)
+        return value * UNITS[self.unit][unit] if unit else value
+
+    def _suspect(self, value: float) -> None:
+        raise self.error(value, "is less than 100 Pa: did you mean MPa?", f"{value:g} MPa, or {value:g} Pa with the unit")
+
+    def check(self, value: Any) -> Any:
+        """The value itself. Raises InputError outside the range."""
+        if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
+            raise self.error(value)
+        return value
+
+
+def parameter(
+    default: Any = dataclasses.MISSING, *, help: str, unit: str = "1", low: float = -math.inf, high: float = math.inf,
+    above: float = -math.inf, choices: Any = None, kind: type | None = None, option: bool = True,
+) -> Any:  # fmt: skip
+    """A dataclass field that is a parameter; see Parameter. The kind is that of the default unless given."""
+    kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
+    known = {
+        "help": help, "unit": unit, "kind": kind, "low": low, "high": high, "above": above, "choices": choices,
+        "optional": default is None, "option": option,
+    }  # fmt: skip
+    return dataclasses.field(default=default, metadata={"parameter": known})
+
+
+@functools.cache
+def parameters_of(kind: type) -> Mapping[str, Parameter]:
+    """The Parameters of a dataclass, name -> Parameter; fields that are none are left out."""
+    return {
+        field.name: Parameter(field.name, field.default, **field.metadata["parameter"])
+        for field in dataclasses.fields(kind) if "parameter" in field.metadata
+    }  # fmt: skip
+
+
+def check_parameters(value: Any) -> None:
+    """Reads and checks every parameter of a dataclass instance in place; for its __post_init__. Raises InputError."""
+    for name, known in parameters_of(type(value)).items():
+        object.__setattr__(value, name, known.read(getattr(value, name)))
+
+
+def restored(kind: type, values: Mapping[str, Any]) -> Any:
+    """An instance of a dataclass from values that were checked before and written to a file, in SI units."""
+    known = parameters_of(kind)
+    given = {
+        name: f"{value!r} Pa" if name in known and known[name].unit == "Pa" and isinstance(value, float) else value
+        for name, value in values.items()
+    }  # fmt: skip
+    return kind(**given)
+
+
+def with_unit(value: float, unit: str) -> str:
+    """A value as text that `Parameter.read` takes without a question."""
+    return f"{value!r} {unit}" if unit != "1" else repr(value)
+
+
+def help_of(known: Parameter, default: Any = dataclasses.MISSING) -> str:
+    """The help of an option: what it is, its unit, its default."""
+    default = known.default if default is dataclasses.MISSING else default
+    unit = f" in {known.unit}" if known.unit != "1" else ""
+    said = "" if default is dataclasses.MISSING or default is None else f" (default: {shown(default)})"
+    return f"{known.help}{unit}{said}".replace("%", "%%")
