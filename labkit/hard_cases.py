@@ -25,7 +25,7 @@ from labkit.engines import start_engine
 from labkit.errors import InputError, PhysicsError
 from labkit.hard_scenes import CLEAR_ERROR, LIMIT_SAID, SILENT_WRONG
 from labkit.dem.limits import DRIFT_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
-from labkit.micro.indicators import fluctuation_velocity
+from labkit.dem.energy import fluctuation_velocity
 from labkit.micro.stress import relative_error
 from labkit.dem.recorder import read_checkpoint
 from labkit.dem.scene import Scene

@@ -1,24 +1,24 @@
 """Random sets of contacts for property tests: any number, sizes far apart, directions from isotropic to one line."""
 
-import dataclasses
-
 import numpy as np
 from hypothesis import strategies as st
 
-from labkit.micro.contacts import Contacts
+from labkit.dem.scene import Scene
+from labkit.micro.contacts import NO_CONTACTS, Contacts
+from labkit.micro.snapshot import Snapshot
 
 E = 0.15e9
 
 
-@dataclasses.dataclass(frozen=True)
-class ContactSet:
-    contacts: Contacts
-    radius: np.ndarray
-    volume: float
+def snapshot_of(radius, contacts=NO_CONTACTS, volume=1e-9):
+    """A Snapshot of the Scene of Table 1, with E = 0.15 GPa, in a cube."""
+    scene = Scene()
+    assert scene.young_modulus == E
+    return Snapshot(scene, np.asarray(radius, dtype=float), np.eye(3) * volume ** (1 / 3), contacts)
 
 
 def make(seed, contacts, grains, size_ratio, anisotropy):
-    """`anisotropy`: 0 isotropic, towards 1 all normals lie along a random axis."""
+    """A Snapshot. `anisotropy`: 0 isotropic, towards 1 all normals lie along a random axis."""
     rng = np.random.default_rng(seed)
     radius = 1e-4 * rng.uniform(1.0, size_ratio, grains)
     pair = np.array([rng.choice(grains, 2, replace=False) for _ in range(contacts)], dtype=int).reshape(-1, 2)
@@ -31,7 +31,7 @@ def make(seed, contacts, grains, size_ratio, anisotropy):
     overlap = rng.uniform(1e-4, 0.05, contacts) * radius.min()
     force = overlap * rng.uniform(0.5, 2.0, contacts) * 2e4
     found = Contacts(pair, normal, overlap, force, tangential, np.zeros((contacts, 3)))
-    return ContactSet(found, radius, float(rng.uniform(1.2, 2.5) * 4 / 3 * np.pi * np.sum(radius**3)))
+    return snapshot_of(radius, found, float(rng.uniform(1.2, 2.5) * 4 / 3 * np.pi * np.sum(radius**3)))
 
 
 contact_sets = st.builds(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
 import tracemalloc
@@ -18,24 +19,23 @@ from labkit.sff.family import stress
 WHOLE_RUN = ("statistics", "love_stress", "sff_stress", "size_groups", "strong_networks", "contact_changes")
 
 
-def bench_statistics(file, rounds=15):
+def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFrame:
     """A pandas.DataFrame: milliseconds of each computation for the last snapshot (median of `rounds`), and seconds and
     peak memory (MB) of each over the whole run, opened anew."""
     run = labkit.open_run(file)
-    contacts, radius = run.lab.contact_arrays(-1), run["radius"].values
-    volume, E = float(run["snapshot_volume"].values[-1]), run.lab.scene.young_modulus
-    group = groups_by_diameter(radius, diameter_edges(radius, 5))
+    snapshot = run.lab.snapshot(-1)
+    group = groups_by_diameter(snapshot, diameter_edges(snapshot, 5))
     of_one = {
-        "Z, A, Lambda, F, F^t": lambda: fabric(contacts, radius, E),
-        "Love's stress": lambda: love_stress(contacts, radius, volume),
-        "five size groups": lambda: group_stresses(contacts, radius, volume, group, 5),
-        "C0": lambda: stress("c0", contacts, radius, volume, E),
-        "fourth order": lambda: stress("fourth", contacts, radius, volume, E),
-        "error budget": lambda: error_budget(contacts, radius, volume, E),
-        "reading the snapshot": lambda: run.lab.contact_arrays(-1),
+        "Z, A, Lambda, F, F^t": lambda: fabric(snapshot),
+        "Love's stress": lambda: love_stress(snapshot),
+        "five size groups": lambda: group_stresses(snapshot, group, 5),
+        "C0": lambda: stress("c0", snapshot),
+        "fourth order": lambda: stress("fourth", snapshot),
+        "error budget": lambda: error_budget(snapshot),
+        "reading the snapshot": lambda: run.lab.snapshot(-1),
     }
     rows = [
-        {"what": f"{name}, one snapshot of {len(contacts)} contacts", "milliseconds": 1e3 * _median(of, rounds)}
+        {"what": f"{name}, one snapshot of {len(snapshot.contacts)} contacts", "milliseconds": 1e3 * _median(of, rounds)}
         for name, of in of_one.items()
     ]
     held = sum(run[name].nbytes for name, variable in run.variables.items() if "contact" in variable.dims) / 1e6

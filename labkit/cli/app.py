@@ -326,22 +326,22 @@ def do_figure(options, argv):
 
 def do_picture(options, argv):
     from labkit.visuals import plots
-    from labkit.visuals.moment import moments
+    from labkit.runs.dataset import snapshots
     from labkit.visuals.picture import picture
 
     output = options.output or figure_name(options.file, "picture")
     require_outputs(output, None)
-    snapshots = options.snapshot or [-1] * (labkit_kind(options.file) == "run")
-    plots.save(picture(moments(options.file, snapshots)), output, [options.file])
+    numbers = options.snapshot or [-1] * (labkit_kind(options.file) == "run")
+    plots.save(picture(snapshots(options.file, numbers)), output, [options.file])
     print(f"picture: {output}")
 
 
 def do_paraview(options, argv):
     from labkit.visuals import paraview
-    from labkit.visuals.moment import moments
+    from labkit.runs.dataset import snapshots
 
     paraview.require_meshio()
-    found = moments(options.file, options.snapshot or ())
+    found = snapshots(options.file, options.snapshot or ())
     folder = make_folder(options.output or str(Path(figure_name(options.file, "paraview")).with_suffix("")), "-o")
     print(*paraview.write_series(found, folder), paraview.HINT, sep="\n")
 

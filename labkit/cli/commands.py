@@ -13,7 +13,6 @@ from labkit.engines import require_law
 from labkit.errors import InputError
 from labkit.io.files import open_netcdf, require_writable
 from labkit.dem.limits import RECORDED, exceeded, exceeded_by
-from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.dem.paths import Consolidation, make_path, path_class
 from labkit.io.provenance import provenance
@@ -87,7 +86,7 @@ def consolidation(options, progress, history):
     state = consolidate(state, path.pressure, options.engine, options.threads, progress)
     made = provenance(history, [options.specimen], options.output, state.seed)
     write_state(options.output, state.replace(history=state.history + "\n" + history, provenance=made))
-    print(f"{options.output}: {describe(summary(state))}, pressure off by {pressure_error(state, path.pressure):.2%}")
+    print(f"{options.output}: {describe(summary(state))}, pressure off by {pressure_error(state.snapshot(), path.pressure):.2%}")
 
 
 def check_layer(options):
@@ -124,7 +123,7 @@ def check_run(options):
     require_law(options.engine, scene)
     state = state.replace(scene=scene)
     path = make_path(
-        options.path, mean_stress(love_stress(contacts_of(state), state.radius, state.volume)),
+        options.path, mean_stress(love_stress(state.snapshot())),
         pressure=options.pressure, strain=options.strain, rate=rate, reversals=options.reversals,
     )  # fmt: skip
     interval = options.record_strain

@@ -6,14 +6,15 @@ import numpy as np
 
 from labkit.dem import servo
 from labkit.dem.energy import opened, require_balanced
-from labkit.engines import start_engine
-from labkit.errors import PhysicsError
-from labkit.micro.contacts import contacts_of
-from labkit.micro.indicators import unbalanced_force
-from labkit.micro.stress import love_stress
-from labkit.dem.paths import Consolidation
-from labkit.io.progress import log_fraction
+from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.paths import Consolidation, Control, Path
 from labkit.dem.specimen import ready
+from labkit.dem.state import State
+from labkit.errors import InputError, PhysicsError
+from labkit.io.progress import log_fraction
+from labkit.micro.indicators import unbalanced_force
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
 UNBALANCED = 1e-3
@@ -21,39 +22,42 @@ CHECK_INTERVAL = 250  # steps
 STEP_LIMIT = 200_000
 
 
-def pressure_error(state, pressure):
-    """Largest deviation of the three normal stresses from `pressure`, over it."""
-    return stress_error(state, Consolidation(pressure).control())
+def pressure_error(snapshot: Snapshot, pressure: float) -> float:
+    """Largest deviation of the three normal stresses from `pressure` (Pa), over it."""
+    return stress_error(snapshot, Consolidation(pressure=pressure).control())
 
 
-def consolidate(specimen, pressure, engine="yade", threads=1, progress=lambda fraction, text: None):
+def consolidate(specimen: State, pressure: float, start: Start, progress: Progress = silent) -> State:
     """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit."""
-    return bring_to(specimen, Consolidation(pressure), engine, threads, progress)
+    return bring_to(specimen, Consolidation(pressure=pressure), start, progress)
 
 
-def stress_error(state, control):
+def stress_error(snapshot: Snapshot, control: Control) -> float:
     """Largest deviation of the stresses that a Control holds from their targets, over these."""
-    stress = np.diag(love_stress(contacts_of(state), state.radius, state.volume))
+    stress = np.diag(love_stress(snapshot))
     return float(np.abs(control.measure @ stress / control.target - 1.0).max())
 
 
-def bring_to(specimen, path, engine="yade", threads=1, progress=lambda fraction, text: None):
+def bring_to(specimen: State, path: Path, start: Start, progress: Progress = silent) -> State:
     """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit."""
-    machine = start_engine(engine, opened(ready(specimen, engine, threads)), threads)
+    engine = start(opened(ready(specimen, start)))
     control = path.control()
-    first = max(stress_error(specimen, control), 2 * TOLERANCE)
+    if control is None:
+        raise InputError(f"path {path.name} holds no stress: give one that does")
+    first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
-        state = machine.state()
-        require_balanced(state)
-        error = stress_error(state, control)
+        state = engine.state()
+        snapshot = state.snapshot()
+        require_balanced(state, snapshot)
+        error = stress_error(snapshot, control)
         progress(log_fraction(first, error, TOLERANCE), f"consolidation, stress off by {error:.2%}")
-        unbalanced = unbalanced_force(state.number_of_grains, contacts_of(state))
+        unbalanced = unbalanced_force(snapshot)
         if step and error < TOLERANCE and unbalanced < UNBALANCED:
             return state.at_rest()
-        stiffness, before = servo.cell_stiffness(state), state.velocity_gradient
+        stiffness, before = servo.cell_stiffness(snapshot), state.velocity_gradient
         for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
-            before = servo.velocity_gradient(path, 1.0, state.time_step, machine.stress(), stiffness, before)
-            machine.advance(servo.STANDARD.interval, before)
+            before = servo.velocity_gradient(path, 1.0, state.time_step, engine.stress(), stiffness, before)
+            engine.advance(servo.STANDARD.interval, before)
     raise PhysicsError(
         f"the specimen does not reach {np.array2string(control.target, precision=4)} Pa in {STEP_LIMIT} steps "
         f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress nearer to its own"

@@ -7,38 +7,58 @@ loss is summed by its own formula, slip times force and not as a remainder, so t
 
 from __future__ import annotations
 
+import numpy as np
+
+from labkit.dem.state import Ledger, State
 from labkit.errors import PhysicsError
-from labkit.micro.contacts import contacts_of
-from labkit.micro.indicators import elastic_energy, kinetic_energy
-from labkit.dem.state import Ledger
+from labkit.micro.indicators import elastic_energy
+from labkit.micro.snapshot import Snapshot
 
 BALANCE_LIMIT = 0.05  # of the larger of work and initial energy
 
 
-def stored_energy(state, contacts=None):
-    """Kinetic energy without the mean field and elastic energy, J."""
-    contacts = contacts_of(state) if contacts is None else contacts
-    return kinetic_energy(state) + elastic_energy(state.scene, state.radius, contacts)
+def fluctuation_velocity(state: State) -> np.ndarray:
+    """Velocity without the mean field, v - L x, shape (grain, 3), m/s."""
+    return state.velocity - state.position @ state.velocity_gradient.T
 
 
-def opened(state):
+def kinetic_energy(state: State) -> float:
+    """Translational (mean field taken away) and rotational energy of all grains, J."""
+    velocity = fluctuation_velocity(state)
+    translation = state.scene.mass(state.radius) @ np.einsum("gi,gi->g", velocity, velocity)
+    spin = np.einsum("gi,gi->g", state.angular_velocity, state.angular_velocity)
+    return 0.5 * float(translation + state.scene.moment_of_inertia(state.radius) @ spin)
+
+
+def drift_velocity(state: State) -> np.ndarray:
+    """Velocity of the centre of mass without the mean field, shape (3,), m/s: total momentum over mass."""
+    mass = state.scene.mass(state.radius)
+    return mass @ fluctuation_velocity(state) / mass.sum()
+
+
+def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
+    """Kinetic energy without the mean field and elastic energy, J. `snapshot`: that of the state, if at hand."""
+    return kinetic_energy(state) + elastic_energy(snapshot or state.snapshot())
+
+
+def opened(state: State) -> State:
     """The same state with a new ledger, which begins with the energy that is stored now."""
     return state.replace(ledger=Ledger(start=stored_energy(state)))
 
 
-def balance_error(state, contacts=None):
+def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
     """Energy that has vanished (positive) or come from nothing (negative) since the ledger was opened, over the work
-    of the cell or the initial energy, whichever is larger; 0 where both are zero."""
+    of the cell or the initial energy, whichever is larger; 0 where both are zero. `snapshot`: if at hand."""
     ledger = state.ledger
     scale = max(abs(ledger.cell_work), ledger.start)
     lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
-    missing = ledger.cell_work + ledger.start - stored_energy(state, contacts) - lost
+    missing = ledger.cell_work + ledger.start - stored_energy(state, snapshot) - lost
     return missing / scale if scale > 0.0 else 0.0
 
 
-def require_balanced(state, contacts=None):
-    """Raises PhysicsError when the energy balance has drifted."""
-    error = balance_error(state, contacts)
+def require_balanced(state: State, snapshot: Snapshot | None = None) -> None:
+    """Raises PhysicsError if the energy balance has drifted. `snapshot`: that of the state, if at hand."""
+    error = balance_error(state, snapshot)
     if not abs(error) <= BALANCE_LIMIT:
         raise PhysicsError(
             f"the energy balance is off by {error:.1%} of the work at step {state.step}: the time step "

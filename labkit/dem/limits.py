@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from labkit.dem.state import State
 from labkit.errors import InputError
-from labkit.micro.contacts import contacts_of
 from labkit.micro.indicators import overlap_ratio
+from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 
 PRESSURE_LIMIT = 3e6  # Pa
@@ -19,7 +22,7 @@ DRIFT_LIMIT = 0.01  # share of the kinetic energy that is motion of the whole
 RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # what exceeded() looks at
 
 
-def exceeded(run):
+def exceeded(run: Mapping[str, np.ndarray]) -> list[str]:
     """Where a run left the limits: a list of sentences. `run`: name -> array of the variables RECORDED."""
     found = []
     for what, values, limit in (
@@ -38,23 +41,22 @@ def exceeded(run):
     return found
 
 
-def exceeded_by(state):
+def exceeded_by(state: State) -> list[str]:
     """Where a specimen is outside the limits before any test: a list of sentences."""
-    contacts = contacts_of(state)
-    pressure = mean_stress(love_stress(contacts, state.radius, state.volume))
+    snapshot = state.snapshot()
     return [
         f"{what} {value:.3g} is above {limit:g}"
         for what, value, limit in (
-            ("mean overlap", overlap_ratio(state.radius, contacts), OVERLAP_LIMIT),
-            ("mean stress in Pa", pressure, PRESSURE_LIMIT),
+            ("mean overlap", overlap_ratio(snapshot), OVERLAP_LIMIT),
+            ("mean stress in Pa", mean_stress(love_stress(snapshot)), PRESSURE_LIMIT),
         )
         if value > limit
     ]
 
 
-def require_shallow(state):
-    """Raises InputError when grains overlap as where they were put at random, and not as pressure makes them."""
-    overlap = overlap_ratio(state.radius, contacts_of(state))
+def require_shallow(snapshot: Snapshot) -> None:
+    """Raises InputError if grains overlap as where they were put at random, and not as pressure makes them."""
+    overlap = overlap_ratio(snapshot)
     if overlap > OVERLAP_END:
         raise InputError(
             f"the grains overlap by {overlap:.0%} of their diameter on average, too deep for the contact law: let them "

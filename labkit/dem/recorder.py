@@ -21,6 +21,7 @@ from labkit.io.interruption import only_writer
 from labkit.io.provenance import data_sha256
 from labkit.io.schema import CONTACTS, GRAINS, RECORD, STATE
 from labkit.dem.state import State, read_group, write_attributes
+from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,10 +58,10 @@ class Recorder:
     def __exit__(self, *exception):
         return self._lock.__exit__(*exception)
 
-    def record(self, values, contacts=None, position=None):
-        """Keeps one record (labkit.dem.measure), with a snapshot if contacts and positions are given."""
-        if contacts is not None:
-            self._snapshots.append((self.records, contacts, position))
+    def record(self, values: dict, snapshot: Snapshot | None = None) -> None:
+        """Keeps one record (labkit.dem.measure), with the snapshot if it is given."""
+        if snapshot is not None:
+            self._snapshots.append((self.records, snapshot.contacts, snapshot.position))
         self._new.append(values)
         self.records += 1
 

@@ -23,8 +23,9 @@ import dataclasses
 
 import numpy as np
 
-from labkit.errors import InputError
-from labkit.micro.contacts import contacts_of
+from labkit.dem.paths import Path
+from labkit.micro.snapshot import Snapshot
+from labkit.parameters import check_parameters, parameter
 
 LOW_PASS = 0.25
 RATE_LIMIT = 3.0  # of the rate of the path
@@ -35,35 +36,35 @@ FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts from being 
 class Servo:
     """How strongly and how often stresses are corrected. Raises InputError for values that are not possible."""
 
-    gain: float = 2.0
-    interval: int = 5  # steps between two corrections
+    gain: float = parameter(2.0, above=0.0, high=1e3, help="gain of the servo")
+    interval: int = parameter(5, low=1, high=10**6, help="steps between two corrections")
 
-    def __post_init__(self):
-        if not 0.0 < self.gain <= 1e3:
-            raise InputError(f"the gain of the servo is {self.gain}: give a number above 0, e.g. 2")
-        if not (isinstance(self.interval, int) and self.interval >= 1):
-            raise InputError(f"the interval of the servo is {self.interval}: give a whole number of steps, e.g. 5")
+    def __post_init__(self) -> None:
+        check_parameters(self)
 
 
 STANDARD = Servo()
 
 
-def cell_stiffness(state):
+def cell_stiffness(snapshot: Snapshot) -> np.ndarray:
     """d(sigma_ii)/d(eps_jj) if all grains moved with the mean field, shape (3, 3), Pa.
 
     (1/V) sum over contacts of b^2 [kn ni^2 nj^2 + kt (delta_ij ni^2 - ni^2 nj^2)], b the branch length.
     """
-    contacts = contacts_of(state)
-    a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
-    kn, kt = state.scene.normal_stiffness(a, b), state.scene.tangential_stiffness(a, b)
+    scene, radius, contacts = snapshot.scene, snapshot.radius, snapshot.contacts
+    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
+    kn, kt = scene.normal_stiffness(a, b), scene.tangential_stiffness(a, b)
     squared = contacts.normal**2
-    length2 = contacts.branch_length(state.radius) ** 2
+    length2 = contacts.branch_length(radius) ** 2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
     tangential = np.diag((kt * length2) @ squared)
-    return (normal + tangential) / state.volume + FLOOR * state.scene.young_modulus * np.eye(3)
+    return (normal + tangential) / snapshot.volume + FLOOR * snapshot.young_modulus * np.eye(3)
 
 
-def velocity_gradient(path, sign, time_step, stress=None, stiffness=None, before=None, servo=STANDARD):
+def velocity_gradient(
+    path: Path, sign: float, time_step: float, stress: np.ndarray | None = None, stiffness: np.ndarray | None = None,
+    before: np.ndarray | None = None, servo: Servo = STANDARD,
+) -> np.ndarray:  # fmt: skip
     """The velocity gradient L (3, 3), 1/s, of a path until the `servo` corrects again.
 
     Given rates make 1 + L dt = exp(-rate dt) in every step: the cell follows the logarithmic strains exactly,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 
 import netCDF4
 import numpy as np
@@ -19,6 +20,8 @@ from labkit.io.files import create_variables, open_netcdf, whole_file
 from labkit.io.provenance import data_sha256
 from labkit.dem.scene import Scene
 from labkit.io.schema import SIZES, STATE
+from labkit.micro.contacts import Contacts, branch_vectors
+from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Ledger:
     rolling_loss: float = 0.0
     damping_loss: float = 0.0
 
-    def plus(self, *flows):
+    def plus(self, *flows: float) -> Ledger:
         """With more work and losses, in the order of the fields."""
         values = dataclasses.astuple(self)
         return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
@@ -65,25 +68,44 @@ class State:
     ledger: Ledger = Ledger()
 
     @property
-    def number_of_grains(self):
+    def number_of_grains(self) -> int:
+        """N_g, grains without contacts included."""
         return len(self.radius)
 
     @property
-    def volume(self):
+    def volume(self) -> float:
         """Volume of the cell, m3."""
         return float(np.linalg.det(self.cell))
 
-    def replace(self, **changes):
+    def replace(self, **changes) -> State:
+        """The same state with other fields."""
         return dataclasses.replace(self, **changes)
 
-    def digest(self):
+    def snapshot(self) -> Snapshot:
+        """The Snapshot of this instant, with the normal forces of the scene's contact law (Eq. 1)."""
+        grain = self.contact_grain
+        branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
+        distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
+        radius_a, radius_b = self.radius[grain[:, 0]], self.radius[grain[:, 1]]
+        overlap = radius_a + radius_b - distance
+        contacts = Contacts(
+            grain=grain,
+            normal=branch / distance[:, None],
+            overlap=overlap,
+            normal_force=self.scene.normal_stiffness(radius_a, radius_b) * overlap,
+            tangential_force=self.tangential_force,
+            rolling_moment=self.rolling_moment,
+        )
+        return Snapshot(self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity)
+
+    def digest(self) -> str:
         """SHA-256 of the scene and of all arrays, hexadecimal: tells one specimen from another."""
         digest = hashlib.sha256(self.scene.to_json().encode())
         for name in STATE:
             digest.update(np.ascontiguousarray(getattr(self, name)).tobytes())
         return digest.hexdigest()
 
-    def at_rest(self):
+    def at_rest(self) -> State:
         """The same state with all velocities zero, the cell held, and the clock at zero."""
         zero = np.zeros_like(self.velocity)
         return self.replace(
@@ -91,7 +113,9 @@ class State:
         )
 
 
-def grains_in_cell(scene, radius, position, cell, seed=0, history=""):
+def grains_in_cell(
+    scene: Scene, radius: np.ndarray, position: np.ndarray, cell: np.ndarray, seed: int = 0, history: str = ""
+) -> State:
     """A State of grains at rest without contact history. radius (n,), position (n, 3), cell (3, 3), m."""
     zero = np.zeros((len(radius), 3))
     return State(
@@ -108,8 +132,8 @@ FAR = 1000  # cells: no grain travels so far
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
-def write_attributes(dataset, state, kind):
-    """The attributes that state and run files share."""
+def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
+    """Writes the attributes that state and run files share. `kind`: state or run."""
     dataset.Conventions = "CF-1.10"
     dataset.labkit_file = kind
     dataset.labkit_version = labkit.__version__
@@ -119,7 +143,7 @@ def write_attributes(dataset, state, kind):
     dataset.ledger = np.array(dataclasses.astuple(state.ledger))
 
 
-def read_group(group, attributes, contacts=None):
+def read_group(group: netCDF4.Group, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
     """The State in a netCDF group, with the attributes of the dataset `attributes`.
 
     `contacts`: how many contacts hold, if the group may have room for more.
@@ -138,7 +162,7 @@ def read_group(group, attributes, contacts=None):
     return State(scene=Scene.from_json(attributes.scene), **values, **kept)
 
 
-def write_state(path, state):
+def write_state(path: str | os.PathLike, state: State) -> None:
     """Writes a state file, whole or not at all."""
     with whole_file(path) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
         write_attributes(dataset, state, "state")
@@ -148,8 +172,8 @@ def write_state(path, state):
         dataset.data_sha256 = data_sha256(dataset)
 
 
-def read_state(path):
-    """Reads a state file. Raises InputError when it is missing, of another kind, or damaged."""
+def read_state(path: str | os.PathLike) -> State:
+    """Reads a state file. Raises InputError if it is missing, of another kind, or damaged."""
     with open_netcdf(path, "state") as dataset:
         try:
             state = read_group(dataset, dataset)
@@ -159,8 +183,8 @@ def read_state(path):
             raise InputError(f"{path} is damaged ({error}): write it again") from None
 
 
-def require_valid(state):
-    """Raises ValueError when the arrays of a state cannot be grains in a cell."""
+def require_valid(state: State) -> None:
+    """Raises ValueError if the arrays of a state cannot be grains in a cell."""
     grains, contacts = state.number_of_grains, len(state.contact_grain)
     for name, variable in STATE.items():
         values = getattr(state, name)
@@ -168,7 +192,7 @@ def require_valid(state):
         if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
             raise ValueError(f"{name} has the shape {values.shape}")
         if not np.isfinite(values).all():
-            raise ValueError(f"{name} holds values that are no numbers")
+            raise ValueError(f"{name} holds NaN or infinite values")
     if not (state.radius > 0.0).all():
         raise ValueError("radius holds values that are not positive")
     if not state.volume > 0.0:

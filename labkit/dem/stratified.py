@@ -18,7 +18,6 @@ import numpy as np
 from labkit.dem.consolidation import bring_to
 from labkit.errors import InputError
 from labkit.dem.limits import PRESSURE_LIMIT
-from labkit.micro.contacts import contacts_of
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import group_stresses
 from labkit.dem.paths import Biaxial
@@ -141,13 +140,14 @@ def stratum_of(state):
 
 def strata(state):
     """The two strata, the coarse upper one first, a list of Stratum."""
-    contacts, group = contacts_of(state), stratum_of(state)
-    stresses = group_stresses(contacts, state.radius, state.volume, group, 2)
-    normalised = normalised_normal_force(state.radius, contacts, state.scene.young_modulus, disc_volume(state))
+    snapshot, group = state.snapshot(), stratum_of(state)
+    contacts, volume = snapshot.contacts, disc_volume(state)
+    stresses = group_stresses(snapshot, group, 2)
+    normalised = normalised_normal_force(snapshot, volume)
     side = group[contacts.grain]
     force = np.stack([contacts.normal_force] * 2, axis=1)
-    by_force = strong_by_force(contacts)
-    by_normalised = strong_by_normalised_force(state.radius, contacts, disc_volume(state))
+    by_force = strong_by_force(snapshot)
+    by_normalised = strong_by_normalised_force(snapshot, volume)
     return [
         Stratum(
             name, int(stresses.grains[k]), int(stresses.contacts[k]),

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit.dem.state import State
 from labkit.errors import PhysicsError
-from labkit.micro.contacts import contacts_of
+from labkit.micro.snapshot import Snapshot
 
 
-def critical_time_step(state):
+def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     """A time step below which the integration of this state is stable, s; inf without contacts.
 
     A mode of x'' + C x' + K x = 0 is stable in the leapfrog with forces that see the velocity of half a step before
@@ -16,19 +17,21 @@ def critical_time_step(state):
     For all modes: K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and so for C. K_g (6 x 6) is the
     stiffness that one grain feels when all others are held: the energy k (u_a - u_b)^2/2 of a contact is at most
     k (u_a^2 + u_b^2). Translation and rotation, tangential and rolling stiffness and the dashpots of law paper count.
+    `snapshot`: that of the state, if at hand.
     """
-    contacts = contacts_of(state)
+    snapshot = snapshot or state.snapshot()
+    contacts = snapshot.contacts
     if len(contacts) == 0:
         return np.inf
     scene = state.scene
     a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
     kn, kt = scene.normal_stiffness(a, b), scene.tangential_stiffness(a, b)
     kr = scene.rolling_stiffness(a, b) if scene.rolling_friction > 0 else np.zeros_like(kt)
-    K = 2.0 * largest_eigenvalues(state, contacts, kn, kt, kr)
+    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr)
     C = np.zeros_like(K)
     if scene.law == "paper":
         cn, ct = scene.dashpots(a, b)
-        C = 2.0 * largest_eigenvalues(state, contacts, cn, ct, np.zeros_like(kt))
+        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, np.zeros_like(kt))
     with np.errstate(divide="ignore"):  # a grain without contacts has no limit
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
@@ -36,9 +39,11 @@ def critical_time_step(state):
 CHUNK = 20_000  # contacts or grains at a time: matrices of all of them would need more memory than the simulation
 
 
-def largest_eigenvalues(state, contacts, normal, tangential, rolling):
+def largest_eigenvalues(
+    snapshot: Snapshot, normal: np.ndarray, tangential: np.ndarray, rolling: np.ndarray
+) -> np.ndarray:
     """Of M^-1 K_g for every grain, with these coefficients of the contacts, N/m and N m (or N s/m); shape (grain,)."""
-    scene, radius, grains = state.scene, state.radius, state.number_of_grains
+    scene, radius, grains, contacts = snapshot.scene, snapshot.radius, snapshot.number_of_grains, snapshot.contacts
     K = np.zeros((grains, 6, 6))
     for first in range(0, len(contacts), CHUNK):
         some = slice(first, first + CHUNK)
@@ -72,9 +77,9 @@ def _add_contacts(K, radius, grains, n, normal, tangential, rolling):
         np.add.at(K[:, :3, 3:], grain, coupling.transpose(0, 2, 1))
 
 
-def require_stable(state):
-    """Raises PhysicsError when the time step is beyond the stability limit of the state."""
-    limit = critical_time_step(state)
+def require_stable(state: State, snapshot: Snapshot | None = None) -> None:
+    """Raises PhysicsError if the time step is beyond the stability limit of the state. `snapshot`: if at hand."""
+    limit = critical_time_step(state, snapshot)
     if state.time_step > limit:
         raise PhysicsError(
             f"the time step {state.time_step:.3g} s is beyond the stable {limit:.3g} s: "

@@ -26,14 +26,14 @@ class Contacts:
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.overlap)
 
-    def branch_length(self, radius):
+    def branch_length(self, radius: np.ndarray) -> np.ndarray:
         """Distance of the two centres, R_a + R_b - delta, shape (n,), m. `radius` (grain,) in m."""
         return radius[self.grain[:, 0]] + radius[self.grain[:, 1]] - self.overlap
 
-    def force_on_first(self):
+    def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the second carries the opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
@@ -43,42 +43,10 @@ NO_CONTACTS = Contacts(
 )
 
 
-def branch_vectors(position, cell, grain, shift):
+def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """Vectors x_b + H s - x_a from the first to the second grain, shape (n, 3), m.
 
     position (grain, 3) m; cell (3, 3) with the cell vectors as columns, m; grain (n, 2);
     shift (n, 3): cell periods to add to the second grain.
     """
     return position[grain[:, 1]] + shift @ cell.T - position[grain[:, 0]]
-
-
-def contacts_of(state):
-    """The Contacts of a State, with the normal force of the scene's law, fn = kn delta (Eq. 1)."""
-    grain = state.contact_grain
-    branch = branch_vectors(state.position, state.cell, grain, state.contact_shift)
-    distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-    radius_a, radius_b = state.radius[grain[:, 0]], state.radius[grain[:, 1]]
-    overlap = radius_a + radius_b - distance
-    return Contacts(
-        grain=grain,
-        normal=branch / distance[:, None],
-        overlap=overlap,
-        normal_force=state.scene.normal_stiffness(radius_a, radius_b) * overlap,
-        tangential_force=state.tangential_force,
-        rolling_moment=state.rolling_moment,
-    )
-
-
-def grain_diameters(radius, contacts):
-    """Diameter of the grain on each side of each contact, shape (n, 2), m."""
-    return 2.0 * radius[contacts.grain]
-
-
-def contact_arms(radius, contacts):
-    """|l| = R - delta/2 of the contact vector l on each side (Eq. 4), shape (n, 2), m."""
-    return radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
-
-
-def contacts_per_grain(number_of_grains, contacts):
-    """Number of contacts of each grain, shape (grain,)."""
-    return np.bincount(contacts.grain.ravel(), minlength=number_of_grains)

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 
 from labkit.micro.directions import Fit, fit, normal_density
-from labkit.micro.normalised import vectors_of_contacts
+from labkit.micro.normalised import Vectors, vectors_of_contacts
+from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Series:
     mobilisation: np.ndarray
 
 
-def series_of(vectors, order=2):
+def series_of(vectors: Vectors, order: int = 2) -> Series:
     """The Series of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4; not for an empty set."""
     n = vectors.normal
     density = normal_density(n, order)
@@ -52,20 +53,18 @@ def series_of(vectors, order=2):
     return Series(density, normal_force, mobilisation)
 
 
-def contact_anisotropy(normal):
+def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
     """A = 15/2 (<n n> - I/3) (Eq. 10), shape (3, 3). `normal` (n, 3) unit vectors; NaN for n = 0."""
     return normal_density(normal).second
 
 
-def statistics(contacts, radius, young_modulus):
-    """Z, A, Lambda, F and F^t of a set of contacts (Eqs. 10, 24, 25, 27).
-
-    `radius` (grain,) m of all grains, those without contacts included; `young_modulus` E in Pa.
-    """
+def statistics(snapshot: Snapshot) -> Statistics:
+    """Z, A, Lambda, F and F^t of a snapshot (Eqs. 10, 24, 25, 27), the variables of C0."""
+    contacts = snapshot.contacts
     if len(contacts) == 0:
         nothing = np.full((3, 3), np.nan)
         return Statistics(0.0, nothing, 0.0, nothing, nothing)
-    found = series_of(vectors_of_contacts(radius, contacts, young_modulus))
-    force = found.normal_force
-    Z = 2 * len(contacts) / len(radius)
-    return Statistics(Z, found.density.second, force.mean, force.second, found.mobilisation)
+    series = series_of(vectors_of_contacts(snapshot))
+    force = series.normal_force
+    Z = 2 * len(contacts) / snapshot.number_of_grains
+    return Statistics(Z, series.density.second, force.mean, force.second, series.mobilisation)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 import numpy as np
 
-from labkit.micro.contacts import contact_arms
+from labkit.micro.snapshot import Snapshot, contact_arms
 
 
-def network_stress(contacts, radius, volume, side):
+def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
     """-(1/V) sum of l (x) f over chosen contact sides (Eq. 4), shape (3, 3), Pa. `side` (n, 2) of bool.
 
     All sides together give Love's stress.
     """
-    arm = np.where(side, contact_arms(radius, contacts), 0.0).sum(axis=1)
-    return -((arm[:, None] * contacts.normal).T @ contacts.force_on_first()) / volume
+    contacts = snapshot.contacts
+    arm = np.where(side, contact_arms(snapshot), 0.0).sum(axis=1)
+    return -((arm[:, None] * contacts.normal).T @ contacts.force_on_first()) / snapshot.volume
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Lives:
     birth: np.ndarray
     death: np.ndarray
 
-    def age_sum(self, times):
+    def age_sum(self, times: np.ndarray) -> np.ndarray:
         """Sum over the contacts at each snapshot of the time since their birth, shape (K,); `times` (K,)."""
         K = len(self.contacts)
         born = np.bincount(self.birth, minlength=K)[:K]
@@ -45,7 +47,7 @@ class Lives:
         return np.cumsum(born - died) * times - np.cumsum(births - ended)
 
 
-def follow(pairs_of_snapshots, grains):
+def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
     """The Lives of contacts, from the pairs (n, 2) of grains of one snapshot after the other.
 
     Only two snapshots are held at a time. Two contacts of the same two grains, in a cell hardly wider than a grain,

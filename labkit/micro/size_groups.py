@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.contacts import contact_arms
+from labkit.micro.snapshot import Snapshot, contact_arms
 from labkit.micro.void_ratio import grain_volume
 
 
@@ -29,15 +29,15 @@ class GroupStresses:
     per_volume: np.ndarray
 
     @property
-    def by_volume(self):
+    def by_volume(self) -> np.ndarray:
         """Z(k)/Z V_g(k)/V_g, the weights of Eq. 17, shape (K,)."""
         return self.coordination_ratio * self.volume_fraction
 
-    def sum_by_contacts(self):
+    def sum_by_contacts(self) -> np.ndarray:
         """sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
         return _weighted_sum(self.by_contacts, self.per_contact)
 
-    def sum_by_volume(self):
+    def sum_by_volume(self) -> np.ndarray:
         """sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
         return _weighted_sum(self.by_volume, self.per_volume)
 
@@ -48,18 +48,18 @@ def _weighted_sum(weights, stresses):
     return np.einsum("k,kij->ij", weights[counted], stresses[counted])
 
 
-def diameter_edges(radius, groups):
-    """Edges of `groups` equal intervals of the diameter, shape (groups + 1,), m. `radius` (grain,) m."""
-    low, high = 2.0 * radius.min(), 2.0 * radius.max()
+def diameter_edges(snapshot: Snapshot, groups: int) -> np.ndarray:
+    """Edges of `groups` equal intervals of the diameter, shape (groups + 1,), m."""
+    low, high = 2.0 * snapshot.radius.min(), 2.0 * snapshot.radius.max()
     return np.linspace(low, high, groups + 1)
 
 
-def groups_by_diameter(radius, edges):
+def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
     """Index k of the interval edges[k] <= D < edges[k + 1] of each grain, shape (grain,); the last one is closed.
 
-    Raises InputError when the edges do not ascend or a grain lies outside them.
+    `edges` in m. Raises InputError if the edges do not ascend or a grain lies outside them.
     """
-    edges, diameter = np.asarray(edges, dtype=float), 2.0 * np.asarray(radius)
+    edges, diameter = np.asarray(edges, dtype=float), 2.0 * snapshot.radius
     if len(edges) < 2 or not (np.diff(edges) >= 0.0).all():
         raise InputError("the edges of size groups must ascend: give at least two diameters in m")
     if len(diameter) and (diameter.min() < edges[0] or diameter.max() > edges[-1]):
@@ -69,15 +69,14 @@ def groups_by_diameter(radius, edges):
     return np.clip(np.searchsorted(edges, diameter, side="right") - 1, 0, len(edges) - 2)
 
 
-def group_stresses(contacts, radius, volume, group, groups):
+def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupStresses:
     """The GroupStresses of a partition of the grains, by size or by anything else.
 
-    `group` (grain,) int from 0 to `groups` - 1; `volume` of the cell, m3. sigma^V(k) has for pi D_k^3/6 of Eq. 18
-    the mean grain volume V_g(k)/N_g(k) of its group: only so does Eq. 17 add up to Love exactly when diameters
-    differ within a group.
+    `group` (grain,) int from 0 to `groups` - 1. sigma^V(k) has for pi D_k^3/6 of Eq. 18 the mean grain volume
+    V_g(k)/N_g(k) of its group: only so does Eq. 17 add up to Love exactly if diameters differ within a group.
     """
-    group = np.asarray(group)
-    lf = _outer_products(contacts, radius)
+    group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume
+    lf = _outer_products(snapshot)
     side_group = group[contacts.grain]  # (n, 2)
     moment = np.stack([
         sum(np.bincount(side_group[:, s], lf[:, s, ij], groups) for s in (0, 1)) for ij in range(9)
@@ -101,8 +100,8 @@ def group_stresses(contacts, radius, volume, group, groups):
     )  # fmt: skip
 
 
-def _outer_products(contacts, radius):
+def _outer_products(snapshot):
     """l (x) f of each side, shape (n, 2, 9), N m."""
-    arm = contact_arms(radius, contacts)
+    contacts, arm = snapshot.contacts, contact_arms(snapshot)
     nf = (contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]).reshape(-1, 1, 9)
     return arm[:, :, None] * nf

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit.micro.snapshot import Snapshot
 
-def love_stress(contacts, radius, volume):
+
+def love_stress(snapshot: Snapshot) -> np.ndarray:
     """sigma = -(1/V) sum over grains and their contacts of l (x) f, with l = (R - delta/2) n (Eq. 4).
 
     The two sides of a contact have l f = (R - delta/2) n (x) f with opposite n and opposite f; added up
     they are the branch vector times the force. Shape (3, 3), Pa, compression positive, first index the
-    branch; zero without contacts. `radius` (grain,) m, `volume` of the cell m3.
+    branch; zero without contacts.
     """
-    weighted_normal = contacts.branch_length(radius)[:, None] * contacts.normal
-    return -(weighted_normal.T @ contacts.force_on_first()) / volume
+    contacts = snapshot.contacts
+    weighted_normal = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
+    return -(weighted_normal.T @ contacts.force_on_first()) / snapshot.volume
 
 
-def mean_stress(stress):
+def mean_stress(stress: np.ndarray) -> np.ndarray:
     """p = tr(sigma)/3. `stress` (..., 3, 3) Pa; shape (...)."""
     return np.trace(stress, axis1=-2, axis2=-1) / 3.0
 
 
-def deviatoric_stress(stress):
+def deviatoric_stress(stress: np.ndarray) -> np.ndarray:
     """q = sigma_zz - (sigma_xx + sigma_yy)/2, the triaxial q with its sign (the paper's sigma_1 - sigma_3).
 
     `stress` (..., 3, 3) Pa; shape (...).
@@ -29,7 +32,7 @@ def deviatoric_stress(stress):
     return stress[..., 2, 2] - 0.5 * (stress[..., 0, 0] + stress[..., 1, 1])
 
 
-def relative_error(stress, reference):
+def relative_error(stress: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Frobenius norm of the difference over that of the reference, shape (...); 0/0 is NaN."""
     difference = np.linalg.norm(np.asarray(stress) - reference, axis=(-2, -1))
     norm = np.linalg.norm(reference, axis=(-2, -1))

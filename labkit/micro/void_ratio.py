@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from labkit.micro.snapshot import Snapshot
 
-def lens_volume(radius_a, radius_b, overlap):
+
+def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """Volume common to two spheres that overlap by `overlap`, m3; any shape, zero where they do not touch.
 
     V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta;
@@ -21,20 +23,21 @@ def lens_volume(radius_a, radius_b, overlap):
     return np.where(inside, 4.0 / 3.0 * np.pi * smaller**3, lens)
 
 
-def grain_volume(radius):
+def grain_volume(radius: np.ndarray) -> float:
     """V_g = sum of pi D^3/6, m3 (below Eq. 16). `radius` (grain,) m."""
     return 4.0 / 3.0 * np.pi * np.sum(np.asarray(radius) ** 3)
 
 
-def void_ratio_nominal(radius, volume):
+def void_ratio_nominal(snapshot: Snapshot) -> float:
     """e with 1 + e = V/V_g (above Eq. 17): what C0 needs to follow from Love."""
-    return volume / grain_volume(radius) - 1.0
+    return snapshot.volume / grain_volume(snapshot.radius) - 1.0
 
 
-def void_ratio(radius, volume, contacts):
+def void_ratio(snapshot: Snapshot) -> float:
     """e with the overlap lenses out of the solid volume (section 2): what the paper reports.
 
     Lenses are counted pair by pair, exact while no three grains share a point.
     """
+    radius, contacts = snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
-    return volume / (grain_volume(radius) - lens_volume(a, b, contacts.overlap).sum()) - 1.0
+    return snapshot.volume / (grain_volume(radius) - lens_volume(a, b, contacts.overlap).sum()) - 1.0

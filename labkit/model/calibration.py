@@ -14,17 +14,21 @@ records is divided by the correlation length of the misfit (`thinning`), which t
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pandas
 import scipy.optimize
+import xarray
 
 from labkit.errors import InputError
 from labkit.model.adaptive import advance
 from labkit.model.compiled import compiled
+from labkit.model.equations import critical_coordination_number, critical_force
 from labkit.model.parameters import Model, Parameters
 from labkit.model.rates import FINE, SIZE, Control
 from labkit.model.tensors import to_six
+from labkit.runs.critical import SHEAR, at_end
 
 VARIABLES = ("coordination_number", "mean_normalised_force", "contact_anisotropy", "normal_force_anisotropy",
              "mobilisation")  # fmt: skip
@@ -38,9 +42,7 @@ PRIOR = 3.0  # width of a weak prior on the unknown of a parameter: keeps what i
 MOST_EVALUATIONS = 100
 DETERMINED = 0.5  # relative standard error from which the data do not determine a parameter
 CORRELATED = 0.95
-SHEAR = ("cv", "cr", "cp")
-WINDOW = 0.25  # the last quarter of the strain of a shear test counts as critical ...
-ENOUGH_STRAIN = 0.15  # ... if the test went so far
+ENOUGH_STRAIN = 0.15  # axial, from which the end of a shear test counts as critical
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Observation:
     values: np.ndarray
 
 
-def observe(name, run):
+def observe(name: str, run: xarray.Dataset) -> Observation:
     """The Observation of a run opened with labkit.open_run. Raises InputError when it has nothing to fit.
 
     At most MOST_RECORDS records, evenly in travelled strain. e is the nominal void ratio, which C0 and the
@@ -78,7 +80,7 @@ def observe(name, run):
     return Observation(name, run.attrs["path"], to_six(np.diff(strain[kept], axis=0)), e[kept], values[kept])
 
 
-def triaxial(tensor):
+def triaxial(tensor: np.ndarray) -> np.ndarray:
     """The part of (n, 3, 3) that is equal in x and y and has no shear."""
     radial = 0.5 * (tensor[:, 0, 0] + tensor[:, 1, 1])
     result = np.zeros_like(tensor)
@@ -96,7 +98,7 @@ def _turns(axial):
     return 1 + np.flatnonzero(step[1:] * step[:-1] < 0)
 
 
-def critical_fit(observations, model=Model()):
+def critical_fit(observations: Sequence[Observation], model: Model = Model()) -> dict[str, float]:
     """The seven critical state parameters from the ends of shear tests: name -> value.
 
     Means over the last quarter of the strain of CV, CR and CP tests that went to 15 % or more. e_cmax, c_cZ,
@@ -106,7 +108,7 @@ def critical_fit(observations, model=Model()):
     ends = [
         (o.e[end].mean(), *o.values[end].mean(axis=0))
         for o in observations if o.path in SHEAR and abs(o.strain_step[:, 2].sum()) >= ENOUGH_STRAIN
-        for end in [_end(o)]
+        for end in [at_end(np.concatenate([[0.0], np.cumsum(o.strain_step[:, 2])]))]
     ]  # fmt: skip
     if not ends:
         raise InputError(f"no shear test ({', '.join(SHEAR)}) among the runs goes to {ENOUGH_STRAIN:.0%} axial strain: "
@@ -119,9 +121,8 @@ def critical_fit(observations, model=Model()):
         free = ("e_cmax", "c_cZ", "c_cLam", "gamma_cZ")[: 4 if len(e) >= 3 else 3]
 
         def misfit(logarithms):
-            v = found | dict(zip(free, np.exp(logarithms)))
-            distance = np.maximum(v["e_cmax"] - e, 0.0)
-            lines = 4.0 + v["c_cZ"] * distance ** v["gamma_cZ"] - Z, v["c_cLam"] * distance - Lam
+            v = model.constants._replace(**found | dict(zip(free, np.exp(logarithms))))
+            lines = critical_coordination_number(e, v) - Z, critical_force(e, v) - Lam
             prior = 0.1 * (logarithms - start)  # a line through few points stays near Table 2
             return np.concatenate([lines[0] / NATURAL[0], lines[1] / NATURAL[1], prior])
 
@@ -129,11 +130,6 @@ def critical_fit(observations, model=Model()):
         solved = scipy.optimize.least_squares(misfit, start)
         found |= dict(zip(free, np.exp(solved.x).tolist()))
     return {**found, **norms}
-
-
-def _end(observation):
-    axial = np.concatenate([[0.0], np.cumsum(observation.strain_step[:, 2])])
-    return np.abs(axial) >= (1.0 - WINDOW) * np.abs(axial[-1])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,7 +147,7 @@ class Fit:
     warnings: list[str]
     predicted: dict  # name of the run -> (n, 5)
 
-    def report(self):
+    def report(self) -> str:
         """All of it as text."""
         shown = self.table.drop(columns=["low", "high"])
         pairs = _strongest(self.correlation, 8)
@@ -163,7 +159,10 @@ class Fit:
         return "\n".join(lines).rstrip()
 
 
-def fit(observations, model=Model(), names=None, thinning=True):
+def fit(
+    observations: Sequence[Observation], model: Model = Model(), names: Sequence[str] | None = None,
+    thinning: bool = True,
+) -> Fit:  # fmt: skip
     """Fits `names` (default: all of Table 2) to the observations of several runs at once; a Fit.
 
     Each run has five more unknowns, its start (Z, Lambda, A_zz, F_zz,

@@ -9,24 +9,29 @@ They take any e below e_cmax and any Lambda > 0: see `outside` in labkit.model.r
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import register_jitable
 
 from labkit.model.compiled import compiled
 from labkit.model.tensors import IDENTITY, deviator, dot, minus, norm, plus, symmetric_product, times, trace
+from labkit.sff import c0
+
+# The critical lines are for numbers in compiled code and, as they stand, for arrays of void ratios in Python. `c` may
+# be labkit.model.parameters.Parameters there, or anything else with these fields.
 
 
-@compiled
+@register_jitable
 def density_distance(e, c):
     """e_cmax - e; zero beyond e_cmax, which only the reading beyond_e_cmax = flat reaches."""
-    return max(c.e_cmax - e, 0.0)
+    return np.maximum(c.e_cmax - e, 0.0)
 
 
-@compiled
+@register_jitable
 def critical_coordination_number(e, c):
     """Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ."""
     return 4.0 + c.c_cZ * density_distance(e, c) ** c.gamma_cZ
 
 
-@compiled
+@register_jitable
 def critical_force(e, c):
     """Lambda^c = c_cLambda (e_cmax - e)."""
     return c.c_cLam * density_distance(e, c)
@@ -145,12 +150,21 @@ def void_ratio_rate(e, volumetric):
     return -(1.0 + e) * volumetric
 
 
+component = compiled(c0.bracket)  # of the bracket of C0
+
+
 @compiled
 def bracket(A, F, Ft):
-    """I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, the bracket of C0."""
-    isotropic = times(1.0 / 3.0 + 2.0 / 105.0 * dot(F, A), IDENTITY)
-    linear = plus(times(2.0 / 15.0, plus(A, F)), Ft)
-    return plus(isotropic, plus(linear, times(8.0 / 105.0, symmetric_product(F, A))))
+    """The bracket of C0 (labkit.sff.c0.bracket) of six-tuples."""
+    FA, tr = symmetric_product(F, A), dot(F, A)
+    return (
+        component(1.0, A[0], F[0], tr, FA[0], Ft[0]),
+        component(1.0, A[1], F[1], tr, FA[1], Ft[1]),
+        component(1.0, A[2], F[2], tr, FA[2], Ft[2]),
+        component(0.0, A[3], F[3], tr, FA[3], Ft[3]),
+        component(0.0, A[4], F[4], tr, FA[4], Ft[4]),
+        component(0.0, A[5], F[5], tr, FA[5], Ft[5]),
+    )
 
 
 @compiled

@@ -15,7 +15,7 @@ from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import CAMPAIGN, RUNS, plan_of
 from labkit.errors import InputError
 from labkit.io.files import make_folder
-from labkit.visuals.moment import moments
+from labkit.runs.dataset import snapshots
 from labkit.paper import runs, sources
 from labkit.paper.condense import condense
 from labkit.paper.notebooks import execute, notebook_files
@@ -55,7 +55,7 @@ def paper(campaign, output, command, progress):
     yield from write_tables(found, output, study if study.exists() else None)
     if PICTURED in found and found[PICTURED].sizes["snapshot"]:
         file = found[PICTURED].encoding["source"]
-        plots.save(picture(moments(file, [0, -1])), output / "gallery.png", [file], command)
+        plots.save(picture(snapshots(file, [0, -1])), output / "gallery.png", [file], command)
         yield output / "gallery.png"
     if NOTEBOOKS.is_dir():  # a package that is installed has none
         for notebook in notebook_files(NOTEBOOKS):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import types
 
 import numpy as np
 import pandas
@@ -11,10 +12,11 @@ from scipy import optimize, stats
 
 from labkit.runs.critical import SHEAR
 from labkit.micro.stress import mean_stress
+from labkit.model.equations import critical_coordination_number, critical_force, density_distance
 from labkit.model.parameters import ROOT_3_2, Parameters
 from labkit.paper.estimates import CONFIDENCE, jackknife
 from labkit.dem.scene import Scene
-from labkit.sff.c0 import sff_stress
+from labkit.sff.c0 import c0_stress
 
 PAPER = Parameters()
 SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda in a test's end: the weights of the two lines fitted at once
@@ -22,19 +24,19 @@ SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda in a test's end: the weights
 
 def critical_Z(e, parameters=PAPER):
     """Z^c(e), of Table 2 or other Parameters of the model; 4 from e_cmax on."""
-    return 4.0 + parameters.c_cZ * distance(e, parameters.e_cmax) ** parameters.gamma_cZ
+    return critical_coordination_number(np.asarray(e, dtype=float), parameters)
 
 
 def critical_Lambda(e, parameters=PAPER):
     """Lambda^c(e), of Table 2 or other Parameters; 0 from e_cmax on."""
-    return parameters.c_cLam * distance(e, parameters.e_cmax)
+    return critical_force(np.asarray(e, dtype=float), parameters)
 
 
 def critical_stress(e, parameters=PAPER):
     """Stress (..., 3, 3), Pa, of the critical state in compression along z at void ratios (...) after C0."""
     e, c = np.asarray(e, dtype=float), parameters
     A, F, Ft = (norm / ROOT_3_2 * np.diag([-0.5, -0.5, 1.0]) for norm in (c.A_c, c.F_c, c.Ft_c))
-    return sff_stress(Scene().young_modulus, critical_Z(e, c), critical_Lambda(e, c), e, A, F, Ft)
+    return c0_stress(Scene().young_modulus, critical_Z(e, c), critical_Lambda(e, c), e, A, F, Ft)
 
 
 def paper_pressure(e):
@@ -48,20 +50,15 @@ def paper_e(p):
     return np.interp(p, paper_pressure(e), e)
 
 
-def distance(e, e_cmax):
-    """e_cmax - e, not below zero."""
-    return np.maximum(e_cmax - np.asarray(e, dtype=float), 0.0)
-
-
 def c_cZ(ends):
     """c_cZ alone, with the paper's e_cmax and gamma_cZ, by least squares. `ends`: of labkit.paper.ends."""
-    x = distance(ends["e"], PAPER.e_cmax) ** PAPER.gamma_cZ
+    x = density_distance(ends["e"].to_numpy(dtype=float), PAPER) ** PAPER.gamma_cZ
     return _through_zero(x, ends["Z"] - 4.0)
 
 
 def c_cLambda(ends):
     """c_cLambda alone, with the paper's e_cmax, by least squares."""
-    return _through_zero(distance(ends["e"], PAPER.e_cmax), ends["Lambda"])
+    return _through_zero(density_distance(ends["e"].to_numpy(dtype=float), PAPER), ends["Lambda"])
 
 
 def _through_zero(x, y):
@@ -81,8 +78,8 @@ def _both_lines(*columns):
         return np.full(4, np.nan)
 
     def misfit(x):
-        d = np.maximum(x[0] - e, 1e-9)
-        return np.concatenate([(4.0 + x[1] * d ** x[2] - Z) / SCATTER[0], (x[3] * d - Lam) / SCATTER[1]])
+        at = np.minimum(e, x[0] - 1e-9), _parameters(x)  # where e_cmax - e = 0, Z^c would have no derivative
+        return np.concatenate([(critical_Z(*at) - Z) / SCATTER[0], (critical_Lambda(*at) - Lam) / SCATTER[1]])
 
     start = [PAPER.e_cmax, PAPER.c_cZ, PAPER.gamma_cZ, PAPER.c_cLam]
     return optimize.least_squares(misfit, start, x_scale=[0.01, 1.0, 0.1, 0.01]).x
@@ -98,13 +95,18 @@ def e_p_line(ends):
     return optimize.least_squares(lambda x: x[0] - x[1] * p ** x[2] - e, start, bounds=bounds, x_scale=start).x
 
 
+def _parameters(x):
+    """Parameters with the four of `both_lines`."""
+    return types.SimpleNamespace(**dict(zip(("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), x)))
+
+
 # name -> (parameters, fit, what it gives at the ends, the column that it is a line of)
 LINES = {
     "e(p)": (("e0", "a", "b"), e_p_line, lambda x, t: x[0] - x[1] * t["p_MPa"] ** x[2], "e"),
     "Z(e)": (("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), both_lines,
-             lambda x, t: 4.0 + x[1] * distance(t["e"], x[0]) ** x[2], "Z"),
+             lambda x, t: critical_Z(t["e"], _parameters(x)), "Z"),
     "Lambda(e)": (("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), both_lines,
-                  lambda x, t: x[3] * distance(t["e"], x[0]), "Lambda"),
+                  lambda x, t: critical_Lambda(t["e"], _parameters(x)), "Lambda"),
 }  # fmt: skip
 
 

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas
+import xarray
 
 WINDOW = 0.25  # the last quarter of the strain of a test
 SHEAR = ("cv", "cr", "cp")
 
 
-def critical_states(runs, window=WINDOW):
+def at_end(axial_strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
+    """Which records count as critical: those of the last quarter of the strain, shape (time,) of bool.
+
+    `axial_strain` (time,) of a test in compression or extension; `window`: another share than the last quarter.
+    """
+    return np.abs(axial_strain) >= (1.0 - window) * np.abs(axial_strain[-1])
+
+
+def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and the scatter of M.
 
     `runs`: name -> run of SHEAR opened with labkit.open_run. M = q/p; its scatter is the standard deviation of the
@@ -18,7 +29,7 @@ def critical_states(runs, window=WINDOW):
     rows = []
     for name, run in runs.items():
         strain = run["axial_strain"].values
-        last = strain >= (1.0 - window) * strain[-1]
+        last = at_end(strain, window)
         ratio = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[last]
         mean = {key: float(run[key].values[last].mean()) for key in ("void_ratio", "coordination_number")}
         zz = {key: float(run[key].values[last, 2, 2].mean()) for key in TENSORS}

@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
 from labkit.errors import InputError
-from labkit.io.files import open_netcdf
+from labkit.io.files import labkit_kind, open_netcdf
 from labkit.micro.contacts import NO_CONTACTS, Contacts
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import follow, network_stress
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
-from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.micro.snapshot import Snapshot
 from labkit.dem.paths import travelled
 from labkit.dem.scene import Scene
+from labkit.dem.state import read_state
 from labkit.sff.c0 import TERMS, sff_stress, strength_shares
 from labkit.sff.budget import PARTS, error_budget
 from labkit.sff.family import FORMS, stress
 
 
-def open_run(path):
+def open_run(path: str | os.PathLike) -> xr.Dataset:
     """A run file as one lazy xarray.Dataset.
 
     Dimensions: `time` (records; coordinates `axial_strain`, `time`), `snapshot` (records with contacts),
@@ -35,18 +38,20 @@ def open_run(path):
         pass
     parts = [xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")]
     run = xr.merge(parts, compat="no_conflicts", join="exact", combine_attrs="override")
-    starts = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]])
+    starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
     run = run.assign_coords(
         row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),
-        snapshot_volume=("snapshot", run["volume"].values[run["record"].values], run["volume"].attrs),
-        snapshot_strain=("snapshot", run["axial_strain"].values[run["record"].values], run["axial_strain"].attrs),
+        snapshot_cell=(("snapshot", "i", "j"), run["cell"].values[record], run["cell"].attrs),
+        snapshot_strain=("snapshot", run["axial_strain"].values[record], run["axial_strain"].attrs),
     )
+    if "time" in run:  # a file of an earlier version may lack it
+        run = run.assign_coords(snapshot_time=("snapshot", run["time"].values[record], run["time"].attrs))
     run = run.set_coords([name for name in ("time", "axial_strain") if name in run])
     run.encoding["source"] = str(path)
     return run
 
 
-def require_snapshots(run, file, numbers, instead=""):
+def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequence[int], instead: str = "") -> None:
     """Raises InputError unless the run has contacts, and snapshots of these numbers, from the end if negative."""
     count = run.sizes["snapshot"]
     if not count:
@@ -58,11 +63,25 @@ def require_snapshots(run, file, numbers, instead=""):
             )
 
 
-def open_state(path):
+def open_state(path: str | os.PathLike) -> xr.Dataset:
     """A state file as one lazy xarray.Dataset with the names of labkit.io.schema.STATE. Raises InputError."""
     with open_netcdf(path, "state"):
         pass
     return xr.open_dataset(path, decode_times=False)
+
+
+def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
+    """The Snapshots of a file, one in memory at a time: that of a state file, the chosen or all of a run file.
+
+    `numbers`: of the snapshots, from 0, or from the end if negative. Raises InputError if the file lacks them.
+    """
+    if labkit_kind(file) == "state":
+        if numbers:
+            raise InputError(f"{file} is a state file, one instant: leave --snapshot out, or give a run file")
+        return (read_state(file).snapshot() for _ in range(1))
+    run = open_run(file)
+    require_snapshots(run, file, numbers, ", or a state file")
+    return run.lab.snapshots(numbers)
 
 
 @xr.register_dataset_accessor("lab")
@@ -73,7 +92,7 @@ class Lab:
         self._run = run
 
     @functools.cached_property
-    def scene(self):
+    def scene(self) -> Scene:
         """The Scene of the run."""
         return Scene.from_json(self._run.attrs["scene"])
 
@@ -82,14 +101,15 @@ class Lab:
         return self._run["radius"].values
 
     @property
-    def number_of_snapshots(self):
+    def number_of_snapshots(self) -> int:
+        """How many records have contacts."""
         return self._run.sizes["snapshot"]
 
-    def at_snapshots(self, name):
+    def at_snapshots(self, name: str) -> xr.DataArray:
         """A recorded variable at the records that are snapshots, dimension `snapshot`."""
         return self._run[name].isel(time=self._run["record"])
 
-    def contacts(self, snapshot):
+    def contacts(self, snapshot: int) -> xr.Dataset:
         """The contacts of one snapshot as a Dataset along `contact`; only these are read.
 
         `snapshot`: position along the dimension, from the end if negative. The dataset may be a selection of
@@ -99,94 +119,106 @@ class Lab:
         start, size = (int(self._run[name].values[snapshot]) for name in ("row_start", "row_size"))
         return self._run[names].isel(contact=slice(start, start + size))
 
-    def contact_arrays(self, snapshot):
-        """The same as labkit.micro.contacts.Contacts, for the functions of labkit.micro."""
-        found = self.contacts(snapshot)
-        return Contacts(
-            found["contact_grain"].values, found["normal"].values, found["overlap"].values,
-            found["normal_force"].values, found["tangential_force"].values, found["rolling_moment"].values,
+    def snapshot(self, number: int) -> Snapshot:
+        """One Snapshot, the argument of every statistic; only this one is read. `number`: from the end if negative."""
+        number = range(self.number_of_snapshots)[number]
+        contacts, at = self.contacts(number), self._run.isel(snapshot=number)
+        names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+        return Snapshot(
+            self.scene, self._radius, at["snapshot_cell"].values, Contacts(*(contacts[name].values for name in names)),
+            at["position"].values if "position" in at else None, float(at["snapshot_time"]) if "snapshot_time" in at
+            else 0.0, float(at["snapshot_strain"]), number=number,
         )  # fmt: skip
 
-    def normalised_contacts(self, snapshot):
+    def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
+        """The Snapshots of these numbers, or all, one in memory at a time."""
+        return (self.snapshot(k) for k in numbers or range(self.number_of_snapshots))
+
+    def _without_contacts(self):
+        """A Snapshot of the grains alone, in a cell of 1 m3."""
+        return Snapshot(self.scene, self._radius, np.eye(3), NO_CONTACTS)
+
+    def normalised_contacts(self, snapshot: int) -> xr.Dataset:
         """The contacts of one snapshot with Lambda_n (contact, side) and whether a side is strong, either way."""
-        contacts = self.contact_arrays(snapshot)
-        both = ("contact", "side")
-        normalised = normalised_normal_force(self._radius, contacts, self.scene.young_modulus)
+        of, both = self.snapshot(snapshot), ("contact", "side")
         return self.contacts(snapshot).assign(
-            normalised_normal_force=(both, normalised, {"units": "1", "long_name": "normalised force Lambda_n"}),
-            strong_by_force=(both, strong_by_force(contacts), {"long_name": "normal force above its mean"}),
-            strong_by_normalised_force=(
-                both, strong_by_normalised_force(self._radius, contacts), {"long_name": "Lambda_n above its mean"},
+            normalised_normal_force=(
+                both, normalised_normal_force(of), {"units": "1", "long_name": "normalised force Lambda_n"},
             ),
+            strong_by_force=(both, strong_by_force(of), {"long_name": "normal force above its mean"}),
+            strong_by_normalised_force=(both, strong_by_normalised_force(of), {"long_name": "Lambda_n above its mean"}),
         )  # fmt: skip
 
-    def over_snapshots(self, function, attributes=None, coords=None):
-        """Any function of contacts over the whole run, a Dataset along `snapshot`. Holds one snapshot at a time.
+    def over_snapshots(
+        self, function: Callable[[Snapshot], dict], attributes: dict | None = None, coords: dict | None = None
+    ) -> xr.Dataset:
+        """Any function of a Snapshot over the whole run, a Dataset along `snapshot`. Holds one snapshot at a time.
 
-        `function(contacts, radius, volume, young_modulus)` returns name -> (dimensions, values);
-        `attributes`: name -> attributes; `coords` as in xarray.Dataset.
+        `function(snapshot)` returns name -> a number or a tensor (3, 3), or name -> (dimensions, values) for other
+        shapes; `attributes`: name -> attributes; `coords` as in xarray.Dataset. Raises InputError for a shape without
+        dimensions.
         """
-        volume, E = self._run["snapshot_volume"].values, self.scene.young_modulus
-        found = [
-            function(self.contact_arrays(k), self._radius, float(volume[k]), E) for k in range(self.number_of_snapshots)
-        ]
-        shapes = found or [function(NO_CONTACTS, self._radius, 1.0, E)]  # names and shapes where there is no snapshot
-        columns = {
-            name: (("snapshot", *dimensions), np.array([one[name][1] for one in shapes])[: len(found)],
-                   (attributes or {}).get(name))
-            for name, (dimensions, _) in shapes[0].items()
-        }  # fmt: skip
+        found = [function(snapshot) for snapshot in self.snapshots()]
+        shapes = found or [function(self._without_contacts())]  # names and shapes where there is no snapshot
+        columns = {}
+        for name, first in shapes[0].items():
+            dimensions = _with_dimensions(name, first)[0]
+            values = np.array([_with_dimensions(name, one[name])[1] for one in shapes])[: len(found)]
+            columns[name] = (("snapshot", *dimensions), values, (attributes or {}).get(name))
         return xr.Dataset(columns, coords={**self._snapshot_coordinates(), **(coords or {})})
 
-    def statistics(self):
+    def statistics(self) -> xr.Dataset:
         """Z, A, Lambda, F, F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`."""
+        units = {f.name: {"units": "1"} for f in dataclasses.fields(Statistics)}
+        return self.over_snapshots(lambda snapshot: vars(statistics(snapshot)), units)
 
-        def of(contacts, radius, volume, young_modulus):
-            values = vars(statistics(contacts, radius, young_modulus))
-            return {name: (("i", "j")[: 2 * bool(np.ndim(value))], value) for name, value in values.items()}
-
-        return self.over_snapshots(of, {f.name: {"units": "1"} for f in dataclasses.fields(Statistics)})
-
-    def love_stress(self):
+    def love_stress(self) -> xr.DataArray:
         """Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        return self._stress_of(love_stress, "stress after Love from the contacts")
 
-        def of(contacts, radius, volume, young_modulus):
-            return {"stress": (("i", "j"), love_stress(contacts, radius, volume))}
+    def sff_stress(self) -> xr.DataArray:
+        """Stress after C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        return self._stress_of(sff_stress, "stress after C0 from the contacts")
 
-        name = {"units": "Pa", "long_name": "stress after Love from the contacts"}
-        return self.over_snapshots(of, {"stress": name})["stress"].rename(None)
+    def _stress_of(self, function, long_name):
+        attributes = {"stress": {"units": "Pa", "long_name": long_name}}
+        return self.over_snapshots(lambda snapshot: {"stress": function(snapshot)}, attributes)["stress"].rename(None)
 
-    def sff_family(self, forms=tuple(FORMS)):
+    def sff_family(self, forms: Sequence[str] = tuple(FORMS)) -> xr.DataArray:
         """Stress after each of labkit.sff.family.FORMS, DataArray (snapshot, form, i, j), Pa."""
 
-        def of(contacts, radius, volume, young_modulus):
-            values = [stress(form, contacts, radius, volume, young_modulus) for form in forms]
+        def of(snapshot):
+            values = [stress(form, snapshot) for form in forms]
             return {"stress": (("form", "i", "j"), np.reshape(values, (-1, 3, 3)))}
 
         name = {"units": "Pa", "long_name": "stress after a stress-force-fabric relationship"}
         return self.over_snapshots(of, {"stress": name}, {"form": list(forms)})["stress"].rename(None)
 
-    def error_budget(self, **choices):
-        """The parts of C0 - Love (labkit.sff.budget), DataArray (snapshot, part, i, j), Pa; they add up to it."""
+    def error_budget(self, e: str = "nominal", with_lambda: bool = True) -> xr.DataArray:
+        """The parts of C0 - Love (labkit.sff.budget), DataArray (snapshot, part, i, j), Pa; they add up to it.
 
-        def of(contacts, radius, volume, young_modulus):
-            parts = error_budget(contacts, radius, volume, young_modulus, **choices)
+        `e`, `with_lambda`: as for labkit.sff.budget.error_budget.
+        """
+
+        def of(snapshot):
+            parts = error_budget(snapshot, e, with_lambda)
             return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}
 
         name = {"units": "Pa", "long_name": "part of C0 - Love"}
         return self.over_snapshots(of, {"error": name}, {"part": list(PARTS)})["error"].rename(None)
 
-    def size_groups(self, groups=5, edges=None):
+    def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
         """Stresses by grain size (Eqs. 13-18), a Dataset along `snapshot` and `group`, as GroupStresses.
 
         `groups`: number of equal intervals of the diameter; or their `edges`, m. Coordinate `diameter`: the middle
         of each interval, m.
         """
-        edges = diameter_edges(self._radius, groups) if edges is None else np.asarray(edges, dtype=float)
-        group = groups_by_diameter(self._radius, edges)
+        grains = self._without_contacts()
+        edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
+        group = groups_by_diameter(grains, edges)
 
-        def of(contacts, radius, volume, young_modulus):
-            found = group_stresses(contacts, radius, volume, group, len(edges) - 1)
+        def of(snapshot):
+            found = group_stresses(snapshot, group, len(edges) - 1)
             names = [*vars(found), "by_volume"]
             return {name: (("group", "i", "j")[: getattr(found, name).ndim], getattr(found, name)) for name in names}
 
@@ -194,26 +226,25 @@ class Lab:
         middle = ("group", 0.5 * (edges[1:] + edges[:-1]), {"units": "m", "long_name": "grain diameter"})
         return self.over_snapshots(of, units, {"diameter": middle})
 
-    def strong_networks(self):
+    def strong_networks(self) -> xr.Dataset:
         """Share of the strong contact sides, and of q and p that they carry, a Dataset (snapshot, definition)."""
 
-        def of(contacts, radius, volume, young_modulus):
-            masks = strong_by_force(contacts), strong_by_normalised_force(radius, contacts)
-            whole = network_stress(contacts, radius, volume, np.ones((len(contacts), 2), dtype=bool))
-            parts = [network_stress(contacts, radius, volume, mask) for mask in masks]
+        def of(snapshot):
+            masks = strong_by_force(snapshot), strong_by_normalised_force(snapshot)
+            whole = network_stress(snapshot, np.ones((len(snapshot.contacts), 2), dtype=bool))
+            parts = [network_stress(snapshot, mask) for mask in masks]
             with np.errstate(divide="ignore", invalid="ignore"):
-                return {
-                    "fraction": (("definition",), [mask.mean() if mask.size else np.nan for mask in masks]),
-                    "share_of_q": (
-                        ("definition",), np.array([deviatoric_stress(x) for x in parts]) / deviatoric_stress(whole)
-                    ),
-                    "share_of_p": (("definition",), np.array([mean_stress(x) for x in parts]) / mean_stress(whole)),
-                }  # fmt: skip
+                shares = {
+                    "fraction": [mask.mean() if mask.size else np.nan for mask in masks],
+                    "share_of_q": np.array([deviatoric_stress(x) for x in parts]) / deviatoric_stress(whole),
+                    "share_of_p": np.array([mean_stress(x) for x in parts]) / mean_stress(whole),
+                }
+            return {name: (("definition",), values) for name, values in shares.items()}
 
         units = {name: {"units": "1"} for name in ("fraction", "share_of_q", "share_of_p")}
         return self.over_snapshots(of, units, {"definition": ["force", "normalised force"]})
 
-    def contact_lives(self):
+    def contact_lives(self) -> xr.Dataset:
         """Each contact from its birth to its death, as seen at the snapshots: a Dataset along `life`.
 
         `pair` (life, side): grains; `birth` and `death`: snapshots, `death` the first one without it; `alive`: it is
@@ -229,7 +260,7 @@ class Lab:
             "lifetime": ("life", end - way[lives.birth], {"units": "1"}),
         })  # fmt: skip
 
-    def contact_changes(self):
+    def contact_changes(self) -> xr.Dataset:
         """Contacts gained, lost and kept since the snapshot before, and their mean age, a Dataset along `snapshot`.
 
         `mean_age`: axial strain travelled since the birth of a contact, mean over the contacts.
@@ -252,7 +283,7 @@ class Lab:
         """Axial strain travelled until each snapshot; it grows through reversals."""
         return travelled(self._run["axial_strain"].values)[self._run["record"].values]
 
-    def strength_shares(self):
+    def strength_shares(self) -> xr.DataArray:
         """What A, F, F^t and the product of A and F add to q/p of C0, DataArray (term, time)."""
         names = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
         shares = strength_shares(*(self._run[name].values for name in names))
@@ -262,32 +293,18 @@ class Lab:
             attrs={"units": "1", "long_name": "share of q/p after C0"},
         )  # fmt: skip
 
-    def sff_stress(self):
-        """Stress after C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
-        found = self.statistics()
-        values = sff_stress(
-            self.scene.young_modulus,
-            found["coordination_number"].values,
-            found["mean_normalised_force"].values,
-            void_ratio_nominal(self._radius, self._run["snapshot_volume"].values),
-            found["contact_anisotropy"].values,
-            found["normal_force_anisotropy"].values,
-            found["mobilisation"].values,
-        )
-        return self._stress_array(values, "stress after C0 from the contacts")
-
-    def sff_error(self):
+    def sff_error(self) -> xr.DataArray:
         """Frobenius norm of C0 - Love over that of Love at every record, DataArray (time)."""
         error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
         return self._run["axial_strain"].copy(data=error).rename("sff_error").assign_attrs(
             units="1", long_name="error of C0 against Love"
         )
 
-    def mean_stress(self, name="stress"):
+    def mean_stress(self, name: str = "stress") -> xr.DataArray:
         """p of a recorded stress, DataArray (time), Pa."""
         return self._scalar(mean_stress(self._run[name].values), "mean stress p")
 
-    def deviatoric_stress(self, name="stress"):
+    def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
         """q of a recorded stress, DataArray (time), Pa."""
         return self._scalar(deviatoric_stress(self._run[name].values), "deviatoric stress q")
 
@@ -297,9 +314,12 @@ class Lab:
     def _snapshot_coordinates(self):
         return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
 
-    def _stress_array(self, values, long_name):
-        values = np.asarray(values, dtype=float).reshape(-1, 3, 3)
-        return xr.DataArray(
-            values, dims=("snapshot", "i", "j"), coords=self._snapshot_coordinates(),
-            attrs={"units": "Pa", "long_name": long_name},
-        )  # fmt: skip
+
+def _with_dimensions(name, value):
+    """(dimensions, values) of a number or of a tensor (3, 3); what has dimensions already stays as it is."""
+    if isinstance(value, tuple):
+        return value
+    shape = np.shape(value)
+    if shape not in ((), (3, 3)):
+        raise InputError(f"{name} has the shape {shape}: return (dimensions, values), e.g. (('grain',), values)")
+    return ("i", "j")[: len(shape)], value

@@ -20,9 +20,10 @@ from labkit.micro.contacts import Contacts
 from labkit.micro.directions import second_order
 from labkit.micro.fabric import series_of
 from labkit.micro.normalised import Vectors, vectors_of_contacts
+from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.sff.family import bracket
+from labkit.sff.family import sphere_integral
 
 PARTS = {
     "normals": "truncation of E_PDF",
@@ -33,49 +34,50 @@ PARTS = {
     "grain_volume": "overlaps in V_g",
     "equal_stress": "equal stress of all sizes",
 }
-VOID_RATIOS = {"nominal": lambda radius, volume, contacts: void_ratio_nominal(radius, volume), "reported": void_ratio}
+VOID_RATIOS = {"nominal": void_ratio_nominal, "reported": void_ratio}
 
 
-def error_budget(contacts, radius, volume, young_modulus, e="nominal", with_lambda=True):
+def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = True) -> dict[str, np.ndarray]:
     """The parts of C0 - Love, name -> (3, 3) Pa, in the order of PARTS; all zero without contacts or forces.
 
     C0 is taken as the paper derives it: `e = "nominal"` and lambda' in f~; both of these parts are zero then. With
     `e = "reported"` it has the void ratio of Fig. 1, overlaps taken out; `with_lambda=False` leaves lambda' out.
     """
-    if len(contacts) == 0 or not contacts.normal_force.any():
+    if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
         return {name: np.zeros((3, 3)) for name in PARTS}
-    E, Z = young_modulus, 2 * len(contacts) / len(radius)
-    own = E * Z / (1.0 + VOID_RATIOS[e](radius, volume, contacts))
-    nominal = E * Z / (1.0 + void_ratio_nominal(radius, volume))
-    exact = vectors_of_contacts(radius, contacts, E)
-    used = exact if with_lambda else _without_lambda(contacts, radius, E)
+    EZ = snapshot.young_modulus * 2 * len(snapshot.contacts) / snapshot.number_of_grains
+    own = EZ / (1.0 + VOID_RATIOS[e](snapshot))
+    nominal = EZ / (1.0 + void_ratio_nominal(snapshot))
+    exact = vectors_of_contacts(snapshot)
+    used = exact if with_lambda else _without_lambda(snapshot)
     second, fourth = series_of(used, 2), series_of(used, 4)
+    normals = dataclasses.replace(fourth, normal_force=second_order(fourth.normal_force))
     chain = {
-        "C0": own * bracket(second, 0),
-        "normals": own * bracket(dataclasses.replace(fourth, normal_force=second_order(fourth.normal_force)), 0),
-        "normal_forces": own * bracket(fourth, 0),
-        "tangential_forces": own * bracket(fourth, 2),
+        "C0": own * sphere_integral(second, 0),
+        "normals": own * sphere_integral(normals, 0),
+        "normal_forces": own * sphere_integral(fourth, 0),
+        "tangential_forces": own * sphere_integral(fourth, 2),
         "sampling": own * _mean_stress_of(used),
         "overlap_correction": own * _mean_stress_of(exact),
         "grain_volume": nominal * _mean_stress_of(exact),
-        "equal_stress": love_stress(contacts, radius, volume),
+        "equal_stress": love_stress(snapshot),
     }
     names = list(chain)
     return {name: chain[before] - chain[name] for before, name in zip(names, names[1:])}
 
 
-def standard_errors(contacts, radius, volume, young_modulus, samples=50, seed=1):
+def standard_errors(snapshot: Snapshot, samples: int = 50, seed: int = 1) -> dict[str, np.ndarray]:
     """Standard errors of the parts from `samples` bootstraps of the contacts: name -> (3, 3) Pa."""
     rng = np.random.default_rng(seed)
-    found = [
-        error_budget(_chosen(contacts, rng.integers(0, len(contacts), len(contacts))), radius, volume, young_modulus)
-        for _ in range(samples)
-    ]
-    return {name: np.std([budget[name] for budget in found], axis=0, ddof=1) for name in PARTS}
+    contacts = len(snapshot.contacts)
+    budgets = [error_budget(_chosen(snapshot, rng.integers(0, contacts, contacts))) for _ in range(samples)]
+    return {name: np.std([budget[name] for budget in budgets], axis=0, ddof=1) for name in PARTS}
 
 
-def _chosen(contacts, rows):
-    return Contacts(*(getattr(contacts, name)[rows] for name in Contacts.__dataclass_fields__))
+def _chosen(snapshot, rows):
+    """The snapshot with some of its contacts, repeated or left out."""
+    contacts = Contacts(*(getattr(snapshot.contacts, name)[rows] for name in Contacts.__dataclass_fields__))
+    return dataclasses.replace(snapshot, contacts=contacts)
 
 
 def _mean_stress_of(vectors):
@@ -84,7 +86,9 @@ def _mean_stress_of(vectors):
     return ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)
 
 
-def _without_lambda(contacts, radius, E):
+def _without_lambda(snapshot):
     """Vectors with f~ = 3 f/(pi D^2)."""
-    weight = (3.0 / (np.pi * (2.0 * radius[contacts.grain]) ** 2 * E)).mean(axis=1)
+    contacts = snapshot.contacts
+    diameter = 2.0 * snapshot.radius[contacts.grain]
+    weight = (3.0 / (np.pi * diameter**2 * snapshot.young_modulus)).mean(axis=1)
     return Vectors(contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force)

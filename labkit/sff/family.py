@@ -1,6 +1,6 @@
 """The family of stress-force-fabric relationships under one interface: what each keeps of Love's sum (sections 3, 4).
 
-Every form takes the contacts of one instant and gives a stress: `stress(name, contacts, radius, volume, E)`.
+Every form takes a snapshot and gives a stress: `stress(form, snapshot)`.
 
 | form | order of normals and normal force | of the tangential force | sizes of grains |
 |---|---|---|---|
@@ -20,27 +20,31 @@ group. The assumption that all sizes carry the same stress, which f~ makes (belo
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.contacts import contact_arms
-from labkit.micro.fabric import series_of
+from labkit.micro.fabric import Series, series_of
 from labkit.micro.normalised import Vectors, vectors_of_contacts, vectors_of_sides
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
+from labkit.micro.snapshot import Snapshot, contact_arms
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.sff.c0 import IDENTITY, symmetric_product
+from labkit.sff.c0 import IDENTITY, bracket, symmetric_product
 
 GROUPS = 5
 
 
-def product_integral(A, F, A4=None, F4=None):
+def product_integral(
+    A: np.ndarray, F: np.ndarray, A4: np.ndarray | None = None, F4: np.ndarray | None = None
+) -> np.ndarray:
     """integral of (1 + n.A n + A4::nnnn) (1 + n.F n + F4::nnnn) n n over the sphere, over 4 pi; shape (3, 3).
 
     I/3 + 2/15 (A + F) + 2/105 tr(FA) I + 8/105 sym(FA), the normal part of C0, and with fourth orders
-    + 8/315 (A4:F + F4:A) + 8/3465 (A4::F4) I + 64/3465 sym(A4_iklm F4_jklm).
+    + 8/315 (A4:F + F4:A) + 8/3465 (A4::F4) I + 64/3465 sym(A4_iklm F4_jklm). A, F (3, 3); A4, F4 (3, 3, 3, 3).
     """
     FA = symmetric_product(F, A)
-    value = IDENTITY / 3 + 2 / 15 * (A + F) + 2 / 105 * np.trace(FA) * IDENTITY + 8 / 105 * FA
+    value = bracket(IDENTITY, A, F, np.trace(FA), FA, 0.0)
     if A4 is not None:
         both = np.einsum("iklm,jklm->ij", A4, F4)
         value = value + 8 / 315 * (np.einsum("ijkl,kl->ij", A4, F) + np.einsum("ijkl,kl->ij", F4, A))
@@ -48,7 +52,7 @@ def product_integral(A, F, A4=None, F4=None):
     return value
 
 
-def tangential_coupling(A, Ft, A4=None):
+def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = None) -> np.ndarray:
     """What C0's tangential term leaves out when contacts are not isotropic; shape (3, 3), to be added to F^t.
 
     F^t = <n (x) t> over the isotropic sphere with t = -Lambda_t/Lambda. To the lowest order t = G n - (n.G n) n + W n
@@ -61,8 +65,8 @@ def tangential_coupling(A, Ft, A4=None):
     return value if A4 is None else value - 8 / 63 * np.einsum("ijkl,kl->ij", A4, S)
 
 
-def bracket(series, tangential):
-    """What stands in the brackets of C0, for any order, times Lambda; shape (3, 3).
+def sphere_integral(series: Series, tangential: int) -> np.ndarray:
+    """The integrals of Eq. 22 over the series: Lambda times the bracket of C0 or its like of any order; shape (3, 3).
 
     `tangential`: order of the tangential term, 0 (F^t alone) or 2.
     """
@@ -74,79 +78,79 @@ def bracket(series, tangential):
     return force.mean * value
 
 
-def mean_volume(radius):
+def mean_volume(snapshot: Snapshot) -> np.ndarray:
     """V_g/N_g for every grain, shape (grain,), m3."""
-    return np.full(len(radius), (4.0 / 3.0 * np.pi * radius**3).mean())
+    return np.full(snapshot.number_of_grains, (4.0 / 3.0 * np.pi * snapshot.radius**3).mean())
 
 
-def _scale(contacts, radius, volume, E):
+def _scale(snapshot):
     """E Z/(1 + e), e nominal."""
-    return E * 2 * len(contacts) / len(radius) / (1.0 + void_ratio_nominal(radius, volume))
+    Z = 2 * len(snapshot.contacts) / snapshot.number_of_grains
+    return snapshot.young_modulus * Z / (1.0 + void_ratio_nominal(snapshot))
 
 
-def _normalised(order, tangential, grain_volume=lambda radius: None):
+def _normalised(order, tangential, grain_volume=lambda snapshot: None):
     """C0 and its relatives: E Z/(1 + e) Lambda [...] with series of an order, f~ made with `grain_volume`."""
 
-    def stress_of(contacts, radius, volume, E):
-        found = series_of(vectors_of_contacts(radius, contacts, E, grain_volume(radius)), order)
-        return _scale(contacts, radius, volume, E) * bracket(found, tangential)
+    def stress_of(snapshot):
+        series = series_of(vectors_of_contacts(snapshot, grain_volume(snapshot)), order)
+        return _scale(snapshot) * sphere_integral(series, tangential)
 
     return stress_of
 
 
-def _linear(contacts, radius, volume, E):
-    """Eqs. 28 and 29: E Z Lambda/(1 + e) [I/3 + 2/15 A + 2/15 F + F^t]."""
-    found = series_of(vectors_of_contacts(radius, contacts, E), 2)
-    A, F, Lam = found.density.second, found.normal_force.second, found.normal_force.mean
-    linear = IDENTITY / 3 + 2 / 15 * A + 2 / 15 * F + found.mobilisation
-    return _scale(contacts, radius, volume, E) * Lam * linear
+def _linear(snapshot):
+    """Eqs. 28 and 29: E Z Lambda/(1 + e) [I/3 + 2/15 A + 2/15 F + F^t], the bracket of C0 without the product FA."""
+    series = series_of(vectors_of_contacts(snapshot), 2)
+    A, F, Lam = series.density.second, series.normal_force.second, series.normal_force.mean
+    return _scale(snapshot) * Lam * bracket(IDENTITY, A, F, 0.0, 0.0, series.mobilisation)
 
 
-def _classical(contacts, side, radius, volume):
+def _classical(snapshot, side):
     """Eq. 12 for the chosen sides (n, 2): N_c D f/(6V) [I + 2/5 (A + G^n + 3/2 G^t)].
 
     The paper prints 3V: that is right when a contact counts once. With its own N_c, both sides, it is 6V. D is the
     mean of 2|l| and f the directional mean of f_n over the sides; 3/2 G^t = 15/2 F^t with F^t that of Eq. 27 for f.
     """
+    contacts = snapshot.contacts
     row, _ = np.nonzero(side)
-    D = 2.0 * contact_arms(radius, contacts)[side].mean()
-    forces = Vectors(contacts.normal[row], contacts.normal_force[row], contacts.tangential_force[row])
-    found = series_of(forces, 2)
-    A, Gn, Gt = found.density.second, found.normal_force.second, 5.0 * found.mobilisation
-    scale = len(row) * D * found.normal_force.mean / (6.0 * volume)
+    D = 2.0 * contact_arms(snapshot)[side].mean()
+    series = series_of(Vectors(contacts.normal[row], contacts.normal_force[row], contacts.tangential_force[row]), 2)
+    A, Gn, Gt = series.density.second, series.normal_force.second, 5.0 * series.mobilisation
+    scale = len(row) * D * series.normal_force.mean / (6.0 * snapshot.volume)
     return scale * (IDENTITY + 0.4 * (A + Gn + 1.5 * Gt))
 
 
-def _classical_whole(contacts, radius, volume, E):
-    return _classical(contacts, np.ones((len(contacts), 2), dtype=bool), radius, volume)
+def _classical_whole(snapshot):
+    return _classical(snapshot, np.ones((len(snapshot.contacts), 2), dtype=bool))
 
 
-def _classical_groups(contacts, radius, volume, E, group):
+def _classical_groups(snapshot, group):
     """Eq. 16: the classical form of each group, which holds N_c(k)/N_c in its own number of contacts."""
-    return sum(_classical(contacts, side, radius, volume) for _, side in _sides_of_groups(contacts, group))
+    return sum(_classical(snapshot, side) for _, side in _sides_of_groups(snapshot, group))
 
 
-def _c0_groups(contacts, radius, volume, E, group):
+def _c0_groups(snapshot, group):
     """Eq. 17 with C0 in each group, f~ made with the mean grain volume of the group."""
-    solid = 4.0 / 3.0 * np.pi * radius**3
-    arm = contact_arms(radius, contacts)
+    solid, E = 4.0 / 3.0 * np.pi * snapshot.radius**3, snapshot.young_modulus
+    arm = contact_arms(snapshot)
     total = np.zeros((3, 3))
-    for k, side in _sides_of_groups(contacts, group):
+    for k, side in _sides_of_groups(snapshot, group):
         own = group == k
-        vectors = vectors_of_sides(contacts, side, arm / (solid[own].mean() * E))
-        weight = E * len(vectors) / own.sum() * solid[own].sum() / volume  # E Z/(1+e) Z(k)/Z V_g(k)/V_g
-        total = total + weight * bracket(series_of(vectors, 2), 0)
+        vectors = vectors_of_sides(snapshot, side, arm / (solid[own].mean() * E))
+        weight = E * len(vectors) / own.sum() * solid[own].sum() / snapshot.volume  # E Z/(1+e) Z(k)/Z V_g(k)/V_g
+        total = total + weight * sphere_integral(series_of(vectors, 2), 0)
     return total
 
 
-def _sides_of_groups(contacts, group):
+def _sides_of_groups(snapshot, group):
     """(k, sides (n, 2) of bool) of every group that has contacts."""
-    of_side = group[contacts.grain]
+    of_side = group[snapshot.contacts.grain]
     for k in np.unique(of_side):
         yield k, of_side == k
 
 
-FORMS = {
+FORMS: dict[str, Callable[..., np.ndarray]] = {
     "classical": _classical_whole,
     "classical_groups": _classical_groups,
     "linear": _linear,
@@ -159,19 +163,18 @@ FORMS = {
 }
 
 
-def stress(form, contacts, radius, volume, young_modulus, group=None):
+def stress(form: str, snapshot: Snapshot, group: np.ndarray | None = None) -> np.ndarray:
     """The stress of one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
 
-    `radius` (grain,) m of all grains, `volume` of the cell m3, E in Pa. `group` (grain,): index of the size group of
-    each grain for the forms that end in `_groups`; default: five equal intervals of the diameter. Raises InputError
-    for a form that is unknown.
+    `group` (grain,): index of the size group of each grain for the forms that end in `_groups`; default: five equal
+    intervals of the diameter. Raises InputError if the form is unknown.
     """
     if form not in FORMS:
         raise InputError(f"the form {form!r} is unknown: use one of {', '.join(FORMS)}")
-    if len(contacts) == 0 or not contacts.normal_force.any():
+    if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
         return np.zeros((3, 3))
     if not form.endswith("_groups"):
-        return FORMS[form](contacts, radius, volume, young_modulus)
+        return FORMS[form](snapshot)
     if group is None:
-        group = groups_by_diameter(radius, diameter_edges(radius, GROUPS))
-    return FORMS[form](contacts, radius, volume, young_modulus, np.asarray(group))
+        group = groups_by_diameter(snapshot, diameter_edges(snapshot, GROUPS))
+    return FORMS[form](snapshot, np.asarray(group))

@@ -17,7 +17,6 @@ from scipy import stats
 from labkit.sff import family as sff_family
 from labkit.dem import stratified
 from labkit.errors import InputError
-from labkit.micro.contacts import contacts_of
 from labkit.micro.directions import (
     bin_means,
     directional_mean,
@@ -79,14 +78,14 @@ def group_stresses(found, love, width=WIDTH):
 
 def densities(run, number=5, snapshot=-1):
     """Probability densities of f_n and of Lambda_n by grain size, over the mean of all contact sides."""
-    contacts, radius = run.lab.contact_arrays(snapshot), run["radius"].values
-    edges = diameter_edges(radius, number)
-    side_group = groups_by_diameter(radius, edges)[contacts.grain]
-    force = np.stack([contacts.normal_force] * 2, axis=1)
+    of = run.lab.snapshot(snapshot)
+    edges = diameter_edges(of, number)
+    side_group = groups_by_diameter(of, edges)[of.contacts.grain]
+    force = np.stack([of.contacts.normal_force] * 2, axis=1)
     values = {
         "normal force, $f_n/\\langle f_n\\rangle$": force,
         "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$":
-            normalised_normal_force(radius, contacts, run.lab.scene.young_modulus),
+            normalised_normal_force(of),
     }  # fmt: skip
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.2), sharey=True, layout="constrained")
     colors = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, number))
@@ -120,7 +119,7 @@ def directions(run, number=5, snapshot=-1):
 
     Above over the angle to z, averaged about it (polar diagrams); below over the whole hemisphere of directions.
     """
-    vectors = vectors_of_contacts(run["radius"].values, run.lab.contact_arrays(snapshot), run.lab.scene.young_modulus)
+    vectors = vectors_of_contacts(run.lab.snapshot(snapshot))
     if not len(vectors):
         raise InputError("there are no contacts in this snapshot: choose another --snapshot")
     n = vectors.normal
@@ -289,13 +288,12 @@ def family(run, number=5, snapshot=-1, rounds=25):
 
 def _costs(run, snapshot, rounds):
     """Median seconds of each form on one snapshot, measured in turn."""
-    contacts, radius = run.lab.contact_arrays(snapshot), run["radius"].values
-    volume = float(run["snapshot_volume"].values[snapshot])
+    of = run.lab.snapshot(snapshot)
     taken = {form: [] for form in sff_family.FORMS}
     for _ in range(rounds):
         for form, times in taken.items():
             begin = time.perf_counter()
-            sff_family.stress(form, contacts, radius, volume, run.lab.scene.young_modulus)
+            sff_family.stress(form, of)
             times.append(time.perf_counter() - begin)
     return {form: float(np.median(times)) for form, times in taken.items()}
 
@@ -314,9 +312,8 @@ def budget(run, number=5, snapshot=-1):
         panel.set(xlabel="axial strain (%)", ylabel=f"error in {name} over p (%)")
         panel.grid(alpha=0.25)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
-    contacts, radius = run.lab.contact_arrays(snapshot), run["radius"].values
-    volume = float(run["snapshot_volume"].values[snapshot])
-    scatter = standard_errors(contacts, radius, volume, run.lab.scene.young_modulus) if len(contacts) else {}
+    of = run.lab.snapshot(snapshot)
+    scatter = standard_errors(of) if len(of.contacts) else {}
     rows = [
         {"axial_strain": strain[k] / 100, "part": part, "p_error": mean_stress(parts.values[k, i]) / p[k],
          "q_error": deviatoric_stress(parts.values[k, i]) / p[k],
@@ -368,9 +365,10 @@ def contacts(run, number=5, snapshot=-1):
 
 def stratified_layer(state):
     """Grains, contact forces and normalised contact forces of the layer of labkit.dem.stratified side by side (Fig. 3)."""
-    found, strata = contacts_of(state), stratified.strata(state)
+    snapshot, strata = state.snapshot(), stratified.strata(state)
+    found = snapshot.contacts
     across, up = state.cell[0, 0], state.cell[2, 2]
-    normalised = normalised_normal_force(state.radius, found, state.scene.young_modulus, stratified.disc_volume(state))
+    normalised = normalised_normal_force(snapshot, stratified.disc_volume(state))
     figure, axes = plt.subplots(1, 3, figsize=(1.3 * WIDTH, 0.4 * WIDTH * up / across + 1.7), layout="constrained")
     inside = np.mod(state.position[:, [0, 2]], [across, up]) * 1e3
     discs = [plt.Circle(x, r * 1e3) for x, r in zip(inside, state.radius)]

@@ -7,6 +7,9 @@ strain with compression positive. meshio writes them: it is hundreds of times sm
 from __future__ import annotations
 
 import itertools
+import os
+import types
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,10 +17,11 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.files import whole_file
-from labkit.micro.contacts import contacts_per_grain
 from labkit.micro.fabric import statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.snapshot import Snapshot, contacts_per_grain
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 
 HINT = (
@@ -26,9 +30,11 @@ HINT = (
 )
 TUBE = 0.08  # radius of a contact of mean force in ParaView, in mean grain diameters
 
+Mesh = tuple[np.ndarray, tuple[str, np.ndarray], dict, dict]  # points, cells, data of points, data of cells
 
-def require_meshio():
-    """The module. Raises InputError when it is not installed."""
+
+def require_meshio() -> types.ModuleType:
+    """The module. Raises InputError if it is not installed."""
     try:
         import meshio
     except ImportError:
@@ -36,26 +42,26 @@ def require_meshio():
     return meshio
 
 
-def write_series(moments, folder):
-    """Writes Moments (labkit.visuals.moment) into a folder that is there; the .pvd files to open."""
+def write_series(snapshots: Iterable[Snapshot], folder: str | os.PathLike) -> list[Path]:
+    """Writes Snapshots into a folder that is there; the .pvd files to open."""
     meshio = require_meshio()
     folder = Path(folder)
     times = {name: {} for name in MESHES}
-    for moment in moments:
+    for snapshot in snapshots:
         for name, mesh_of in MESHES.items():
-            file = folder / f"{name}_{moment.snapshot:04d}.vtu"
-            points, cells, point_data, cell_data = mesh_of(moment)
+            file = folder / f"{name}_{snapshot.number:04d}.vtu"
+            points, cells, point_data, cell_data = mesh_of(snapshot)
             mesh = meshio.Mesh(
                 np.float32(points), [cells], {key: _small(values) for key, values in point_data.items()},
                 {key: [_small(values)] for key, values in cell_data.items()},
             )  # fmt: skip
             with whole_file(file) as temporary:
                 meshio.write(temporary, mesh, file_format="vtu")
-            times[name][file.name] = moment.time
+            times[name][file.name] = snapshot.time
     return [write_collection(folder / f"{name}.pvd", found) for name, found in times.items()]
 
 
-def write_collection(path, times):
+def write_collection(path: Path, times: Mapping[str, float]) -> Path:
     """Writes a .pvd file, ParaView's list of files over time, and returns its path. `times`: file name -> s."""
     root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
     collection = ElementTree.SubElement(root, "Collection")
@@ -75,77 +81,73 @@ def _small(values):
     return values.astype(kinds[values.dtype.kind])
 
 
-def grains(moment):
+def grains(snapshot: Snapshot) -> Mesh:
     """Points at the centres. Tensors of a grain: fabric <n n> and stress, see labkit.micro.grains."""
-    contacts, radius = moment.contacts, moment.radius
-    n = len(radius)
-    normalised = moment.normalised_force()
-    force = np.stack([contacts.normal_force] * 2, axis=1)
-    stress = grain_stress(contacts, radius)
+    grain, normalised = np.arange(snapshot.number_of_grains), normalised_normal_force(snapshot)
+    of_grains = mean_per_grain(snapshot, normalised)
+    force = np.stack([snapshot.contacts.normal_force] * 2, axis=1)
+    stress = grain_stress(snapshot)
     data = {
-        "diameter": 2.0 * radius, "grain": np.arange(n), "coordination_number": contacts_per_grain(n, contacts),
-        "mean_normalised_force": mean_per_grain(contacts, normalised, n),
-        "normalised_force_over_mean": over_mean(mean_per_grain(contacts, normalised, n), normalised),
-        "mean_normal_force": mean_per_grain(contacts, force, n), "fabric": grain_fabric(contacts, n),
+        "diameter": 2.0 * snapshot.radius, "grain": grain, "coordination_number": contacts_per_grain(snapshot),
+        "mean_normalised_force": of_grains, "normalised_force_over_mean": over_mean(of_grains, normalised),
+        "mean_normal_force": mean_per_grain(snapshot, force), "fabric": grain_fabric(snapshot),
         "stress": stress, "mean_stress": mean_stress(stress), "deviatoric_stress": deviatoric_stress(stress),
     }  # fmt: skip
-    if moment.velocity is not None:
-        data["velocity"] = moment.velocity
-    return moment.position, ("vertex", np.arange(n)[:, None]), data, {}
+    if snapshot.velocity is not None:
+        data["velocity"] = snapshot.velocity
+    return snapshot.wrapped_position, ("vertex", grain[:, None]), data, {}
 
 
-def contacts(moment):
+def contacts(snapshot: Snapshot) -> Mesh:
     """A line for each contact between the two centres; one through a face of the cell ends beyond it."""
-    found, normalised = moment.contacts, moment.normalised_force()
-    both = normalised.mean(axis=1)
+    found, both = snapshot.contacts, normalised_normal_force(snapshot).mean(axis=1)
     ratio = over_mean(both, both)
     tangential = np.linalg.norm(found.tangential_force, axis=1)
-    limit = moment.scene.friction * found.normal_force
+    limit = snapshot.scene.friction * found.normal_force
     data = {
         "normal_force": found.normal_force, "tangential_force": found.tangential_force,
         "force_on_first": found.force_on_first(), "rolling_moment": found.rolling_moment, "overlap": found.overlap,
         "normalised_force": both, "normalised_force_over_mean": ratio, "strong": ratio > 1.0,
         "friction_mobilised": np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0),
         "first_grain": found.grain[:, 0], "second_grain": found.grain[:, 1],
-        "periodic": _crosses_face(moment),
+        "periodic": _crosses_face(snapshot),
     }  # fmt: skip
     ends = {
         "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too: what ParaView's Tube needs
-        "tube_radius": np.repeat(TUBE * 2.0 * moment.radius.mean() * ratio, 2),
+        "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * ratio, 2),
     }
     lines = np.arange(2 * len(found)).reshape(-1, 2)
-    return moment.contact_ends().reshape(-1, 3), ("line", lines), ends, data
+    return snapshot.contact_ends().reshape(-1, 3), ("line", lines), ends, data
 
 
-def cell(moment):
+def cell(snapshot: Snapshot) -> Mesh:
     """The cell as one hexahedron, with the stress and the five statistics of C0 on it."""
-    fabric = statistics(moment.contacts, moment.radius, moment.scene.young_modulus)
+    stress = love_stress(snapshot)
     values = {
-        "stress": moment.stress, "mean_stress": mean_stress(moment.stress),
-        "deviatoric_stress": deviatoric_stress(moment.stress),
-        "void_ratio_nominal": void_ratio_nominal(moment.radius, moment.volume), **vars(fabric),
+        "stress": stress, "mean_stress": mean_stress(stress), "deviatoric_stress": deviatoric_stress(stress),
+        "void_ratio_nominal": void_ratio_nominal(snapshot), **vars(statistics(snapshot)),
     }  # fmt: skip
-    if moment.axial_strain is not None:
-        values["axial_strain"] = moment.axial_strain
-    return cell_corners(moment.cell), ("hexahedron", np.arange(8)[None]), {}, {k: [v] for k, v in values.items()}
+    if snapshot.axial_strain is not None:
+        values["axial_strain"] = snapshot.axial_strain
+    return cell_corners(snapshot.cell), ("hexahedron", np.arange(8)[None]), {}, {k: [v] for k, v in values.items()}
 
 
-def cell_corners(cell):
+def cell_corners(cell: np.ndarray) -> np.ndarray:
     """The corners (8, 3), m, of a cell (3, 3) at the origin, in VTK's order: around the bottom, then the top."""
     around = [(0, 0), (1, 0), (1, 1), (0, 1)]
     return np.array([(*xy, z) for z, xy in itertools.product((0, 1), around)]) @ cell.T
 
 
-def over_mean(values, of):
-    """Values over the mean of `of`; zero where there are none."""
+def over_mean(values: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Values over the mean of `of`; zero if `of` is empty or its mean is not positive."""
     mean = of.mean() if len(of) else 0.0
     return values / mean if mean > 0.0 else np.zeros_like(values)
 
 
-def _crosses_face(moment):
+def _crosses_face(snapshot):
     """Whether the second grain of each contact lies in another period than the first."""
-    gap = moment.contact_ends()[:, 1] - moment.position[moment.contacts.grain[:, 1]]
-    return np.linalg.norm(gap, axis=1) > 0.5 * moment.radius.min()
+    gap = snapshot.contact_ends()[:, 1] - snapshot.wrapped_position[snapshot.contacts.grain[:, 1]]
+    return np.linalg.norm(gap, axis=1) > 0.5 * snapshot.radius.min()
 
 
 MESHES = {"grains": grains, "contacts": contacts, "cell": cell}

@@ -1,16 +1,20 @@
-"""Pictures of a specimen: its grains, and beside them its contacts as sticks, at one or more moments (labkit.visuals.moment).
+"""Pictures of a specimen: its grains, and beside them its contacts as sticks, of one or more snapshots.
 
 Both are coloured by the normalised force over its mean; the stick of a contact is as wide as that is large.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
-from labkit.micro.contacts import contacts_per_grain
 from labkit.micro.grains import mean_per_grain
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.snapshot import Snapshot, contacts_per_grain
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.visuals.paraview import cell_corners, over_mean
 from labkit.visuals.render import canvas, draw_spheres, draw_sticks, haze, shaded, view_from
 
@@ -22,58 +26,61 @@ PANEL = 5.2  # inches, width
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 
 
-def picture(moments):
-    """Grains and contacts of each Moment, a row each, all on one scale; a Figure."""
-    moments = list(moments)
-    low, high = _frame(moments)
+def picture(snapshots: Iterable[Snapshot]) -> Figure:
+    """Grains and contacts of each Snapshot, a row each, all on one scale."""
+    snapshots = list(snapshots)
+    low, high = _frame(snapshots)
     tall = PANEL * (high[1] - low[1]) / (high[0] - low[0])
     head, foot = 0.32, 0.95
-    height = len(moments) * (tall + head) + foot
+    height = len(snapshots) * (tall + head) + foot
     figure = plt.figure(figsize=(2 * PANEL, height))
-    for row, moment in enumerate(moments):
+    for row, snapshot in enumerate(snapshots):
         bottom = height - (row + 1) * (tall + head)
-        for column, image in enumerate(images(moment, low, high)):
+        for column, image in enumerate(images(snapshot, low, high)):
             axes = figure.add_axes((0.5 * column, bottom / height, 0.5, tall / height))
             axes.imshow(image, origin="lower")
             axes.axis("off")
-        figure.text(0.5, (bottom + tall + 0.08) / height, words(moment), ha="center", fontsize=10)
+        figure.text(0.5, (bottom + tall + 0.08) / height, caption(snapshot), ha="center", fontsize=10)
     _scale_bar(figure, (high[0] - low[0]) / PANEL, height)
     _color_bar(figure, height)
     _directions(figure, height)
     return figure
 
 
-def images(moment, low, high, width=round(150 * PANEL)):
+def images(
+    snapshot: Snapshot, low: np.ndarray, high: np.ndarray, width: int = round(150 * PANEL)
+) -> tuple[np.ndarray, np.ndarray]:
     """The pictures of the grains and of the contacts, (rows, width, 4) each, of the part of the view from `low` to
     `high` (2,), m from the middle of the cell."""
-    middle = VIEW[:2] @ moment.cell.sum(axis=1) / 2
+    middle = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
     low, high = low + middle, high + middle
-    mean = 2.0 * moment.radius.mean()
-    corners = cell_corners(moment.cell)
+    mean = 2.0 * snapshot.radius.mean()
+    corners = cell_corners(snapshot.cell)
     edges = np.array([corners[list(edge)] for edge in EDGES])
-    normalised, ends = moment.normalised_force(), moment.contact_ends()
+    normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
     of_contacts = over_mean(normalised.mean(axis=1), normalised)
     grains = canvas(VIEW, low, high, width)
-    draw_spheres(grains, moment.position, moment.radius, grain_colors(moment))
+    draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, grain_colors(snapshot))
     network = canvas(VIEW, low, high, width)
     draw_sticks(network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), _colors(of_contacts))
-    white = haze(network, moment.cell, 2.5 * mean)
+    white = haze(network, snapshot.cell, 2.5 * mean)
     draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
     return shaded(grains, 0.4 * mean), shaded(network, 0.4 * mean, white)
 
 
-def grain_colors(moment):
+def grain_colors(snapshot: Snapshot) -> np.ndarray:
     """Colour (grain, 3) by the mean of Lambda_n over the contacts of each grain, over that of all contact sides."""
-    n, normalised = len(moment.radius), moment.normalised_force()
-    colors = _colors(over_mean(mean_per_grain(moment.contacts, normalised, n), normalised))
-    return np.where((contacts_per_grain(n, moment.contacts) == 0)[:, None], RATTLER, colors)
+    normalised = normalised_normal_force(snapshot)
+    colors = _colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
+    return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
 
 
-def words(moment):
-    """Where on its path a moment is."""
-    p, q = mean_stress(moment.stress) / 1e3, deviatoric_stress(moment.stress) / 1e3
-    strain = "" if moment.axial_strain is None else f"axial strain {100 * moment.axial_strain:.1f} %,  "
-    number = f"{len(moment.radius)} grains, {len(moment.contacts)} contacts"
+def caption(snapshot: Snapshot) -> str:
+    """Where on its path a snapshot is."""
+    stress = love_stress(snapshot) / 1e3
+    p, q = mean_stress(stress), deviatoric_stress(stress)
+    strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
+    number = f"{len(snapshot.radius)} grains, {len(snapshot.contacts)} contacts"
     return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
 
 
@@ -81,12 +88,12 @@ def _colors(ratio):
     return plt.get_cmap(COLORS)(np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
 
 
-def _frame(moments):
+def _frame(snapshots):
     """The lower left and upper right corner, m from the middle of each cell, of a view that holds all of them and the
     grains at their faces."""
-    corners = [cell_corners(moment.cell) for moment in moments]
+    corners = [cell_corners(snapshot.cell) for snapshot in snapshots]
     seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
-    margin = 1.2 * max(moment.radius.max() for moment in moments)
+    margin = 1.2 * max(snapshot.radius.max() for snapshot in snapshots)
     return seen.min(axis=0) - margin, seen.max(axis=0) + margin
 
 

@@ -3,7 +3,6 @@ import pytest
 
 from labkit.errors import InputError
 from labkit.micro import indicators
-from labkit.micro.contacts import contacts_of
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe, insert_grains, side_for
@@ -13,7 +12,7 @@ from labkit.dem.state import read_state
 @pytest.mark.parametrize("void_ratio_target", [0.606, 0.67, 0.724, 0.77])
 def test_insertion_meets_the_void_ratio_the_side_and_the_sizes_exactly(void_ratio_target):
     state = insert_grains(Scene(), Recipe(void_ratio_target, side=2e-3))
-    assert np.isclose(void_ratio_nominal(state.radius, state.volume), void_ratio_target, rtol=1e-12)
+    assert np.isclose(void_ratio_nominal(state.snapshot()), void_ratio_target, rtol=1e-12)
     np.testing.assert_array_equal(state.cell, np.eye(3) * 2e-3)
     assert (np.abs(2 * state.radius / 0.17e-3 - 1) <= 0.2 + 1e-12).all()
     assert ((0 <= state.position) & (state.position < 2e-3)).all()
@@ -55,11 +54,12 @@ def test_impossible_recipes_are_refused(values):
 
 def test_a_specimen_is_at_rest_with_table_1_and_its_void_ratio(specimen_file):
     state = read_state(specimen_file)
-    contacts = contacts_of(state)
+    snapshot = state.snapshot()
+    contacts = snapshot.contacts
     assert state.scene == Scene()
-    assert np.isclose(void_ratio_nominal(state.radius, state.volume), 0.67, rtol=1e-12)
-    assert 0.67 < void_ratio(state.radius, state.volume, contacts) < 0.672
-    assert indicators.unbalanced_force(state.number_of_grains, contacts) < 1e-4
+    assert np.isclose(void_ratio_nominal(state.snapshot()), 0.67, rtol=1e-12)
+    assert 0.67 < void_ratio(snapshot) < 0.672
+    assert indicators.unbalanced_force(snapshot) < 1e-4
     assert not state.velocity.any() and not state.velocity_gradient.any()
     tangential = np.linalg.norm(state.tangential_force, axis=1)
     assert (tangential <= 0.4 * contacts.normal_force * (1 + 1e-9)).all()

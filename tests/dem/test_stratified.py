@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
-from labkit.micro.contacts import contacts_of
 from labkit.micro.stress import love_stress
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
@@ -26,7 +25,7 @@ def layer_file(tmp_path_factory, labkit_command):
 
 def test_the_layer_is_brought_to_its_stress_ratio_in_its_plane(layer_file):
     state = read_state(layer_file)
-    stress = love_stress(contacts_of(state), state.radius, state.volume)
+    stress = love_stress(state.snapshot())
     assert np.isclose(stress[2, 2] / stress[0, 0], 2.0, rtol=3e-3)
     assert np.isclose(stress[0, 0], 0.1e6, rtol=2e-3) and not stress[1].any() and not stress[:, 1].any()
     assert np.ptp(state.position[:, 1]) == 0.0

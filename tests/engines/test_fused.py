@@ -9,11 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from labkit.bench.kernel import copies
-from labkit.dem.energy import balance_error, opened
+from labkit.dem.energy import balance_error, kinetic_energy, opened
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
-from labkit.micro.contacts import contacts_of, contacts_per_grain
-from labkit.micro.indicators import kinetic_energy
+from labkit.micro.snapshot import contacts_per_grain
 from labkit.dem.paths import ConstantVolume
 from labkit.dem.scene import LAWS, Scene
 from labkit.io.schema import STATE
@@ -94,7 +93,7 @@ def test_after_one_step_the_forces_are_yades(yade_specimen, beside_yade):
     assert len(ours.contact_grain) > 2500
     for name in ("contact_grain", "contact_shift", "cell"):
         np.testing.assert_array_equal(getattr(ours, name), getattr(yades, name))
-    force, expected = contacts_of(ours).force_on_first(), contacts_of(yades).force_on_first()
+    force, expected = ours.snapshot().contacts.force_on_first(), yades.snapshot().contacts.force_on_first()
     assert np.abs(force - expected).max() < 1e-12 * np.abs(expected).max()
     for name in ("tangential_force", "rolling_moment"):
         a, b = getattr(ours, name), getattr(yades, name)
@@ -156,7 +155,7 @@ def test_restitution_of_a_head_on_pair_is_that_of_its_dashpots():
 def test_sliding_at_mu_fn(law):
     scene = Scene(law=law, local_damping=0.0)
     state = after(pair(scene, 0.99 * 2 * R, velocity=(20.0, 0, 0), time_step=1e-8), 10)
-    contact = contacts_of(state)
+    contact = state.snapshot().contacts
     force = np.linalg.norm(state.tangential_force[0])
     assert np.isclose(force, 0.4 * contact.normal_force[0], rtol=1e-12)
     assert abs(contact.normal[0] @ state.tangential_force[0]) < 1e-6 * force
@@ -176,7 +175,7 @@ def test_two_grains_roll_to_rest_as_their_moments_say():
     radius = np.array([R, R])
     scene = Scene(law="paper", beta_t=0.0)
     state = column(scene, radius)
-    contacts = contacts_of(after(state, 0))
+    contacts = after(state, 0).snapshot().contacts
     assert len(contacts) == 2
     moment = 2 * 0.1 * radius.prod() / radius.sum() * contacts.normal_force[0]
     inertia = scene.moment_of_inertia(radius)
@@ -195,7 +194,7 @@ def test_the_moment_is_bounded_by_r_star():
         state = column(Scene(law=law), radius).replace(angular_velocity=np.array([[4e4, 0, 0], [-4e4, 0, 0]]))
         state = after(state, 30)
         found = np.linalg.norm(state.rolling_moment, axis=1)
-        np.testing.assert_allclose(found, arm * contacts_of(state).normal_force, rtol=1e-12)
+        np.testing.assert_allclose(found, arm * state.snapshot().contacts.normal_force, rtol=1e-12)
 
 
 def test_no_tension_and_no_memory_of_a_contact_that_has_opened():
@@ -286,7 +285,7 @@ def test_an_elastic_orbit_converges_with_the_square_of_the_time_step(gradient):
     exact = orbit(across_the_boundary(gradient, 1e-9, gap=-0.005), gradient, time)
     for steps in (50, 100, 200, 400):
         state = across_the_boundary(gradient, time / steps, gap=-0.005)
-        scene, contact = state.scene, contacts_of(after(state, 0))
+        scene, contact = state.scene, after(state, 0).snapshot().contacts
         pull = np.array([1.0, -1.0])[:, None] * contact.force_on_first() / scene.mass(state.radius)[:, None]
         found = after(state.replace(velocity=state.velocity - 0.5 * state.time_step * pull), steps, gradient)
         errors["position"].append(np.abs(found.position.ravel() - exact[:6]).max())
@@ -448,7 +447,7 @@ def test_grains_of_very_different_size():
     state = state.replace(velocity=rng.normal(size=(len(state.radius), 3)) * 0.3, time_step=1e-9)
     end = after(state, 500)
     assert listed(end) == all_contacts(end, reach=1)
-    assert np.isfinite(end.position).all() and contacts_per_grain(len(end.radius), contacts_of(end))[0] > 3
+    assert np.isfinite(end.position).all() and contacts_per_grain(end.snapshot())[0] > 3
 
 
 @pytest.mark.parametrize("law", LAWS)

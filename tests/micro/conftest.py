@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 
 from labkit.micro.contacts import Contacts
+from tests.contact_sets import snapshot_of
 
 
 @pytest.fixture
 def random_contacts():
-    """Makes n random contacts between grains of unequal size: (contacts, radius)."""
+    """Makes a Snapshot of n random contacts between grains of unequal size, in a cell of 1e-9 m3."""
 
     def make(n, grains=50, seed=0):
         rng = np.random.default_rng(seed)
@@ -17,6 +18,6 @@ def random_contacts():
         tangential = rng.normal(size=(n, 3)) * 1e-3
         tangential -= np.einsum("ci,ci->c", tangential, normal)[:, None] * normal
         overlap = rng.uniform(0.0, 0.02, n) * radius.min()
-        return Contacts(pair, normal, overlap, overlap * 2e4, tangential, np.zeros((n, 3))), radius
+        return snapshot_of(radius, Contacts(pair, normal, overlap, overlap * 2e4, tangential, np.zeros((n, 3))))
 
     return make

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 
 from labkit.micro.contacts import Contacts
 from labkit.micro.fabric import contact_anisotropy, statistics
-
-E = 0.15e9
+from tests.contact_sets import E, snapshot_of
 
 
 def draw_normals(A, n, rng):
@@ -43,7 +42,7 @@ def test_force_anisotropy_of_a_drawn_distribution_is_found_again():
     scale = np.pi * diameter**2 * E / 3  # force of Lambda = 1, without overlap
     fn = scale * 0.01 * (1 + np.einsum("ci,ij,cj->c", normal, F, normal))
     ft = -scale * 0.01 * (normal @ T - np.einsum("ci,ij,cj->c", normal, T, normal)[:, None] * normal)
-    found = statistics(Contacts(grain, normal, np.zeros(n), fn, ft, np.zeros((n, 3))), radius, E)
+    found = statistics(snapshot_of(radius, Contacts(grain, normal, np.zeros(n), fn, ft, np.zeros((n, 3)))))
     assert np.isclose(found.mean_normalised_force, 0.01, rtol=0.01)
     np.testing.assert_allclose(found.normal_force_anisotropy, F, atol=0.05)
     # <n (x) (T n - (n.T n) n)> = T/3 - 2/15 T = T/5 over the isotropic sphere
@@ -51,7 +50,8 @@ def test_force_anisotropy_of_a_drawn_distribution_is_found_again():
 
 
 def test_statistics_are_the_sums_over_both_sides_as_the_paper_writes_them(random_contacts):
-    contacts, radius = random_contacts(300)
+    snapshot = random_contacts(300)
+    contacts, radius = snapshot.contacts, snapshot.radius
     sides = []
     for k in range(len(contacts)):
         force = -contacts.normal_force[k] * contacts.normal[k] + contacts.tangential_force[k]
@@ -64,7 +64,7 @@ def test_statistics_are_the_sums_over_both_sides_as_the_paper_writes_them(random
     Lam = np.mean([Ln / (1 + n @ A @ n) for n, Ln, _ in sides])
     F = 7.5 * (np.mean([Ln * np.outer(n, n) / (1 + n @ A @ n) for n, Ln, _ in sides], axis=0) / Lam - np.eye(3) / 3)
     Ft = np.mean([-np.outer(n, Lt) / (1 + n @ A @ n) for n, _, Lt in sides], axis=0) / Lam
-    found = statistics(contacts, radius, E)
+    found = statistics(snapshot)
     assert np.isclose(found.coordination_number, 600 / 50)
     np.testing.assert_allclose(found.contact_anisotropy, A, rtol=1e-10, atol=1e-14)
     assert np.isclose(found.mean_normalised_force, Lam, rtol=1e-12)
@@ -79,7 +79,7 @@ def test_few_contacts_raise_no_error_and_no_warning(n, seed):
     normal = rng.normal(size=(n, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     contacts = Contacts(np.tile([0, 1], (n, 1)), normal, np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3)))
-    found = statistics(contacts, np.full(5, 1e-4), E)
+    found = statistics(snapshot_of(np.full(5, 1e-4), contacts))
     assert found.coordination_number == 2 * n / 5
     assert found.mean_normalised_force == 0.0
     if n == 0:

@@ -18,10 +18,9 @@ from tests.contact_sets import E, contact_sets
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets, seed=st.integers(0, 1000))
 def test_two_complementary_networks_are_love(drawn, seed):
-    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
-    side = np.random.default_rng(seed).random((len(contacts), 2)) < 0.5
-    both = network_stress(contacts, radius, volume, side) + network_stress(contacts, radius, volume, ~side)
-    love = love_stress(contacts, radius, volume)
+    side = np.random.default_rng(seed).random((len(drawn.contacts), 2)) < 0.5
+    both = network_stress(drawn, side) + network_stress(drawn, ~side)
+    love = love_stress(drawn)
     np.testing.assert_allclose(both, love, rtol=1e-12, atol=1e-12 * np.abs(love).max())
 
 
@@ -29,27 +28,28 @@ def test_two_complementary_networks_are_love(drawn, seed):
 @given(drawn=contact_sets)
 def test_normalised_force_is_that_below_eq_18_on_either_side(drawn):
     contacts, radius = drawn.contacts, drawn.radius
-    found = normalised_force(radius, contacts)
+    found = normalised_force(drawn)
     for c in range(min(len(contacts), 5)):
         for side, sign in ((0, 1.0), (1, -1.0)):
             D = 2 * radius[contacts.grain[c, side]]
             force = sign * (contacts.tangential_force[c] - contacts.normal_force[c] * contacts.normal[c])
             expected = 3 * (1 - contacts.overlap[c] / D) * force / (np.pi * D**2)
             np.testing.assert_allclose(found[c, side], expected, rtol=1e-12, atol=1e-14 * np.abs(expected).max())
-    Lambda_n = normalised_normal_force(radius, contacts, E)
+    Lambda_n = normalised_normal_force(drawn)
     outward = np.stack([contacts.normal, -contacts.normal], axis=1)
     np.testing.assert_allclose(Lambda_n, -np.einsum("csi,csi->cs", found, outward) / E, rtol=1e-10)
-    whole = vectors_of_contacts(radius, contacts, E)
+    whole = vectors_of_contacts(drawn)
     weight = Lambda_n / contacts.normal_force[:, None]
-    sides = vectors_of_sides(contacts, np.ones((len(contacts), 2), dtype=bool), weight)
+    sides = vectors_of_sides(drawn, np.ones((len(contacts), 2), dtype=bool), weight)
     assert len(sides) == 2 * len(whole)
     np.testing.assert_allclose(sides.normal_component.sum(), 2 * whole.normal_component.sum(), rtol=1e-12)
 
 
 def test_strong_sides_are_those_above_the_mean(random_contacts):
-    contacts, radius = random_contacts(200)
-    by_force, by_normalised = strong_by_force(contacts), strong_by_normalised_force(radius, contacts)
-    Lambda_n = normalised_normal_force(radius, contacts, E)
+    snapshot = random_contacts(200)
+    contacts = snapshot.contacts
+    by_force, by_normalised = strong_by_force(snapshot), strong_by_normalised_force(snapshot)
+    Lambda_n = normalised_normal_force(snapshot)
     assert (Lambda_n[by_normalised] > Lambda_n.mean()).all() and (Lambda_n[~by_normalised] <= Lambda_n.mean()).all()
     np.testing.assert_array_equal(by_force[:, 0], contacts.normal_force > contacts.normal_force.mean())
     assert (by_normalised[:, 0] != by_normalised[:, 1]).any()  # the two sides of a contact need not agree

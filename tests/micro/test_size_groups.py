@@ -8,24 +8,23 @@ from hypothesis import strategies as st
 from labkit.errors import InputError
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.stress import love_stress
-from tests.contact_sets import contact_sets, make
+from tests.contact_sets import contact_sets, make, snapshot_of
 
 
 @settings(max_examples=80, deadline=None)
 @given(drawn=contact_sets, groups=st.integers(1, 12), seed=st.integers(0, 1000), by_size=st.booleans())
 def test_both_sums_are_love(drawn, groups, seed, by_size):
-    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
     if by_size:
-        group = groups_by_diameter(radius, diameter_edges(radius, groups))
+        group = groups_by_diameter(drawn, diameter_edges(drawn, groups))
     else:  # any partition, with groups that are empty
-        group = np.random.default_rng(seed).integers(0, groups, len(radius))
-    love = love_stress(contacts, radius, volume)
-    found = group_stresses(contacts, radius, volume, group, groups)
+        group = np.random.default_rng(seed).integers(0, groups, drawn.number_of_grains)
+    love = love_stress(drawn)
+    found = group_stresses(drawn, group, groups)
     size = np.abs(love).max()
     np.testing.assert_allclose(found.sum_by_contacts(), love, rtol=1e-12, atol=1e-12 * size)
     np.testing.assert_allclose(found.sum_by_volume(), love, rtol=1e-12, atol=1e-12 * size)
     assert np.isclose(found.volume_fraction.sum(), 1.0, rtol=1e-12)
-    if len(contacts):
+    if len(drawn.contacts):
         assert np.isclose(found.by_contacts.sum(), 1.0, rtol=1e-12)
     assert np.isnan(found.per_volume[found.contacts == 0]).all()
     assert np.isfinite(found.per_volume[found.contacts > 0]).all()
@@ -36,7 +35,7 @@ def test_grains_of_one_size_have_eq_18_as_printed():
     drawn = make(3, 60, 12, 1.0, 0.3)
     contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
     group = np.arange(12) % 3
-    found = group_stresses(contacts, radius, volume, group, 3)
+    found = group_stresses(drawn, group, 3)
     Z, e = 2 * 60 / 12, volume / np.sum(4 / 3 * np.pi * radius**3) - 1
     for k in range(3):
         total, sides = np.zeros((3, 3)), 0
@@ -53,11 +52,11 @@ def test_grains_of_one_size_have_eq_18_as_printed():
 
 
 def test_the_largest_grain_is_in_the_last_group():
-    radius = np.linspace(1.0, 2.0, 11)
-    assert np.bincount(groups_by_diameter(radius, diameter_edges(radius, 5))).tolist() == [2, 2, 2, 2, 3]
+    grains = snapshot_of(np.linspace(1.0, 2.0, 11))
+    assert np.bincount(groups_by_diameter(grains, diameter_edges(grains, 5))).tolist() == [2, 2, 2, 2, 3]
 
 
 @pytest.mark.parametrize(("edges", "said"), [([1.0], "ascend"), ([3.0, 1.0], "ascend"), ([1.0, 2.5], "leave grains")])
 def test_edges_that_cannot_be(edges, said):
     with pytest.raises(InputError, match=said):
-        groups_by_diameter(np.array([0.6, 1.4]), edges)
+        groups_by_diameter(snapshot_of([0.6, 1.4]), edges)

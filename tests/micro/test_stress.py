@@ -1,10 +1,10 @@
 import numpy as np
 
-from labkit.micro.contacts import Contacts, contacts_of
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.dem.scene import Scene
 from labkit.dem.state import grains_in_cell
+from tests.contact_sets import snapshot_of
 
 
 def simple_cubic(n=3, overlap=1e-6, radius=85e-6):
@@ -28,33 +28,32 @@ def simple_cubic(n=3, overlap=1e-6, radius=85e-6):
 def test_simple_cubic_crystal_has_its_closed_form():
     overlap, radius = 1e-6, 85e-6
     state = simple_cubic(3, overlap, radius)
-    contacts = contacts_of(state)
+    snapshot = state.snapshot()
     spacing = 2 * radius - overlap
     force = np.pi / 2 * 0.15e9 * radius * overlap  # D* = R for equal grains
-    stress = love_stress(contacts, state.radius, state.volume)
+    stress = love_stress(snapshot)
     np.testing.assert_allclose(stress, force / spacing**2 * np.eye(3), rtol=1e-9, atol=1e-6)
     solid = 4 / 3 * np.pi * radius**3
-    assert np.isclose(void_ratio_nominal(state.radius, state.volume), spacing**3 / solid - 1, rtol=1e-12)
+    assert np.isclose(void_ratio_nominal(snapshot), spacing**3 / solid - 1, rtol=1e-12)
     cap = np.pi * (overlap / 2) ** 2 * (3 * radius - overlap / 2) / 3  # two of them make a lens
     lens_free = spacing**3 / (solid - 3 * 2 * cap) - 1
-    assert np.isclose(void_ratio(state.radius, state.volume, contacts), lens_free, rtol=1e-9)
+    assert np.isclose(void_ratio(snapshot), lens_free, rtol=1e-9)
 
 
 def test_love_is_the_sum_over_both_sides_as_the_paper_writes_it(random_contacts):
-    contacts, radius = random_contacts(200)
-    volume = 1e-9
+    snapshot = random_contacts(200)
+    contacts, radius, volume = snapshot.contacts, snapshot.radius, 1e-9
     total = np.zeros((3, 3))
     for k in range(len(contacts)):
         a, b = contacts.grain[k]
         on_first = -contacts.normal_force[k] * contacts.normal[k] + contacts.tangential_force[k]
         total += np.outer((radius[a] - contacts.overlap[k] / 2) * contacts.normal[k], on_first)
         total += np.outer((radius[b] - contacts.overlap[k] / 2) * -contacts.normal[k], -on_first)
-    np.testing.assert_allclose(love_stress(contacts, radius, volume), -total / volume, rtol=1e-12)
+    np.testing.assert_allclose(love_stress(snapshot), -total / volume, rtol=1e-12)
 
 
 def test_no_contacts_carry_no_stress():
-    none = Contacts(np.zeros((0, 2), int), *(np.zeros(s) for s in ((0, 3), 0, 0, (0, 3), (0, 3))))
-    assert np.array_equal(love_stress(none, np.ones(4), 1.0), np.zeros((3, 3)))
+    assert np.array_equal(love_stress(snapshot_of(np.ones(4))), np.zeros((3, 3)))
 
 
 def test_p_and_q_of_a_triaxial_stress():

@@ -10,7 +10,7 @@ from labkit.model.parameters import Model, Parameters
 from labkit.model.state import ModelState
 from labkit.model.stiffness import state_rate, stress_rate
 from labkit.model.tensors import to_six, to_tensor
-from labkit.sff.c0 import sff_stress
+from labkit.sff.c0 import c0_stress
 from tests.model.random_states import AXIS, assert_same_rates, deviator, random_state, rotation, symmetric
 from tests.model.scalar_formulas import scalar_rates
 
@@ -101,7 +101,7 @@ def test_the_stress_rate_is_the_derivative_of_c0(seed):
 
     def stress(h):
         z = y + h * v
-        return sff_stress(0.15e9, z[1], z[2], z[0], *(to_tensor(z[k : k + 6]) for k in (3, 9, 15)))
+        return c0_stress(0.15e9, z[1], z[2], z[0], *(to_tensor(z[k : k + 6]) for k in (3, 9, 15)))
 
     h = 1e-6
     found, expected = stress_rate(Model(), state, D), (stress(h) - stress(-h)) / (2 * h)

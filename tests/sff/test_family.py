@@ -12,10 +12,10 @@ from labkit.micro.directions import Fit, TangentialFit
 from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.sff.c0 import sff_stress, strength_shares
+from labkit.sff.c0 import c0_stress, sff_stress, strength_shares
 from labkit.sff.budget import PARTS, error_budget, standard_errors
 from labkit.sff.family import FORMS, product_integral, stress, tangential_coupling
-from tests.contact_sets import E, contact_sets, make
+from tests.contact_sets import E, contact_sets, make, snapshot_of
 from tests.micro.test_directions import random_tensors
 
 n_, w_ = lebedev_rule(17)
@@ -48,23 +48,22 @@ def test_the_coupling_of_tangential_forces_and_normals_is_integrated_exactly(see
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets)
 def test_c0_of_the_family_is_c0_of_the_records(drawn):
-    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
-    found = statistics(contacts, radius, E)
-    expected = sff_stress(
-        E, found.coordination_number, found.mean_normalised_force, void_ratio_nominal(radius, volume),
+    found = statistics(drawn)
+    expected = c0_stress(
+        E, found.coordination_number, found.mean_normalised_force, void_ratio_nominal(drawn),
         found.contact_anisotropy, found.normal_force_anisotropy, found.mobilisation,
     )  # fmt: skip
-    same(stress("c0", contacts, radius, volume, E), expected)
+    np.testing.assert_array_equal(sff_stress(drawn), expected)
+    same(stress("c0", drawn), expected)
 
 
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets)
 def test_groups_of_grains_of_one_kind_change_nothing(drawn):
     """Eqs. 16 and 17 with one group are Eq. 12 and C0 with the mean grain volume."""
-    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
-    one = np.zeros(len(radius), dtype=int)
+    one = np.zeros(drawn.number_of_grains, dtype=int)
     for grouped, whole in (("classical_groups", "classical"), ("c0_groups", "c0_volume")):
-        same(stress(grouped, contacts, radius, volume, E, one), stress(whole, contacts, radius, volume, E))
+        same(stress(grouped, drawn, one), stress(whole, drawn))
 
 
 def same(found, expected):
@@ -72,7 +71,7 @@ def same(found, expected):
 
 
 def on_the_sphere(A, F, G, order4=None):
-    """Contacts of equal grains whose directional functions are known: a row for each point, its force weighted."""
+    """A Snapshot with contacts of equal grains whose directional functions are known: a row for each point, its force weighted."""
     A4, F4 = order4 or (np.zeros((3, 3, 3, 3)),) * 2
     copies = np.maximum(1, np.round(4000 * weight * Fit(1.0, A, A4).at(n) / weight.max() / 4)).astype(int)
     normal = np.repeat(n, copies, axis=0)
@@ -81,7 +80,8 @@ def on_the_sphere(A, F, G, order4=None):
     ft = -1e-3 * (pull - np.einsum("mi,mi->m", pull, normal)[:, None] * normal)
     count = len(normal)
     pair = np.tile([[0, 1]], (count, 1))
-    return Contacts(pair, normal, np.full(count, 1e-9), fn, ft, np.zeros((count, 3))), np.full(10, 1e-4)
+    contacts = Contacts(pair, normal, np.full(count, 1e-9), fn, ft, np.zeros((count, 3)))
+    return snapshot_of(np.full(10, 1e-4), contacts, 1e-10)
 
 
 def test_each_form_is_exact_where_its_assumption_holds():
@@ -89,29 +89,27 @@ def test_each_form_is_exact_where_its_assumption_holds():
     A, A4 = random_tensors(1, 0.3, 0.1)
     F, F4 = random_tensors(2, 0.6, 0.2)
     G, _ = random_tensors(3, 0.3)
-    volume = 1e-10
     for order4, exact, worse in ((None, "c0_tangential", "c0"), ((A4, F4), "fourth", "c0_tangential")):
-        contacts, radius = on_the_sphere(A, F, G, order4)
-        love = love_stress(contacts, radius, volume)
-        errors = {form: relative_error(stress(form, contacts, radius, volume, E), love) for form in FORMS}
+        snapshot = on_the_sphere(A, F, G, order4)
+        love = love_stress(snapshot)
+        errors = {form: relative_error(stress(form, snapshot), love) for form in FORMS}
         assert errors[exact] < 2e-3 and errors[worse] > 3 * errors[exact], errors
 
 
 def test_eq_12_has_the_size_of_love_when_both_sides_are_counted():
     """An isotropic set of equal grains: with the printed 3V and both sides counted it would be twice Love."""
     zero = np.zeros((3, 3))
-    contacts, radius = on_the_sphere(zero, zero, zero)
-    love = love_stress(contacts, radius, 1e-10)
-    assert relative_error(stress("classical", contacts, radius, 1e-10, E), love) < 2e-3
+    snapshot = on_the_sphere(zero, zero, zero)
+    assert relative_error(stress("classical", snapshot), love_stress(snapshot)) < 2e-3
 
 
 def test_eqs_28_to_30_leave_the_product_out():
     A, F, Ft = np.diag([-0.2, -0.25, 0.45]), np.diag([-0.4, -0.37, 0.77]), np.diag([-0.02, -0.025, 0.045])
-    contacts, radius = on_the_sphere(A, F, 5 * Ft)
-    found = stress("linear", contacts, radius, 1e-10, E)
-    fabric = statistics(contacts, radius, E)
+    snapshot = on_the_sphere(A, F, 5 * Ft)
+    found = stress("linear", snapshot)
+    fabric = statistics(snapshot)
     p = np.trace(found) / 3
-    e = void_ratio_nominal(radius, 1e-10)
+    e = void_ratio_nominal(snapshot)
     assert np.isclose(p, E * fabric.coordination_number * fabric.mean_normalised_force / 3 / (1 + e), rtol=1e-12)
     ratio = 0.4 * fabric.contact_anisotropy + 0.4 * fabric.normal_force_anisotropy + 3 * fabric.mobilisation
     np.testing.assert_allclose(found / p - np.eye(3), ratio, atol=1e-12)
@@ -120,13 +118,12 @@ def test_eqs_28_to_30_leave_the_product_out():
 @settings(max_examples=60, deadline=None)
 @given(drawn=contact_sets, e=st.sampled_from(["nominal", "reported"]), with_lambda=st.booleans())
 def test_the_parts_of_the_budget_are_the_whole_error(drawn, e, with_lambda):
-    contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
-    parts = error_budget(contacts, radius, volume, E, e, with_lambda)
+    parts = error_budget(drawn, e, with_lambda)
     assert list(parts) == list(PARTS)
-    love = love_stress(contacts, radius, volume)
-    c0 = stress("c0", contacts, radius, volume, E)
-    if e == "reported" and len(contacts):
-        c0 = c0 * (1 + void_ratio_nominal(radius, volume)) / (1 + void_ratio(radius, volume, contacts))
+    love = love_stress(drawn)
+    c0 = stress("c0", drawn)
+    if e == "reported" and len(drawn.contacts):
+        c0 = c0 * (1 + void_ratio_nominal(drawn)) / (1 + void_ratio(drawn))
     size = max((np.abs(part).max() for part in parts.values()), default=0.0) + np.abs(love).max()
     if with_lambda:
         assert np.abs(sum(parts.values()) - (c0 - love)).max() <= 1e-12 * size
@@ -139,25 +136,24 @@ def test_the_budget_finds_the_part_that_was_put_in():
     A, A4 = random_tensors(1, 0.3, 0.1)
     F, _ = random_tensors(2, 0.6, 0.2)
     zero, zero4 = np.zeros((3, 3)), np.zeros((3, 3, 3, 3))
-    contacts, radius = on_the_sphere(A, F, zero, (A4, zero4))
-    parts = {k: np.linalg.norm(v) for k, v in error_budget(contacts, radius, 1e-10, E).items()}
+    parts = {k: np.linalg.norm(v) for k, v in error_budget(on_the_sphere(A, F, zero, (A4, zero4))).items()}
     assert parts["normals"] > 5 * max(parts[k] for k in PARTS if k not in ("normals", "normal_forces"))
     assert parts["equal_stress"] < 1e-8 * parts["normals"]
-    contacts_size, radius = on_the_sphere(zero, zero, zero)
+    contacts_size = on_the_sphere(zero, zero, zero).contacts
     small = Contacts(
         np.where(np.arange(len(contacts_size))[:, None] % 3 == 0, [[0, 1]], [[2, 3]]), contacts_size.normal,
         contacts_size.overlap, contacts_size.normal_force, contacts_size.tangential_force, contacts_size.rolling_moment,
     )  # fmt: skip
     radius = np.where(np.arange(10) < 2, 1e-4, 2e-4)
-    parts = {k: np.linalg.norm(v) for k, v in error_budget(small, radius, 1e-9, E).items()}
+    parts = {k: np.linalg.norm(v) for k, v in error_budget(snapshot_of(radius, small, 1e-9)).items()}
     assert parts["equal_stress"] > 100 * max(v for k, v in parts.items() if k != "equal_stress")
 
 
 def test_standard_errors_shrink_with_the_number_of_contacts():
     drawn = [make(5, contacts, 200, 1.5, 0.2) for contacts in (1500, 24_000)]
     few, many = (
-        np.linalg.norm(standard_errors(d.contacts, d.radius, d.volume, E, samples=40)["equal_stress"])
-        / np.linalg.norm(love_stress(d.contacts, d.radius, d.volume)) for d in drawn
+        np.linalg.norm(standard_errors(d, samples=40)["equal_stress"])
+        / np.linalg.norm(love_stress(d)) for d in drawn
     )  # fmt: skip
     assert 2.0 < few / many < 8.0  # a sixteenth of the contacts: four times the scatter
 
@@ -168,7 +164,7 @@ def test_shares_of_the_strength_add_up_to_c0(seed):
     A, _ = random_tensors(seed, 0.5)
     F, _ = random_tensors(seed + 1, 0.9)
     Ft, _ = random_tensors(seed + 2, 0.05)
-    s = sff_stress(E, 5.0, 0.01, 0.7, A, F, Ft)
+    s = c0_stress(E, 5.0, 0.01, 0.7, A, F, Ft)
     q_over_p = (s[2, 2] - 0.5 * (s[0, 0] + s[1, 1])) / (np.trace(s) / 3)
     assert np.isclose(sum(strength_shares(A, F, Ft).values()), q_over_p, rtol=1e-12, atol=1e-13)
 
@@ -176,4 +172,4 @@ def test_shares_of_the_strength_add_up_to_c0(seed):
 def test_an_unknown_form_is_refused():
     drawn = make(1, 3, 5, 1.5, 0.0)
     with pytest.raises(InputError, match="c0_tangential"):
-        stress("c1", drawn.contacts, drawn.radius, drawn.volume, E)
+        stress("c1", drawn)

@@ -8,7 +8,8 @@ import xarray as xr
 import labkit
 from labkit.cli import main
 from labkit.cli.app import FIGURES
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.errors import InputError
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.sff.family import FORMS
 
 
@@ -83,9 +84,14 @@ def test_a_snapshot_with_normalised_forces_is_labelled(run):
 
 
 def test_any_function_of_contacts_can_be_followed(run):
-    def largest(contacts, radius, volume, young_modulus):
-        return {"largest_force": ((), contacts.normal_force.max())}
+    def largest(snapshot):
+        force = snapshot.contacts.normal_force
+        return {"largest_force": force.max(), "love": love_stress(snapshot), "forces": (("part",), force[:5])}
 
     found = run.lab.over_snapshots(largest, {"largest_force": {"units": "N"}})
-    assert found["largest_force"].dims == ("snapshot",)
+    assert found["largest_force"].dims == ("snapshot",) and found["largest_force"].units == "N"
+    assert found["love"].dims == ("snapshot", "i", "j") and found["forces"].dims == ("snapshot", "part")
+    np.testing.assert_array_equal(found["love"], run.lab.love_stress())
+    with pytest.raises(InputError, match="shape"):
+        run.lab.over_snapshots(lambda snapshot: {"radius": snapshot.radius})
     assert float(found["largest_force"][-1]) == float(run.lab.contacts(-1)["normal_force"].max())

@@ -15,7 +15,7 @@ from labkit.visuals import render
 from labkit.cli import main
 from labkit.micro.grains import grain_fabric, grain_stress
 from labkit.micro.stress import love_stress
-from labkit.visuals.moment import moments, of_state
+from labkit.runs.dataset import snapshots
 from labkit.visuals.picture import picture
 from labkit.dem.scene import Scene
 from labkit.dem.state import grains_in_cell
@@ -50,7 +50,7 @@ def series(run_file, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def last(run_file):
-    return next(moments(run_file, [-1]))
+    return next(snapshots(run_file, [-1]))
 
 
 def test_every_snapshot_is_in_the_list_at_its_time(series, run_file):
@@ -62,16 +62,16 @@ def test_every_snapshot_is_in_the_list_at_its_time(series, run_file):
 
 
 def test_forces_along_the_lines_add_up_to_love_s_stress(series, last):
-    lines = read_vtu(series / f"contacts_{last.snapshot:04d}.vtu")
-    corners = read_vtu(series / f"cell_{last.snapshot:04d}.vtu")["Points"]
+    lines = read_vtu(series / f"contacts_{last.number:04d}.vtu")
+    corners = read_vtu(series / f"cell_{last.number:04d}.vtu")["Points"]
     ends = lines["Points"].astype(float)[lines["connectivity"].reshape(-1, 2)]
     volume = np.linalg.det(corners[[1, 3, 4]].astype(float))
     stress = -(ends[:, 1] - ends[:, 0]).T @ lines["force_on_first"].astype(float) / volume
-    np.testing.assert_allclose(stress, last.stress, atol=1e-5 * np.trace(last.stress))
+    np.testing.assert_allclose(stress, love_stress(last), atol=1e-5 * np.trace(love_stress(last)))
 
 
 def test_numbers_of_grains_contacts_and_their_points(series, last):
-    grains, lines = (read_vtu(series / f"{name}_{last.snapshot:04d}.vtu") for name in ("grains", "contacts"))
+    grains, lines = (read_vtu(series / f"{name}_{last.number:04d}.vtu") for name in ("grains", "contacts"))
     assert len(grains["Points"]) == len(grains["types"]) == len(last.radius) and set(grains["types"]) == {1}
     assert len(lines["types"]) == len(last.contacts) and set(lines["types"]) == {3}
     assert len(lines["Points"]) == 2 * len(last.contacts) == grains["coordination_number"].sum()
@@ -82,7 +82,7 @@ def test_numbers_of_grains_contacts_and_their_points(series, last):
 
 
 def test_no_contact_is_longer_than_two_radii_and_it_ends_at_an_image_of_its_grain(series, last):
-    grains, lines = (read_vtu(series / f"{name}_{last.snapshot:04d}.vtu") for name in ("grains", "contacts"))
+    grains, lines = (read_vtu(series / f"{name}_{last.number:04d}.vtu") for name in ("grains", "contacts"))
     ends = lines["Points"].reshape(-1, 2, 3)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     first, second = lines["first_grain"], lines["second_grain"]
@@ -98,22 +98,22 @@ def test_no_contact_is_longer_than_two_radii_and_it_ends_at_an_image_of_its_grai
 def test_vtk_reads_them(series, last):
     vtk = pytest.importorskip("vtk")
     reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(str(series / f"contacts_{last.snapshot:04d}.vtu"))
+    reader.SetFileName(str(series / f"contacts_{last.number:04d}.vtu"))
     reader.Update()
     assert reader.GetOutput().GetNumberOfCells() == len(last.contacts)
 
 
 def test_stresses_of_grains_add_up_to_that_of_the_cell(last):
     volume = 4.0 / 3.0 * np.pi * last.radius**3
-    total = np.einsum("g,gij->ij", volume, grain_stress(last.contacts, last.radius)) / last.volume
-    np.testing.assert_allclose(total, love_stress(last.contacts, last.radius, last.volume), rtol=1e-9, atol=1e-6)
-    trace = np.trace(grain_fabric(last.contacts, len(last.radius)), axis1=1, axis2=2)
+    total = np.einsum("g,gij->ij", volume, grain_stress(last)) / last.volume
+    np.testing.assert_allclose(total, love_stress(last), rtol=1e-9, atol=1e-6)
+    trace = np.trace(grain_fabric(last), axis1=1, axis2=2)
     np.testing.assert_allclose(trace, np.isin(np.arange(len(trace)), last.contacts.grain), atol=1e-12)
 
 
 def test_a_state_file_has_velocities(specimen_file, tmp_path):
     assert main(["paraview", str(specimen_file), "-o", str(tmp_path / "p")]) == 0
-    state = next(moments(specimen_file))
+    state = next(snapshots(specimen_file))
     found = read_vtu(tmp_path / "p" / "grains_0000.vtu")
     np.testing.assert_allclose(found["velocity"], state.velocity, rtol=1e-6)
 
@@ -131,10 +131,10 @@ def test_a_picture_is_the_same_every_time(run_file, tmp_path):
 def test_grains_without_contacts_can_be_shown(tmp_path):
     scene = Scene()
     apart = grains_in_cell(scene, np.full(2, 1e-4), np.array([[1e-4] * 3, [6e-4] * 3]), np.eye(3) * 1e-3)
-    moment = of_state(apart)
-    assert not len(moment.contacts)
-    picture([moment])
-    paraview.write_series([moment], tmp_path)
+    snapshot = apart.snapshot()
+    assert not len(snapshot.contacts)
+    picture([snapshot])
+    paraview.write_series([snapshot], tmp_path)
     assert read_vtu(tmp_path / "grains_0000.vtu")["coordination_number"].tolist() == [0, 0]
 
 

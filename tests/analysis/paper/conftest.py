@@ -16,7 +16,7 @@ from labkit.campaign.file import read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.paper.ends import in_memory
-from labkit.sff.c0 import sff_stress
+from labkit.sff.c0 import c0_stress
 
 CAMPAIGN = Path(labkit.__file__).parent / "campaign/paper.yaml"
 STARTS = {"dense": 0.21e6, "medium": 0.5e6, "loose": 0.3e6, "dense_high": 1e6, "cyclic_loose": 0.5e6}
@@ -59,7 +59,7 @@ def scattered(result, factors):
     for factor, columns in zip(factors, (1, 2, slice(3, 9), slice(9, 15), slice(15, 21))):
         vector[:, columns] *= factor
     changed = dataclasses.replace(result, vector=vector)
-    stress = sff_stress(
+    stress = c0_stress(
         result.model.young_modulus, changed.Z, changed.Lam, changed.e, changed.A, changed.F, changed.Ft
     )
     return dataclasses.replace(changed, stress=stress)

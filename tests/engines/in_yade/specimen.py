@@ -10,8 +10,7 @@ import numpy as np  # noqa: E402
 from yade import utils  # noqa: E402
 
 from labkit.engines.yade import YadeEngine  # noqa: E402
-from labkit.micro.contacts import contacts_of  # noqa: E402
-from labkit.micro.indicators import kinetic_energy  # noqa: E402
+from labkit.dem.energy import kinetic_energy  # noqa: E402
 from labkit.micro.stress import love_stress  # noqa: E402
 from labkit.dem.paths import ConstantVolume  # noqa: E402
 from labkit.dem.servo import velocity_gradient  # noqa: E402
@@ -22,7 +21,7 @@ gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)
 machine = YadeEngine(specimen)
 machine.advance(2000, gradient)
 half = machine.state()
-ours = love_stress(contacts_of(half), half.radius, half.volume)
+ours = love_stress(half.snapshot())
 result = {"love": ours.tolist(), "get_stress": np.array(utils.getStress()).reshape(3, 3).tolist()}
 result["engine_stress"] = machine.stress().tolist()
 result["kinetic_energy"] = kinetic_energy(half)
@@ -72,7 +71,7 @@ per_step = (time.perf_counter() - begin) / 500
 reading = []
 for _ in range(7):
     begin = time.perf_counter()
-    contacts_of(machine.state())
+    machine.state().snapshot()
     reading.append(time.perf_counter() - begin)
 result["reading_in_steps"] = float(np.median(reading) / per_step)
 common.write(result)

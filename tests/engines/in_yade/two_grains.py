@@ -8,7 +8,6 @@ import common  # noqa: E402
 import numpy as np  # noqa: E402
 
 from labkit.engines.yade import YadeEngine  # noqa: E402
-from labkit.micro.contacts import contacts_of  # noqa: E402
 from labkit.dem.scene import Scene  # noqa: E402
 from labkit.dem.state import grains_in_cell  # noqa: E402
 
@@ -42,7 +41,7 @@ def after(state, steps):
 
 
 result = {}
-first = contacts_of(after(pair(), 0))
+first = after(pair(), 0).snapshot().contacts
 result["normal_force"] = float(O.interactions[0, 1].phys.normalForce.norm())  # noqa: F821
 result["kn_delta"] = float(scene.normal_stiffness(*radius) * overlap)
 result["normal_force_of_state"] = float(first.normal_force[0])
@@ -58,7 +57,7 @@ result["drag_direction"] = float(moved.tangential_force[0] @ tangent / np.linalg
 
 # a long way: sliding at mu fn
 slid = after(pair(velocity=200.0 * tangent), 20)
-contact = contacts_of(slid)
+contact = slid.snapshot().contacts
 result["sliding"] = float(np.linalg.norm(slid.tangential_force[0]) / contact.normal_force[0])
 
 # rolling without sliding: w1 R1 + w2 R2 = 0
@@ -69,7 +68,7 @@ result["kr"] = float(np.linalg.norm(rolled.rolling_moment[0]) / bend)
 result["tangential_while_rolling"] = float(np.linalg.norm(rolled.tangential_force[0]))
 result["rolling_direction"] = float(rolled.rolling_moment[0] @ axis / np.linalg.norm(rolled.rolling_moment[0]))
 over = after(pair(spin=(2e6, -2e6 * radius[0] / radius[1])), 20)
-result["rolling_limit"] = float(np.linalg.norm(over.rolling_moment[0]) / contacts_of(over).normal_force[0])
+result["rolling_limit"] = float(np.linalg.norm(over.rolling_moment[0]) / over.snapshot().contacts.normal_force[0])
 
 # twist about the normal: no moment
 twisted = after(pair(spin=(1e5 * normal, -1e5 * normal)), 20)
