@@ -82,7 +82,7 @@ class State:
         return dataclasses.replace(self, **changes)
 
     def snapshot(self) -> Snapshot:
-        """The Snapshot of this instant, with the normal forces of the scene's contact law (Eq. 1)."""
+        """The Snapshot of this instant, with the normal forces of the scene's contact law."""
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
@@ -92,7 +92,7 @@ class State:
             grain=grain,
             normal=branch / distance[:, None],
             overlap=overlap,
-            normal_force=self.scene.normal_stiffness(radius_a, radius_b) * overlap,
+            normal_force=self.scene.normal_force(radius_a, radius_b, overlap),
             tangential_force=self.tangential_force,
             rolling_moment=self.rolling_moment,
         )

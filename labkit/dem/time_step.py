@@ -16,7 +16,7 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to 2/omega (sqrt(1 + zeta^2) - zeta).
     For all modes: K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and so for C. K_g (6 x 6) is the
     stiffness that one grain feels when all others are held: the energy k (u_a - u_b)^2/2 of a contact is at most
-    k (u_a^2 + u_b^2). Translation and rotation, tangential and rolling stiffness and the dashpots of law paper count.
+    k (u_a^2 + u_b^2). Translation and rotation, tangential and rolling stiffness and the dashpots of the contact law count.
     `snapshot`: that of the state, if at hand.
     """
     snapshot = snapshot or state.snapshot()
@@ -29,8 +29,8 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     kr = scene.rolling_stiffness(a, b) if scene.rolling_friction > 0 else np.zeros_like(kt)
     K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr)
     C = np.zeros_like(K)
-    if scene.law == "paper":
-        cn, ct = scene.dashpots(a, b)
+    cn, ct = scene.contact_law.dashpots(scene, a, b)
+    if cn.any() or ct.any():
         C = 2.0 * largest_eigenvalues(snapshot, cn, ct, np.zeros_like(kt))
     with np.errstate(divide="ignore"):  # a grain without contacts has no limit
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))

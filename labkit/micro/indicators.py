@@ -50,14 +50,8 @@ def unbalanced_force(snapshot: Snapshot) -> float:
 
 
 def elastic_energy(snapshot: Snapshot) -> float:
-    """Normal, tangential and rolling energy of the contact springs, J."""
-    scene, radius, contacts = snapshot.scene, snapshot.radius, snapshot.contacts
-    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
-    tangential = np.einsum("ci,ci->c", contacts.tangential_force, contacts.tangential_force)
-    rolling = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.rolling_moment)
-    kn = scene.normal_stiffness(a, b)
-    stored = (contacts.normal_force**2 + scene.stiffness_ratio * tangential) / kn
-    return 0.5 * float(np.sum(stored + rolling / scene.rolling_stiffness(a, b)))
+    """Energy of the contact springs, J, after the contact law of the scene."""
+    return snapshot.scene.contact_law.elastic_energy(snapshot)
 
 
 def __getattr__(name):

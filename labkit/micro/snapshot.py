@@ -11,8 +11,15 @@ import numpy as np
 from labkit.micro.contacts import Contacts
 
 
+class Law(typing.Protocol):
+    """What the statistics need of a contact law; labkit.dem.laws.ContactLaw has it."""
+
+    def elastic_energy(self, snapshot: Snapshot) -> float:
+        """Energy of all contact springs, J."""
+
+
 class Material(typing.Protocol):
-    """What the statistics need of a scene; labkit.dem.scene.Scene has it. SI units."""
+    """What the statistics and the pictures need of a scene; labkit.dem.scene.Scene has it. SI units."""
 
     @property
     def young_modulus(self) -> float:
@@ -27,17 +34,11 @@ class Material(typing.Protocol):
         """mu of the contacts."""
 
     @property
-    def stiffness_ratio(self) -> float:
-        """kappa = kn/kt."""
-
-    def normal_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kn of contacts, N/m."""
-
-    def rolling_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kr of contacts, N m."""
+    def contact_law(self) -> Law:
+        """The law between forces and overlaps."""
 
     def mass(self, radius: np.ndarray) -> np.ndarray:
-        """Mass of grains, kg."""
+        """Mass of grains, kg. `radius` in m, any shape."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
