@@ -15,7 +15,7 @@ from labkit.errors import InputError
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 
-OURS = ("quick", "paper")  # campaigns that come with labkit
+OURS = ("quick",)  # campaigns that come with labkit
 
 
 def ours(name):
@@ -24,7 +24,7 @@ def ours(name):
 
 
 def add_campaign_options(parser):
-    parser.add_argument("file", nargs="?", help="campaign file, or `quick` or `paper`, which come with labkit")
+    parser.add_argument("file", nargs="?", help="campaign file, or `quick`, which comes with labkit")
     parser.add_argument("--folder", help="where the results go (default: the campaign's name, here)")
     parser.add_argument("--cores", type=arguments.positive_int, default=os.cpu_count() or 1, help="of this machine, to "
                         "be filled with jobs (default: all)")  # fmt: skip
@@ -42,7 +42,7 @@ def campaign(options):
         print(workflow.SNAKEFILE)
         return 0
     if options.file is None:
-        raise InputError("FILE is missing: give a campaign file, or `quick` or `paper`, which come with labkit")
+        raise InputError("FILE is missing: give a campaign file, or `quick`, which comes with labkit")
     file = ours(options.file) if options.file in OURS else Path(options.file)
     found = read_campaign(file)
     plan = plan_of(found)

@@ -10,8 +10,8 @@ import pytest
 
 import labkit
 from labkit.cli import call, main
-from labkit.hard_cases import CASES, cycle_ends, examine, turning_records
-from labkit.hard_scenes import CLEAR_ERROR, LIMIT_SAID, SCENES, SILENT_WRONG
+from analysis.hard_cases.cases import CASES, cycle_ends, examine, turning_records
+from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_SAID, SCENES, SILENT_WRONG
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe, make_specimen, side_for
 from labkit.dem.state import read_state, write_state

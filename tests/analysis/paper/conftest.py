@@ -15,7 +15,7 @@ import labkit
 from labkit.campaign.file import read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
-from labkit.paper.ends import in_memory
+from analysis.paper.ends import in_memory
 from labkit.sff.c0 import c0_stress
 
 CAMPAIGN = Path(labkit.__file__).parent / "campaign/paper.yaml"

@@ -3,7 +3,7 @@
 import pandas
 import pytest
 
-from labkit.paper.notebooks import notebook_files
+from analysis.paper.notebooks import notebook_files
 from tests.analysis.test_notebooks import ROOT, figures_of
 
 CAMPAIGN = """

@@ -6,10 +6,10 @@ import xarray as xr
 
 import labkit
 from labkit.io import provenance
-from labkit import paper
+from analysis import paper
 from labkit.errors import InputError
-from labkit.paper.condense import PICTURES, condense
-from labkit.paper.size_groups import read_size_groups
+from analysis.paper.condense import PICTURES, condense
+from analysis.paper.size_groups import read_size_groups
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from labkit.runs.critical import critical_states
-from labkit.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
+from analysis.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
 from labkit.dem.paths import travelled
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from labkit.paper.engines import KINDS, engine_table
+from analysis.paper.engines import KINDS, engine_table
 
 
 def test_every_test_is_beside_that_on_yade(known):

@@ -5,7 +5,7 @@ import pandas
 import pytest
 from scipy import stats
 
-from labkit.paper.estimates import jackknife, text, two_samples
+from analysis.paper.estimates import jackknife, text, two_samples
 
 
 def test_the_interval_of_a_mean_is_students():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from labkit.model.parameters import Parameters
-from labkit.paper import lines
-from labkit.paper.causes import end_comparisons
-from labkit.paper.ends import ends, main, sheared
-from labkit.paper.fidelity import NO_RUNS, fidelity, page
+from analysis.paper import lines
+from analysis.paper.causes import end_comparisons
+from analysis.paper.ends import ends, main, sheared
+from analysis.paper.fidelity import NO_RUNS, fidelity, page
 
 TABLE_2 = Parameters()
 CRITICAL = ("M CV", "A_zz", "F_zz", "Ft_zz", "Z residual", "Lambda residual", "e residual", "c_cZ", "c_cLambda",

@@ -4,14 +4,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-import labkit.paper
+import analysis.paper
 from labkit.cli import main
 from labkit.model.parameters import Model
-from labkit.paper import figures, size_groups
-from labkit.paper.ends import ends, sheared
-from labkit.paper.ends import main as papers_tests
-from labkit.paper.lines import critical_lines
-from labkit.paper.model_runs import CALIBRATED, models
+from analysis.paper import figures, size_groups
+from analysis.paper.ends import ends, sheared
+from analysis.paper.ends import main as papers_tests
+from analysis.paper.lines import critical_lines
+from analysis.paper.model_runs import CALIBRATED, models
 from labkit.io.provenance import of_file
 
 RUNS = {
@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def runs(folder):
-    return labkit.paper.runs(folder)
+    return analysis.paper.runs(folder)
 
 
 @pytest.mark.parametrize("name", DRAW)

@@ -12,12 +12,12 @@ from PIL import Image
 
 import labkit
 from labkit.errors import InputError
-from labkit.visuals.markdown import number
-from labkit.paper import runs, web_page
-from labkit.paper.command import cost_table
-from labkit.paper.condense import condense
-from labkit.paper.pieces import CAPTIONS
-from labkit.paper.report import costs, report, stock_speed
+from analysis.markdown import number
+from analysis.paper import runs, web_page
+from analysis.paper.command import cost_table
+from analysis.paper.condense import condense
+from analysis.paper.pieces import CAPTIONS
+from analysis.paper.report import costs, report, stock_speed
 
 RESULTS = Path(labkit.__file__).parents[1] / "results"
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 import labkit
-from labkit.paper.sff_errors import sff_errors
+from analysis.paper.sff_errors import sff_errors
 from labkit.sff.budget import PARTS
 
 

@@ -1,4 +1,4 @@
-"""Two grains on the engine fused against the closed forms of labkit.study.collisions."""
+"""Two grains on the engine fused against the closed forms of analysis.speed_error.collisions."""
 
 import dataclasses
 
@@ -7,8 +7,8 @@ import pytest
 
 from labkit.errors import InputError, PhysicsError
 from labkit.dem.scene import Scene
-from labkit.study import collisions
-from labkit.study.collisions import collide, collision_errors, orders, restitution
+from analysis.speed_error import collisions
+from analysis.speed_error.collisions import collide, collision_errors, orders, restitution
 
 FRACTIONS = (0.2, 0.1, 0.05, 0.025)
 FIRST_ORDER = {("restitution", "paper"), ("tangential impulse", "paper"), ("tangential restitution", "paper")}

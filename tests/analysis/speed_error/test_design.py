@@ -9,7 +9,7 @@ from labkit.cli import arguments
 from labkit.cli import commands
 from labkit.errors import InputError
 from labkit.dem.settings import SETTINGS, settings
-from labkit.study.design import BASELINE, DESIGNS, PRESET, full
+from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, full
 
 
 def parsed(add_options, words):

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labkit.study.design import BASELINE, PRESET, Case, Design
-from labkit.study.errors import _welch, errors, front
-from labkit.study.observables import CHECKS, OBSERVABLES
-from labkit.study.table import collect, cost
+from analysis.speed_error.design import BASELINE, PRESET, Case, Design
+from analysis.speed_error.errors import _welch, errors, front
+from analysis.speed_error.observables import CHECKS, OBSERVABLES
+from analysis.speed_error.table import collect, cost
 
 SEEDS = (1, 2, 3, 4, 5)
 DESIGN = Design(

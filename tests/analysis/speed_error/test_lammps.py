@@ -13,7 +13,7 @@ from labkit.dem.paths import ConstantVolume
 from labkit.dem.scene import Scene
 from labkit.dem.servo import velocity_gradient
 from labkit.dem.specimen import Recipe, make_specimen, side_for
-from labkit.study.lammps import shear_in_lammps
+from analysis.speed_error.lammps import shear_in_lammps
 
 LAMMPS = shutil.which("lmp")
 needs_lammps = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")

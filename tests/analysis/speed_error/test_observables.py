@@ -5,7 +5,7 @@ import pytest
 
 import labkit
 from labkit.runs.critical import critical_states
-from labkit.study.observables import CHECKS, OBSERVABLES, PEAK, max_of_means, observables
+from analysis.speed_error.observables import CHECKS, OBSERVABLES, PEAK, max_of_means, observables
 
 
 def test_those_of_the_critical_state_are_those_of_labkit_critical(run_file):

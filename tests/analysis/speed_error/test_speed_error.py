@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import xarray
 
-from labkit.study.design import small
-from labkit.study.observables import OBSERVABLES
-from labkit.study.table import collect, restore
+from analysis.speed_error.design import small
+from analysis.speed_error.observables import OBSERVABLES
+from analysis.speed_error.table import collect, restore
 
 
 def start(folder):

@@ -1,0 +1,333 @@
+"""The figures of the paper from results/paper, and those that the paper lacks.
+
+`runs` is of analysis.paper.runs, `models` of analysis.paper.model_runs.models; what is not among the runs is left out
+and said in the figure. `drawing.py` says what the lines are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from analysis.paper import sources
+from analysis.paper.drawing import (
+    COLORS,
+    DENSITIES,
+    MARKERS,
+    MODEL_STYLES,
+    PALE,
+    STYLE,
+    WIDTH,
+    Models,
+    density_handles,
+    draw,
+    finish,
+    letters,
+    line_handles,
+    mixed,
+    nominal,
+    panels_of,
+    path_and_start,
+    path_handles,
+    predictions,
+    say_missing,
+    set_title,
+    start_pressure,
+    start_void_ratio,
+)
+from analysis.paper.ends import Runs, ends, sheared
+from analysis.paper.lines import LINES, both_lines, critical_Lambda, critical_stress, critical_Z
+from analysis.paper.model_runs import TABLE_2
+from labkit.errors import InputError
+from labkit.micro import deviatoric_stress, mean_stress
+from labkit.model import ROOT_3_2, Model
+from labkit.runs import SHEAR, critical_states
+from labkit.visuals import micro_figures, plots
+
+DPI = 200
+LOWEST_PRESSURE = 1e3  # Pa, below which stress ratios are noise
+
+
+def save(figure: Figure, file: str | Path, runs: Runs | None = None) -> str:
+    """Writes a figure with the run files behind it in its provenance; the name of the file."""
+    plots.save(figure, file, sources(runs or {}), "./lab notebooks", DPI)
+    return str(file)
+
+
+def fig_1(runs: Runs, models: Models) -> Figure:
+    """e against p of the monotonic shear tests, and q against p, with the critical state lines."""
+    tests = monotonic(runs)
+    lines = {f"critical state, {name}": critical_line(model) for name, model in models.items()}
+    with plt.rc_context(STYLE):
+        if not tests:
+            return say_missing(panels_of(1, ("e-p", "q-p"))[0], ["cv-*", "cr_*", "cp_*"])
+        figure = plots.e_p_paths(tests, lines, WIDTH)
+        letters(figure.axes[:2])
+        return figure
+
+
+def fig_2(groups: xr.Dataset | None) -> Figure:
+    """sigma^N(k) and sigma^V(k) of five grain size groups in the dense CV test.
+
+    `groups`: of size_groups.read_size_groups.
+    """
+    with plt.rc_context(STYLE | {"axes.titlesize": 8}):
+        if groups is None:
+            return say_missing(plt.figure(figsize=(WIDTH, 0.5)), ["the stresses of size groups of cv-dense"])
+        return micro_figures.group_stresses(groups, groups["love"], WIDTH)[0]
+
+
+def fig_4(runs: Runs, models: Models) -> Figure:
+    """CV tests: q against p, and q against axial strain; a row per void ratio."""
+    rows = {density: (f"cv-{density}", *(f"cv_other-{density}_{p}" for p in ("low", "high"))) for density in DENSITIES}
+    rows = {density: [name for name in names if name in CV_RUNS] for density, names in rows.items()}
+    with plt.rc_context(STYLE):
+        figure, grid = panels_of(3, ("q-p", "q-strain"))
+        for panels, (density, names) in zip(grid, rows.items()):
+            shades = {name: mixed(COLORS[density], 0.0, 0.5 * k) for k, name in enumerate(names)}
+            draw(panels, ("q-p", "q-strain"), runs, shades, models, start_pressure)
+            first = next((runs[name] for name in names if name in runs), None)
+            set_title(panels, f"CV, {density}" + ("" if first is None else f", e = {nominal(first):.3f}"))
+        return finish(figure, models, [name for names in rows.values() for name in names if name not in runs])
+
+
+CV_RUNS = ("cv-loose", "cv_other-loose_low", "cv-medium", "cv_other-medium_high", "cv-dense", "cv_other-dense_high")
+
+
+def fig_5(runs: Runs, models: Models) -> Figure:
+    """CR tests at 0.5 and 1 MPa: q and e against axial strain."""
+    return _drained(runs, models, "cr", r"CR, $\sigma_r$")
+
+
+def fig_6(runs: Runs, models: Models) -> Figure:
+    """CP tests at 0.5 and 1 MPa: q and e against axial strain."""
+    return _drained(runs, models, "cp", "CP, p")
+
+
+def _drained(runs, models, path, title):
+    names, missing = ("q-strain", "e_nominal-strain"), []
+    with plt.rc_context(STYLE):
+        figure, grid = panels_of(2, names)
+        for panels, (key, pressure) in zip(grid, {"500kPa": "0.5 MPa", "1MPa": "1 MPa"}.items()):
+            colors = {f"{path}_{key}-{density}": COLORS[density] for density in DENSITIES}
+            draw(panels, names, runs, colors, models, start_void_ratio)
+            set_title(panels, f"{title} = {pressure}")
+            missing += [name for name in colors if name not in runs]
+        return finish(figure, models, missing)
+
+
+def fig_7(runs: Runs, models: Models) -> Figure:
+    """ISOC and ISOD: e against p, from the loose and from the dense specimens."""
+    names, missing = ("e_nominal-p",), []
+    with plt.rc_context(STYLE):
+        figure, grid = panels_of(1, names * 2, 3.2)
+        for axes, (density, other) in zip(grid[0], (("loose", "loose"), ("dense", "dense_high"))):
+            dark = mixed(COLORS[density], 0.0, 0.5)
+            colors = {f"isoc-{density}": COLORS[density], f"isod-{other}": dark}
+            draw([axes], names, runs, colors, models, path_and_start)
+            set_title([axes], density)
+            missing += [name for name in colors if name not in runs]
+        return finish(figure, models, missing)
+
+
+def fig_8(runs: Runs, models: Models) -> Figure:
+    """Cyclic CP, loose and dense: q against axial strain, and e of both; left the simulation, right the model over it.
+
+    The thin black line is the monotonic test.
+    """
+    missing = []
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(3, 2, figsize=(WIDTH, 8.0), sharex=True, sharey="row", layout="constrained")
+        for density, panels in (("loose", grid[0]), ("dense", grid[1])):
+            name, start, color = f"cyclic-cyclic_{density}", f"cp_start-cyclic_{density}", COLORS[density]
+            missing += [n for n in (name, start) if n not in runs]
+            for row, diagram in ((panels, "q-strain"), (grid[2], "e_nominal-strain")):
+                _cyclic(row, diagram, runs.get(name), runs.get(start), color, models)
+            shown = runs.get(name)
+            words = f"{density}" + ("" if shown is None else f", {start_void_ratio(shown)}")
+            set_title([panels[0]], f"simulation: {words}")
+            set_title([panels[1]], "model over it")
+        set_title(grid[2], "void ratio of both")
+        extra = [Line2D([], [], color="k", lw=0.8, label="monotonic simulation")]
+        return finish(figure, models, missing, extra + density_handles(("loose", "dense")))
+
+
+def _cyclic(row, diagram, run, start, color, models):
+    """q or e of a cyclic test: simulation, C0 and the monotonic test in the left panel, the models in the right one."""
+    x_label, y_label, of = plots.diagram(diagram)
+    row[0].set(ylabel=y_label)
+    if run is not None:
+        row[0].plot(*of(run), "-", color=mixed(color, PALE), lw=2.2)
+        row[1].plot(*of(run), "-", color=mixed(color, PALE), lw=1.2)
+        if diagram.startswith("q"):
+            row[0].plot(*of(run, "stress_sff"), "--", color=color, lw=0.9)
+        for label, model in predictions(run, models).items():
+            row[1].plot(*of(model), color=color, **MODEL_STYLES[label])
+    if start is not None:
+        within = start.isel(time=plots.percent(start) <= 100 * _furthest(run))
+        row[0].plot(*of(within), "-", color="k", lw=0.8)
+    for axes in row:
+        axes.set(xlabel=x_label if diagram.startswith("e") else None)
+
+
+def _furthest(run):
+    return 0.05 if run is None else 1.05 * float(np.abs(run["axial_strain"]).max())
+
+
+def critical_lines(runs: Runs, models: Models) -> Figure:
+    """Where the shear tests end: Z and Lambda over e with the lines of Table 2 and of the fit, q/p, A, F and F^t."""
+    tests = monotonic(runs)
+    table = critical_states(tests) if tests else None
+    fitted = fitted_lines(tests)
+    lines = models | ({"fit to these tests": fitted} if fitted else {})
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(2, 2, figsize=(WIDTH, 6.2), sharex=True, layout="constrained")
+        (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
+        lowest = 0.6 if table is None else table["e"].min() - 0.01
+        styles = MODEL_STYLES | {"fit to these tests": {"ls": "-", "lw": 1.2}}
+        for label, model in lines.items():
+            c, style = model.parameters, {"color": "k", **styles[label]}
+            e = np.linspace(lowest, c.e_cmax, 200)
+            z_panel.plot(e, critical_Z(e, c), **style, label=label)
+            force_panel.plot(e, critical_Lambda(e, c), **style)
+        if table is not None:
+            _ends(table, tests, grid)
+        terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"))
+        for name, scale, color in terms:
+            value = getattr(models[TABLE_2].parameters, name) / ROOT_3_2
+            tensor_panel.axhline(scale * value, color=color, ls=":", lw=1.4)
+        ratio_panel.axhline(_strength(models[TABLE_2]), color="k", ls=":", lw=1.4)
+        for axes, label in zip(grid.ravel(), ("Z", r"$\Lambda$", "q/p", "$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$")):
+            axes.set(ylabel=label)
+        for axes in grid[1]:
+            axes.set(xlabel="void ratio e")
+        ratio_panel.set(ylim=(0, None))
+        tensor_panel.set(ylim=(0, None))
+        letters(grid.ravel())
+        handles = z_panel.get_legend_handles_labels()[0] + path_handles() + density_handles(DENSITIES)
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        return say_missing(figure, [] if tests else ["cv-*", "cr_*", "cp_*"])
+
+
+def _ends(table, tests, grid):
+    """The points of critical_states in the four panels."""
+    (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
+    for row in table.itertuples():
+        point = {"marker": MARKERS[row.path], "ms": 4.5, "ls": "", "mfc": "none", "color": COLORS[density_of(row.run)]}
+        z_panel.plot(row.e, row.Z, **point)
+        force_panel.plot(row.e, row.Lambda, **point)
+        ratio_panel.errorbar(row.e, row.M, row.M_scatter, **point, lw=0.7)
+        for value, color in ((row.A_zz, "C0"), (row.F_zz, "C1"), (5 * row.Ft_zz, "C2")):
+            tensor_panel.plot(row.e, value, **(point | {"color": color}))
+    for name, y, color in (("$A_{zz}$", "A_zz", "C0"), ("$F_{zz}$", "F_zz", "C1"), ("$5 F^t_{zz}$", "Ft_zz", "C2")):
+        height = float(table[y].mean()) * (5 if y == "Ft_zz" else 1)
+        tensor_panel.annotate(name, (1.01, height), xycoords=("axes fraction", "data"), color=color, va="center")
+
+
+EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
+
+
+def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "strain") -> Figure:
+    """Z, Lambda, A, F and F^t of the tests `names` over the axial strain, or over the strain `travelled`."""
+    diagrams = [f"{quantity}-{over}" for quantity in EVOLUTION]
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.0), layout="constrained")
+        panels = grid.ravel()
+        colors = {name: COLORS[density_of(name)] for name in names}
+        draw(panels[:5], diagrams, runs, colors, models, lambda run: "", c0=False)
+        letters(panels[:5])
+        panels[5].axis("off")
+        handles = density_handles(density_of(name) for name in names) + line_handles(models, c0=False)
+        panels[5].legend(handles=handles, loc="center", frameon=False)
+        return say_missing(figure, [name for name in names if name not in runs])
+
+
+def isotropic_statistics(runs: Runs, models: Models) -> Figure:
+    """Z and Lambda of ISOC and ISOD over e, with the model: Eqs. 31 and 32."""
+    names, diagrams = ("isoc-loose", "isod-loose", "isoc-dense", "isod-dense_high"), ("Z-e_nominal", "Lambda-e_nominal")
+    colors = {name: mixed(COLORS[density_of(name)], 0.0, 0.5 * name.startswith("isod")) for name in names}
+    with plt.rc_context(STYLE):
+        figure, grid = panels_of(1, diagrams, 3.2)
+        draw(grid[0], diagrams, runs, colors, models, path_and_start, c0=False)
+        letters(grid[0])
+        return finish(figure, models, [name for name in names if name not in runs], c0=False)
+
+
+def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
+    """What A, F, F^t and the product of A and F add to q/p of C0, stacked, in the tests `path` of three densities."""
+    names = [path.format(density) for density in DENSITIES]
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(1, 3, figsize=(WIDTH, 3.2), sharey=True, layout="constrained")
+        for axes, density, name in zip(grid, DENSITIES, names):
+            if name in runs:
+                run = runs[name]
+                micro_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
+            axes.set(xlabel="axial strain (%)", title=density)
+        grid[0].set(ylabel="q/p")
+        handles = max((axes.get_legend_handles_labels()[0] for axes in grid), key=len)
+        figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+        return say_missing(figure, [name for name in names if name not in runs])
+
+
+ENGINES = {"yade": ("YADE", "-"), "fused": ("fused, law yade", "--"), "paper": ("fused, law paper", ":")}
+SHARE = {"cv": "q-p", "cr": "q-strain", "cp": "q-strain", "isoc": "e-p", "isod": "e-p", "cyclic": "q-strain"}
+
+
+def engines(runs: Runs) -> Figure:
+    """The six paths from the same states on YADE, on the engine fused with YADE's law, and with the paper's law."""
+    missing = []
+    with plt.rc_context(STYLE):
+        figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.2), layout="constrained")
+        for axes, (path, diagram) in zip(grid.ravel(), SHARE.items()):
+            x_label, y_label, of = plots.diagram(diagram)
+            for (engine, (_, style)), color in zip(ENGINES.items(), ("0.6", "C0", "C3")):
+                name = f"share_{path}-{engine}"
+                if name in runs:
+                    axes.plot(*of(runs[name]), style, color=color, lw=2.2 if engine == "yade" else 1.2)
+                else:
+                    missing.append(name)
+            axes.set(xlabel=x_label, ylabel=y_label, title=path.upper() if path != "cyclic" else "cyclic CP")
+        handles = [Line2D([], [], color=color, ls=style, lw=1.6, label=label)
+                   for (label, style), color in zip(ENGINES.values(), ("0.6", "C0", "C3"))]  # fmt: skip
+        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+        return say_missing(figure, missing)
+
+
+def monotonic(runs: Runs) -> dict[str, xr.Dataset]:
+    """The monotonic shear tests of the paper among the runs: all seeds and pressures, not those of YADE's share."""
+    prefixes = ("cv-", "cv_other-", "cr_", "cp_500kPa-", "cp_1MPa-")
+    return {name: run for name, run in runs.items() if name.startswith(prefixes) and run.attrs["path"] in SHEAR}
+
+
+def density_of(name: str) -> str:
+    """`dense`, `medium` or `loose` from the name of a run. Raises InputError if it has none of them."""
+    for density in DENSITIES:
+        if density in name.split("-", 1)[-1]:
+            return density
+    raise InputError(f"run {name} names no density: give one of a dense, medium or loose specimen")
+
+
+def fitted_lines(tests: Runs) -> Model | None:
+    """Table 2 with both critical state lines of critical_lines.csv, fitted to the ends of the shear tests over the
+    reported e; None where they do not determine them."""
+    found = both_lines(ends(sheared(tests)))
+    names = LINES["Z(e)"][0]
+    return Model().with_parameters(**dict(zip(names, found))) if np.isfinite(found).all() else None
+
+
+def critical_line(model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """(p in Pa, e) of the critical state line: C0 with Z^c(e), Lambda^c(e) and the critical A, F, F^t."""
+    e = np.linspace(model.parameters.e_cmax - 0.2, model.parameters.e_cmax, 100)
+    pressure = mean_stress(critical_stress(e, model.parameters))
+    return pressure[pressure < 3e6], e[pressure < 3e6]
+
+
+def _strength(model):
+    stress = critical_stress(model.parameters.e_cmax - 0.1, model.parameters)  # q/p is the same at any void ratio
+    return deviatoric_stress(stress) / mean_stress(stress)

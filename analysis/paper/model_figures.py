@@ -1,0 +1,137 @@
+"""Figs. 4 to 10 of the paper from the model alone: Table 2, the initial states said in the legends.
+
+Figs. 4 to 8 are the dotted lines there. The paper does not print the initial pressures of Fig. 4, nor Z and Lambda
+of any start: the pressures here are a choice, Z is on the compression line and Lambda follows from C0
+(labkit.model.isotropic_state). Starts at e0 = 0.77 need the reading beyond_e_cmax = flat.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.places import results_folder
+from labkit.dem import REVERSALS
+from labkit.io import require_writable
+from labkit.model import Model, as_run, drive, isotropic_state, model_path, with_inherent_anisotropy
+from labkit.visuals import plots
+
+FLAT = Model().reading(beyond_e_cmax="flat")
+MPA = 1e6
+DENSITIES = (0.77, 0.724, 0.670, 0.606)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """The options of `./lab model-figures`."""
+    parser.add_argument("-o", "--output", default=results_folder(), help="folder that is there (default: results)")
+
+
+def main(options: argparse.Namespace, command: str) -> None:
+    """Draws every figure into the folder."""
+    require_writable(Path(options.output) / "labkit")
+    for file in draw_all(options.output):
+        print(f"figure: {file}")
+
+
+def run_of(
+    name: str, void_ratio: float, pressure: float, Z: float | None = None, a1: float = 0.0, angle: float = 0.0,
+    **parameters: float,
+) -> tuple[str, xr.Dataset]:  # fmt: skip
+    """(label, run): the model with Table 2 along a path; the label says the start.
+
+    pressure: MPa; a1: size of the inherent anisotropy, its axis at `angle` (degrees) from the axial direction;
+    parameters: of labkit.model.model_path.
+    """
+    state = isotropic_state(FLAT, void_ratio, pressure * MPA, Z)
+    state = with_inherent_anisotropy(FLAT, state, a1, angle)
+    result = drive(FLAT, model_path(name, pressure * MPA, **parameters), state).require()
+    label = f"$e_0$ {state.e:g}, $p_0$ {pressure:g} MPa,\n$Z_0$ {state.Z:.2f}, $\\Lambda_0$ {state.Lam:.5f}"
+    return label, as_run(result)
+
+
+def fig_4() -> Figure:
+    """CV at three void ratios."""
+    starts = {0.724: (0.1, 0.3, 0.6, 1.0), 0.670: (0.1, 0.5, 1.0, 1.5), 0.606: (0.21, 1.0, 2.0, 2.9)}
+    rows = {
+        f"CV, e = {e:.3f}": dict(run_of("cv", e, p, strain=0.4) for p in pressures) for e, pressures in starts.items()
+    }
+    return plots.curves(rows, ("q-p", "q-strain"))
+
+
+def _drained(name, words):
+    rows = {
+        f"{name.upper()}, {words} = {p:g} MPa": dict(run_of(name, e, p, strain=0.4) for e in DENSITIES)
+        for p in (0.5, 1.0)
+    }
+    return plots.curves(rows, ("q-strain", "e-strain"))
+
+
+def fig_5() -> Figure:
+    """CR at 0.5 and 1 MPa, four densities."""
+    return _drained("cr", "radial stress")
+
+
+def fig_6() -> Figure:
+    """CP at 0.5 and 1 MPa, four densities."""
+    return _drained("cp", "mean stress")
+
+
+def fig_7() -> Figure:
+    """ISOC from 0.1 MPa and ISOD from the states that compression reaches at 1 and 2 MPa."""
+    rows = {}
+    for e in (0.724, 0.606):
+        runs = [(f"ISOC, {label}", run) for label, run in [run_of("isoc", e, 0.1), run_of("isoc", e, 0.5)]]
+        runs += [(f"ISOD, {label}", run) for label, run in [run_of("isod", e, p) for p in (0.5, 1.0)]]
+        rows[f"isotropic, e0 = {e:g}"] = dict(runs)
+    return plots.curves(rows, ("e-p", "Z-strain"))
+
+
+def fig_8() -> Figure:
+    """Cyclic CP at 0.5 MPa, loose and dense, with the monotonic test beside it."""
+    rows = {}
+    for e in (0.77, 0.60):
+        label, cyclic = run_of("cyclic_cp", e, 0.5, reversals=REVERSALS)
+        monotonic = run_of("cp", e, 0.5, strain=0.04)[1]
+        rows[f"cyclic CP, p = 0.5 MPa, e0 = {e:g}"] = {f"cyclic: {label}": cyclic, "monotonic": monotonic}
+    return plots.curves(rows, ("q-strain", "e-strain"))
+
+
+def fig_9() -> Figure:
+    """CR at 0.5 MPa with a1 = 0.3, its axis at several angles from the axial direction, loose and dense."""
+    rows = {}
+    for words, e in (("loose", 0.77), ("dense", 0.606)):
+        runs = {}
+        for angle in (0, 30, 45, 60, 90):
+            label, run = run_of("cr", e, 0.5, a1=0.3, angle=angle, strain=0.2)
+            runs[f"$\\theta$ {angle}°, $\\Lambda_0$ {run['mean_normalised_force'].values[0]:.5f}"] = run
+        runs["isotropic"] = run_of("cr", e, 0.5, strain=0.2)[1]
+        Z = runs["isotropic"]["coordination_number"].values[0]
+        rows[f"CR, 0.5 MPa, a1 = 0.3, {words}: e0 = {e:g}, Z0 = {Z:.2f}, F0 from C0"] = runs
+    return plots.curves(rows, ("q-strain", "e-strain"))
+
+
+def fig_10() -> Figure:
+    """CR at 0.5 MPa from one e and p with Z0 from 4.2 to 6."""
+    rows = {
+        f"CR, 0.5 MPa, {words}: e0 = {e:g}": dict(run_of("cr", e, 0.5, Z=float(Z), strain=0.4)
+                                                 for Z in np.linspace(4.2, 6.0, 4))
+        for words, e in (("loose", 0.77), ("dense", 0.67))
+    }  # fmt: skip
+    return plots.curves(rows, ("q-strain", "e-strain"))
+
+
+FIGURES = {"model_fig4": fig_4, "model_fig5": fig_5, "model_fig6": fig_6, "model_fig7": fig_7, "model_fig8": fig_8,
+           "model_fig9": fig_9, "model_fig10": fig_10}  # fmt: skip
+
+
+def draw_all(folder: str | Path) -> Iterator[Path]:
+    """Writes every figure into the folder and gives its name."""
+    for name, figure in FIGURES.items():
+        file = Path(folder) / f"{name}.png"
+        plots.save(figure(), file)
+        yield file

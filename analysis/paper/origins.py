@@ -1,0 +1,86 @@
+"""Where the report and what it shows come from: commands, code, computers, hashes; and on how many threads."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shlex
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import pandas
+
+from analysis.paper.pieces import join, missing, table
+from labkit.io import file_sha256, of_file, provenance_text, rows
+
+DIGITS = 12  # of a hash, enough to tell files apart
+ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
+
+
+def origins(
+    folder: Path, files: Iterable[Path], output: str | Path, command: str, runs_command: str
+) -> str:
+    """The last section of the report. `files`: what the page shows; `runs_command`: what makes the run files."""
+    here = rows(json.loads(provenance_text(command, output=output)))
+    page = pandas.DataFrame([row for row in here.items() if row[0] != "inputs"], columns=["", " "])
+    runs = run_origins(folder)
+    return join(
+        "## Where it comes from", "### This page", table(page, "this page"), "### The runs",
+        missing("runs", runs_command) if runs.empty else join(
+            table(runs.groupby(ALIKE, sort=False).size().rename("runs").reset_index(), "where the runs were made"),
+            table(runs.drop(columns=ALIKE), "every run", fold=True),
+        ),
+        "### The files behind this page", "SHA-256 of what the page shows, in short, and what made it where known.",
+        table(file_origins(folder, files), "files", fold=True),
+    )  # fmt: skip
+
+
+def run_origins(folder: Path) -> pandas.DataFrame:
+    """A row per thin run file: what made the whole run, where, and the hash of its data; a pandas.DataFrame."""
+    found = []
+    for file in sorted((folder / "runs").glob("*.run.nc")):
+        with netCDF4.Dataset(file) as run:
+            known = json.loads(getattr(run, "source_provenance", getattr(run, "provenance", "{}")))
+            digest = getattr(run, "source_sha256", getattr(run, "data_sha256", ""))
+            engine = getattr(run, "engine", ""), str(getattr(run, "engine_version", ""))
+        machine = known.get("machine", {})
+        found.append({
+            "run": file.name.removesuffix(".run.nc"), "engine": engine[0], "engine version": engine[1],
+            "labkit": known.get("labkit_version", ""), "commit": short_commit(known.get("commit", "")),
+            "machine": f"{machine.get('cores', '?')} x {machine.get('processor', '?')}",
+            "libraries": ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items()),
+            "made": known.get("made", ""), "data": digest[:DIGITS], "command": known.get("command", ""),
+        })  # fmt: skip
+    return pandas.DataFrame(found)
+
+
+def short_commit(commit: str) -> str:
+    """The first 12 digits of a commit, and what follows its hash."""
+    return re.sub(r"^([0-9a-f]{12})[0-9a-f]+", r"\1", commit)
+
+
+def file_origins(folder: Path, files: Iterable[Path]) -> pandas.DataFrame:
+    """A row per file that the page shows; a pandas.DataFrame."""
+    return pandas.DataFrame([
+        {"file": os.path.relpath(file, folder.parent), "hash": file_sha256(file)[:DIGITS],
+         "made by": (of_file(file) or {}).get("command", "")}
+        for file in files
+    ])  # fmt: skip
+
+
+def threads_of(attributes: Mapping[str, Any]) -> int:
+    """The threads that a run was made on, from the attributes of its file.
+
+    Files of labkit 0.1.0 lack the attribute `threads`: there the options of the command in the provenance tell, 1 if
+    it does not name any.
+    """
+    if "threads" in attributes:
+        return int(attributes["threads"])
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--threads", type=int, default=1)
+    command = json.loads(attributes.get("source_provenance", "{}")).get("command", "")
+    return parser.parse_known_args(shlex.split(command))[0].threads

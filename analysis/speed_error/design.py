@@ -1,0 +1,208 @@
+"""What is varied: cases as values. A case is a test, run once with each of its seeds.
+
+All cases take specimens of the same kind (e = 0.64, step-1 friction 0.1, at 0.5 MPa) to 30 % strain, most along CP:
+it has a peak, ends near the critical state, and needs the servo; some along CV, where the pressure finds itself. One
+factor is varied at a time from the baseline, which has the standard settings but fewer grains; then pairs of factors
+that could interact.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+from labkit.dem import SETTINGS, ConstantMeanStress, Path, Scene, Servo, State, make_path, mean_grain_volume
+
+VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
+RATE = ConstantMeanStress.rate
+BASELINE, PRESET = "baseline", "settings"
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """`level` of a `factor`. `scene`: fields of the Scene that differ in the test, `material` those that differ when
+    the specimen is made too, both (name, value) pairs. `side` in m goes before `grains`."""
+
+    factor: str
+    level: object
+    seeds: tuple[int, ...]
+    grains: int
+    path: str = "cp"
+    side: float | None = None
+    scene: tuple = ()
+    material: tuple = ()
+    rate: float = RATE
+    strain: float = 0.3
+    record_strain: float = 1e-3
+    snapshots: int = 2
+    engine: str = "fused"
+    threads: int = 1
+    servo: Servo = Servo()
+    guarded: bool = True
+
+    @property
+    def name(self) -> str:
+        """Path, factor and level."""
+        return f"{self.path}_{self.factor}={self.level}".replace(" ", "_")
+
+    def state(self, specimen: State) -> State:
+        """The specimen with the scene of the test."""
+        return specimen.replace(scene=dataclasses.replace(specimen.scene, **dict(self.scene)))
+
+    def loading(self, strain: float | None = None) -> Path:
+        """The path, to its own or another axial strain."""
+        pressure = {"pressure": PRESSURE} if self.path == "cp" else {}
+        return make_path(self.path, rate=self.rate, strain=strain or self.strain, **pressure)
+
+    def steps(self, scene: Scene) -> int:
+        """Of the test, for the Scene of its specimen."""
+        return round(self.strain / (self.rate * dataclasses.replace(scene, **dict(self.scene)).time_step))
+
+    @property
+    def cost(self) -> float:
+        """Steps times grains, YADE's times what they take longer: what to begin with."""
+        scene = Scene(**dict(self.material))
+        grains = self.grains or self.side**3 / (1.0 + VOID_RATIO) / mean_grain_volume(scene)
+        return self.steps(scene) * grains * (15.0 if self.engine == "yade" else 1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """All cases; each path has one of the factor BASELINE and one PRESET of the level "reference". `measures`: which
+    of analysis.speed_error.measures go with them."""
+
+    cases: tuple[Case, ...]
+    measures: tuple[str, ...]
+
+    def baseline(self, path: str = "cp") -> Case:
+        """What the others of a path are compared with."""
+        return next(case for case in self.cases if (case.path, case.factor) == (path, BASELINE))
+
+    def of_settings(self, level: str, path: str = "cp") -> Case:
+        """The case of a set of settings."""
+        return next(case for case in self.cases if (case.path, case.factor, case.level) == (path, PRESET, level))
+
+
+def _with_scene(case, factor, level, **fields):
+    return dataclasses.replace(case, factor=factor, level=level, scene=tuple(fields.items()))
+
+
+def preset(name: str, seeds: tuple[int, ...], most_grains: int | None = None) -> Case:
+    """The case of a set of settings; `most_grains` makes a small one of it."""
+    chosen = SETTINGS[name]
+    case = Case(
+        PRESET, name, seeds, chosen.grains or 0, side=chosen.side, snapshots=20, rate=RATE * chosen.rate_factor,
+        scene=(("time_step_factor", chosen.time_step_factor),),
+    )  # fmt: skip
+    return dataclasses.replace(case, side=None, grains=most_grains) if most_grains else case
+
+
+def one_factor(base: Case) -> Iterator[Case]:
+    """One factor at a time."""
+    yield from (_with_scene(base, "time step", factor, time_step_factor=factor) for factor in (0.05, 0.1, 0.3))
+    for factor in (0.36, 0.5, 0.7, 0.9, 1.2):  # from the limit on; the guard would refuse most of these
+        yield dataclasses.replace(_with_scene(base, "time step", factor, time_step_factor=factor), guarded=False)
+    # an inertial number of 1e-5
+    yield dataclasses.replace(base, factor="rate", level=0.67, rate=0.67, seeds=base.seeds[:2])
+    for rate in (2.5, 5.0, 20.0, 50.0, 100.0, 200.0, 670.0):
+        yield dataclasses.replace(base, factor="rate", level=rate, rate=rate)
+    for interval in (1, 20, 100, 500):
+        yield dataclasses.replace(base, factor="servo interval", level=interval, servo=Servo(interval=interval))
+    for gain in (0.2, 0.7, 6.0, 20.0):
+        yield dataclasses.replace(base, factor="servo gain", level=gain, servo=Servo(gain=gain))
+    for strain in (1e-4, 1e-2):
+        yield dataclasses.replace(base, factor="record interval", level=strain, record_strain=strain)
+    for damping in (0.05, 0.1, 0.4, 0.7):
+        yield _with_scene(base, "local damping", damping, local_damping=damping)
+    yield _with_scene(base, "law", "paper", law="paper")
+    yield _with_scene(base, "law", "paper, no tangential dashpot", law="paper", beta_t=0.0)
+    yield _with_scene(base, "law", "paper, beta 0.05", law="paper", beta_n=0.05, beta_t=0.05)
+    yield _with_scene(base, "law", "yade, mean rolling limit right", rolling_limit_scale=1.064)
+    yield _with_scene(base, "rolling", "off, law yade", rolling_friction=0.0)
+    yield _with_scene(base, "rolling", "off, law paper", law="paper", rolling_friction=0.0)
+    for modulus in (0.03e9, 0.75e9):
+        case = dataclasses.replace(base, factor="Young's modulus", level=modulus)
+        yield dataclasses.replace(case, material=(("young_modulus", modulus),))
+
+
+def pairs(base: Case) -> Iterator[Case]:
+    """Pairs that could interact: what leaves at a high rate only slowly, what a dashpot does to the time step, ..."""
+    for rate in (50.0, 200.0):
+        fast = dataclasses.replace(base, rate=rate)
+        yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.05", local_damping=0.05)
+        yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.7", local_damping=0.7)
+        yield _with_scene(fast, "rate x law", f"{rate:g}, paper", law="paper")
+        yield _with_scene(fast, "rate x time step", f"{rate:g}, 0.05", time_step_factor=0.05)
+        yield _with_scene(fast, "rate x time step", f"{rate:g}, 0.36", time_step_factor=0.36)
+        yield dataclasses.replace(
+            fast, factor="rate x servo interval", level=f"{rate:g}, 50", servo=Servo(interval=50)
+        )  # fmt: skip
+        soft = dataclasses.replace(fast, factor="rate x Young's modulus", level=f"{rate:g}, 3e7")
+        yield dataclasses.replace(soft, material=(("young_modulus", 0.03e9),))
+    for factor in (0.4, 0.6, 0.777):  # the last is 0.41 sqrt(m/kn), the trap
+        case = _with_scene(base, "time step x law", f"{factor:g}, paper", law="paper", time_step_factor=factor)
+        yield dataclasses.replace(case, guarded=False)
+    for factor, damping in ((0.36, 0.7), (0.7, 0.7), (0.7, 0.0)):
+        fields = {"time_step_factor": factor, "local_damping": damping}
+        case = _with_scene(base, "time step x local damping", f"{factor:g}, {damping:g}", **fields)
+        yield dataclasses.replace(case, guarded=False)
+
+
+def sizes(base: Case, sizes_and_seeds: Sequence[tuple[int, tuple[int, ...]]]) -> Iterator[Case]:
+    """Specimens of different numbers of grains."""
+    for grains, seeds in sizes_and_seeds:
+        yield dataclasses.replace(base, factor="grains", level=grains, grains=grains, seeds=seeds)
+
+
+def engines(base: Case, grains: int, seeds: tuple[int, ...]) -> Iterator[Case]:
+    """The same small test on both engines."""
+    for engine in ("fused", "yade"):
+        yield dataclasses.replace(base, factor="engine", level=engine, engine=engine, grains=grains, seeds=seeds)
+
+
+def constant_volume(base: Case) -> Iterator[Case]:
+    """Along CV: the baseline and the factors that its pressure could depend on."""
+    base = dataclasses.replace(base, path="cv")
+    yield base
+    yield from (dataclasses.replace(base, factor="rate", level=rate, rate=rate) for rate in (2.5, 50.0, 200.0))
+    yield from (_with_scene(base, "time step", factor, time_step_factor=factor) for factor in (0.1, 0.36))
+    yield _with_scene(base, "local damping", 0.7, local_damping=0.7)
+    yield _with_scene(base, "law", "paper", law="paper")
+
+
+def full() -> Design:
+    """The study of results/speed_error: some five hours of computing."""
+    seeds = (1, 2, 3)
+    base = Case(BASELINE, "standard settings, 1000 grains", seeds, 1000)
+    cases = [base, *one_factor(base), *pairs(base), *engines(dataclasses.replace(base, rate=40.0), 500, seeds)]
+    cases += sizes(base, ((500, tuple(range(1, 9))), (2000, seeds), (4000, seeds)))
+    cases += [preset("quick", seeds), preset("standard", seeds), preset("reference", seeds)]
+    cases.append(dataclasses.replace(preset("standard", seeds[:2]), level="the paper's", scene=(("law", "paper"),)))
+    cases += constant_volume(base)
+    along_cv = preset("quick", seeds, 1000), preset("standard", seeds, 1000), preset("reference", seeds, 1000)
+    cases += [dataclasses.replace(case, path="cv", snapshots=2) for case in along_cv]
+    measures = "settings", "engines", "lammps", "skin", "collisions", "sff_family", "model"
+    return Design(tuple(cases), measures)
+
+
+def small() -> Design:
+    """The same in a minute: a level or two of each factor, tests of 5 % strain. For trying out and for the tests."""
+    seeds = (1, 2)
+    base = Case(BASELINE, "standard settings, 150 grains", seeds, 150, rate=100.0, strain=0.06)
+    chosen = {
+        "time step=0.1", "time step=1.2", "local damping=0.7", "law=paper", "servo interval=20",
+        "Young's modulus=750000000.0",
+    }  # fmt: skip
+    cases = [base, *(case for case in one_factor(base) if f"{case.factor}={case.level}" in chosen)]
+    cases.append(dataclasses.replace(base, path="cv"))
+    cases.append(dataclasses.replace(base, factor="rate", level=400.0, rate=400.0))
+    cases += sizes(base, ((300, seeds),))
+    cases += engines(base, 150, (1,))
+    for name in SETTINGS:
+        case = preset(name, seeds, 150 if name == "quick" else 300)
+        case = dataclasses.replace(case, rate=10.0 * case.rate, strain=0.06)
+        cases += [case, dataclasses.replace(case, path="cv")]
+    return Design(tuple(cases), ("settings", "collisions", "sff_family"))
+
+
+DESIGNS = {"full": full, "small": small}

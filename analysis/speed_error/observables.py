@@ -1,0 +1,86 @@
+"""What is compared: numbers of a shear test."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from labkit.runs import SFF_PRESSURE, WINDOW
+
+# name -> (label, unit, whether its error is relative); those of the critical state are means over the last quarter
+OBSERVABLES = {
+    "ratio_1": ("q/p at 1 %", "", True),
+    "ratio_5": ("q/p at 5 %", "", True),
+    "ratio_peak": ("q/p at the peak", "", True),
+    "ratio_critical": ("q/p, critical", "", True),
+    "void_ratio_critical": ("e, critical", "", True),
+    "pressure_critical": ("p, critical", "Pa", True),
+    "Z_critical": ("Z, critical", "", True),
+    "Lambda_critical": ("Lambda, critical", "", True),
+    "A_critical": ("A_zz, critical", "", True),
+    "F_critical": ("F_zz, critical", "", True),
+    "Ft_critical": ("F^t_zz, critical", "", True),
+    "sff_error": ("error of C0", "", False),
+}
+# what tells whether a test can be believed, beside the observables
+CHECKS = {
+    "energy_balance_error": ("energy balance, at worst", ""),
+    "held_error": ("held stress, RMS error", ""),
+    "inertial_number": ("inertial number, mean", ""),
+    "overlap_ratio": ("mean overlap over D", ""),
+}
+AROUND = 0.0025  # axial strain on each side that a value at a strain is the mean of
+PEAK = 0.01  # axial strain that the peak is a mean over
+
+
+def observables(run: xr.Dataset, held: float | None) -> dict[str, float]:
+    """The numbers of OBSERVABLES and CHECKS of a complete shear test, name -> value; `held`: mean stress held,
+    Pa, or None."""
+    strain, end = run["axial_strain"].values, critical(run["axial_strain"].values)
+    p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
+    sff = run.lab.sff_error().values[p > SFF_PRESSURE]
+
+    def mean(name):
+        return float(np.mean(run[name].values[end]))
+
+    def zz(name):
+        return float(np.mean(run[name].values[end, 2, 2]))
+
+    return {
+        **strength(strain, p, q), "void_ratio_critical": mean("void_ratio"),
+        "Z_critical": mean("coordination_number"), "Lambda_critical": mean("mean_normalised_force"),
+        "A_critical": zz("contact_anisotropy"), "F_critical": zz("normal_force_anisotropy"),
+        "Ft_critical": zz("mobilisation"), "sff_error": float(sff.mean()) if sff.size else np.nan,
+        "energy_balance_error": float(np.abs(run["energy_balance_error"].values).max()),
+        "held_error": float(np.sqrt(np.mean((p[strain > 2 * AROUND] / held - 1.0) ** 2))) if held else np.nan,
+        "inertial_number": float(np.median(run["inertial_number"].values[1:])),
+        "overlap_ratio": float(run["overlap_ratio"].values.mean()),
+    }  # fmt: skip
+
+
+def critical(strain: np.ndarray) -> np.ndarray:
+    """Which records belong to the critical state, those of the last quarter of the strain."""
+    return strain >= (1.0 - WINDOW) * strain[-1]
+
+
+def strength(strain: np.ndarray, p: np.ndarray, q: np.ndarray) -> dict[str, float]:
+    """The observables that axial strain and stresses (record,) alone decide, name -> value."""
+    ratio, end = q / p, critical(strain)
+
+    def at(x):
+        near = np.abs(strain - x) <= AROUND
+        return float(ratio[near].mean()) if near.any() else np.nan
+
+    return {
+        "ratio_1": at(0.01), "ratio_5": at(0.05), "ratio_peak": max_of_means(strain, ratio),
+        "ratio_critical": float(ratio[end].mean()), "pressure_critical": float(p[end].mean()),
+    }  # fmt: skip
+
+
+def max_of_means(strain: np.ndarray, values: np.ndarray) -> float:
+    """The largest mean over PEAK of strain: the peak of a curve that scatters."""
+    first = np.searchsorted(strain, strain - PEAK)
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    means = (sums[1:] - sums[first]) / (np.arange(len(values)) + 1 - first)
+    whole = strain - strain[0] >= PEAK
+    return float(means[whole].max())
