@@ -34,8 +34,9 @@ def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFr
         "error budget": lambda: error_budget(snapshot),
         "reading the snapshot": lambda: run.lab.snapshot(-1),
     }
+    size = f"one snapshot of {len(snapshot.contacts)} contacts"
     rows = [
-        {"what": f"{name}, one snapshot of {len(snapshot.contacts)} contacts", "milliseconds": 1e3 * _median(of, rounds)}
+        {"what": f"{name}, {size}", "milliseconds": 1e3 * _median(of, rounds)}
         for name, of in of_one.items()
     ]
     held = sum(run[name].nbytes for name, variable in run.variables.items() if "contact" in variable.dims) / 1e6

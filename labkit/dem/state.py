@@ -15,10 +15,10 @@ import netCDF4
 import numpy as np
 
 import labkit
+from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.files import create_variables, open_netcdf, whole_file
 from labkit.io.provenance import data_sha256
-from labkit.dem.scene import Scene
 from labkit.io.schema import SIZES, STATE
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
@@ -77,7 +77,7 @@ class State:
         """Volume of the cell, m3."""
         return float(np.linalg.det(self.cell))
 
-    def replace(self, **changes) -> State:
+    def replace(self, **changes: object) -> State:
         """The same state with other fields."""
         return dataclasses.replace(self, **changes)
 

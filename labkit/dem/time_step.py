@@ -16,8 +16,8 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to 2/omega (sqrt(1 + zeta^2) - zeta).
     For all modes: K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and so for C. K_g (6 x 6) is the
     stiffness that one grain feels when all others are held: the energy k (u_a - u_b)^2/2 of a contact is at most
-    k (u_a^2 + u_b^2). Translation and rotation, tangential and rolling stiffness and the dashpots of the contact law count.
-    `snapshot`: that of the state, if at hand.
+    k (u_a^2 + u_b^2). Translation and rotation, tangential and rolling stiffness and the dashpots of the contact law
+    count. `snapshot`: that of the state, if at hand.
     """
     snapshot = snapshot or state.snapshot()
     contacts = snapshot.contacts

@@ -5,7 +5,9 @@ same on both sides, so that sums run over physical contacts with the weight of t
 """
 
 from labkit.lazy import attach
-from labkit.micro.void_ratio import void_ratio  # at once: the submodule of this name would hide a lazy function
+
+# At once: the submodule of the same name would hide a function that is imported when it is first used.
+from labkit.micro.void_ratio import void_ratio as void_ratio
 
 _ROOM = {
     "contacts": ("Contacts", "NO_CONTACTS", "branch_vectors"),

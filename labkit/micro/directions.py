@@ -26,7 +26,7 @@ def _symmetric_with_identity(B):
 _IDENTITY4 = _symmetric_with_identity(IDENTITY)
 
 
-def traceless(S):
+def traceless(S: np.ndarray) -> np.ndarray:
     """S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I) of a fully symmetric S (3, 3, 3, 3): nothing of it has a trace."""
     second = np.einsum("iikl->kl", S)
     return S - 6.0 / 7.0 * _symmetric_with_identity(second) + 3.0 / 35.0 * np.trace(second) * _IDENTITY4
@@ -40,11 +40,11 @@ class Fit:
     second: np.ndarray
     fourth: np.ndarray
 
-    def at(self, n):
+    def at(self, n: np.ndarray) -> np.ndarray:
         """f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
         return self.mean * self.shape(n)
 
-    def shape(self, n):
+    def shape(self, n: np.ndarray) -> np.ndarray:
         """1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
         value = 1.0 + np.einsum("mi,mi->m", n @ self.second, n)
         if self.fourth.any():
@@ -54,7 +54,7 @@ class Fit:
         return value
 
 
-def fit(n, values, order=2):
+def fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Fit:
     """The Fit to the directional function whose sum over directions is the sum over the rows.
 
     f0 = <v>, B = 15/2 (<v nn>/f0 - I/3), B4 = 315/8 times the traceless part of <v nnnn>/f0
@@ -80,18 +80,17 @@ def fit(n, values, order=2):
     return Fit(mean, B, B4)
 
 
-def second_order(found):
+def second_order(full: Fit) -> Fit:
     """A Fit without its fourth order."""
-    return dataclasses.replace(found, fourth=np.zeros((3, 3, 3, 3)))
+    return dataclasses.replace(full, fourth=np.zeros((3, 3, 3, 3)))
 
 
-def normal_density(n, order=2):
+def normal_density(n: np.ndarray, order: int = 2) -> Fit:
     """The Fit to E_PDF(n), f0 = 1/(4 pi) (Eqs. 9 and 10). `n` (m, 3) unit vectors; NaN for m = 0."""
-    found = fit(n, np.ones(len(n)), order)
-    return dataclasses.replace(found, mean=0.25 / np.pi)
+    return dataclasses.replace(fit(n, np.ones(len(n)), order), mean=0.25 / np.pi)
 
 
-def directional_mean(n, values, density):
+def directional_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> Fit:
     """The Fit to the mean of `values` (m,) in the direction n, of the order of `density`, the Fit of E_PDF.
 
     Rows count 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
@@ -112,7 +111,7 @@ class TangentialFit:
     skew: np.ndarray
     fourth: np.ndarray
 
-    def at(self, n):
+    def at(self, n: np.ndarray) -> np.ndarray:
         """t at unit vectors n (m, 3), shape (m, 3)."""
         pull = n @ self.second + n @ self.skew.T
         if self.fourth.any():
@@ -120,7 +119,7 @@ class TangentialFit:
         return pull - np.einsum("mi,mi->m", pull, n)[:, None] * n
 
 
-def tangential_mean(n, values, density):
+def tangential_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> TangentialFit:
     """The TangentialFit to the mean of vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
 
     Rows count 1/(1 + n.A n + ...) and the fit has the order of `density`, the Fit of E_PDF. G = 5 sym<n (x) t>,
@@ -156,7 +155,7 @@ def _as_matrix(tensor):
     return matrix * twice[:, None] * twice
 
 
-def polar_bins(n, bins, axis=2):
+def polar_bins(n: np.ndarray, bins: int, axis: int = 2) -> tuple[np.ndarray, np.ndarray]:
     """Equal solid angles about an axis: (cosines of the edges (bins + 1,), bin of each row (m,)).
 
     n and -n are the same direction: the angle from the axis runs from 0 to 90 degrees. `n` (m, 3).
@@ -165,13 +164,13 @@ def polar_bins(n, bins, axis=2):
     return edges, np.clip((np.abs(n[:, axis]) * bins).astype(int), 0, bins - 1)
 
 
-def bin_means(values, bin_of, bins):
-    """Mean of `values` (m,) in each bin, shape (bins,); NaN where a bin is empty."""
+def bin_means(values: np.ndarray, bin_of: np.ndarray, bins: int) -> np.ndarray:
+    """Mean of `values` (m,) in each bin `bin_of` (m,), shape (bins,); NaN where a bin is empty."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.bincount(bin_of, values, bins) / np.bincount(bin_of, minlength=bins)
 
 
-def hemisphere_bins(n, bands, sectors):
+def hemisphere_bins(n: np.ndarray, bands: int, sectors: int) -> np.ndarray:
     """Equal solid angles of the hemisphere z > 0: bin of each row (m,), band * sectors + sector.
 
     `n` (m, 3), turned into the hemisphere; bands are of equal height in z, sectors of equal azimuth.

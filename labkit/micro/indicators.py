@@ -10,7 +10,8 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, density: float) -> float:
     """I = |rate| D sqrt(rho/p) with the Euclidean norm (section 2).
 
-    `strain_rate` (3, 3) 1/s, `pressure` Pa, `diameter` m, `density` kg/m3; inf where a deforming specimen carries no pressure, 0 at rest.
+    `strain_rate` (3, 3) 1/s, `pressure` Pa, `diameter` m, `density` kg/m3; inf where a deforming specimen carries no
+    pressure, 0 at rest.
     """
     norm = float(np.linalg.norm(strain_rate))
     if norm == 0.0:
@@ -54,7 +55,7 @@ def elastic_energy(snapshot: Snapshot) -> float:
     return snapshot.scene.contact_law.elastic_energy(snapshot)
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> object:
     """`kinetic_energy` lives in labkit.dem.energy; this line goes when the engine fused imports it from there."""
     if name == "kinetic_energy":
         from labkit.dem.energy import kinetic_energy

@@ -8,6 +8,8 @@ They take any e below e_cmax and any Lambda > 0: see `outside` in labkit.model.r
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, TypeVar
+
 import numpy as np
 from numba.extending import register_jitable
 
@@ -15,73 +17,78 @@ from labkit.model.compiled import compiled
 from labkit.model.tensors import IDENTITY, deviator, dot, minus, norm, plus, symmetric_product, times, trace
 from labkit.sff import c0
 
-# The critical lines are for numbers in compiled code and, as they stand, for arrays of void ratios in Python. `c` may
-# be labkit.model.parameters.Parameters there, or anything else with these fields.
+if TYPE_CHECKING:
+    from labkit.model.parameters import Constants, Parameters
+
+Number = TypeVar("Number", float, np.ndarray)
+Six = tuple[float, float, float, float, float, float]
+
+# The critical lines are for numbers in compiled code and, as they stand, for arrays of void ratios in Python.
 
 
 @register_jitable
-def density_distance(e, c):
+def density_distance(e: Number, c: Constants | Parameters) -> Number:
     """e_cmax - e; zero beyond e_cmax, which only the reading beyond_e_cmax = flat reaches."""
     return np.maximum(c.e_cmax - e, 0.0)
 
 
 @register_jitable
-def critical_coordination_number(e, c):
+def critical_coordination_number(e: Number, c: Constants | Parameters) -> Number:
     """Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ."""
     return 4.0 + c.c_cZ * density_distance(e, c) ** c.gamma_cZ
 
 
 @register_jitable
-def critical_force(e, c):
+def critical_force(e: Number, c: Constants | Parameters) -> Number:
     """Lambda^c = c_cLambda (e_cmax - e)."""
     return c.c_cLam * density_distance(e, c)
 
 
 @compiled
-def compression_coordination_number(e, c):
+def compression_coordination_number(e: float, c: Constants) -> float:
     """Z^com = 4 + c_com (e_cmax - e)^gamma_cZ, the compression line."""
     return 4.0 + c.c_com * density_distance(e, c) ** c.gamma_cZ
 
 
 @compiled
-def compression_slope(e, c):
+def compression_slope(e: float, c: Constants) -> float:
     """dZ^com/de = -c_com gamma_cZ (e_cmax - e)^(gamma_cZ - 1); zero beyond e_cmax."""
     distance = density_distance(e, c)
     return -c.c_com * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if distance > 0.0 else 0.0
 
 
 @compiled
-def f_dA(e, Lam, c):
+def f_dA(e: float, Lam: float, c: Constants) -> float:
     """f^{d,A} = f^{d,F} = exp(beta_dA [Lambda^c - Lambda])."""
     return np.exp(c.beta_dA * (critical_force(e, c) - Lam))
 
 
 @compiled
-def f_eA(Lam, c):
+def f_eA(Lam: float, c: Constants) -> float:
     """f^{e,A} = c_eA/Lambda^gamma_eA."""
     return c.c_eA / Lam**c.gamma_eA
 
 
 @compiled
-def f_eF(Lam, c):
+def f_eF(Lam: float, c: Constants) -> float:
     """f^{e,F} = [|F^c|/|A^c|] f^{e,A}."""
     return c.F_c / c.A_c * f_eA(Lam, c)
 
 
 @compiled
-def f_eZ(e, Lam, c):
+def f_eZ(e: float, Lam: float, c: Constants) -> float:
     """f^{e,Z} = c_eZ exp(beta_eZ [Lambda^c - Lambda])."""
     return c.c_eZ * np.exp(c.beta_eZ * (critical_force(e, c) - Lam))
 
 
 @compiled
-def f_eLam(e, Lam, c):
+def f_eLam(e: float, Lam: float, c: Constants) -> float:
     """f^{e,L} = c_eL Lambda^gamma_eL f^{e,Z}."""
     return c.c_eLam * Lam**c.gamma_eLam * f_eZ(e, Lam, c)
 
 
 @compiled
-def f_vZ(e, Z, Lam, compressing, c):
+def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> float:
     """f^{v,Z} of Eq. 31: -exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), or c_vZ/Lambda in dilation.
 
     Both are positive: contacts are gained in compression and lost in dilation.
@@ -94,27 +101,29 @@ def f_vZ(e, Z, Lam, compressing, c):
 
 
 @compiled
-def f_vLam(e, compressing, c):
+def f_vLam(e: float, compressing: bool, c: Constants) -> float:
     """f^{v,L} of Eq. 32: c_cL (1 + e), or c_vLd (1 + e) in dilation."""
     return (c.c_cLam if compressing else c.c_vLamd) * (1.0 + e)
 
 
 @compiled
-def relaxation(stiffness, exponent, target, T):
+def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
     """f |T^c - T|^gamma (T^c - T), the right-hand side that C1 and C3 share."""
     missing = minus(target, T)
     return times(stiffness * norm(missing) ** exponent, missing)
 
 
 @compiled
-def contact_anisotropy_rate(A, e, Lam, n, rate, c):
+def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate|   (C1)"""
     target = times(f_dA(e, Lam, c) * c.A_c, n)
     return times(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
 
 @compiled
-def coordination_number_rate(Z, e, Lam, A_rate, rate, volumetric, compressing, c):
+def coordination_number_rate(
+    Z: float, e: float, Lam: float, A_rate: Six, rate: float, volumetric: float, compressing: bool, c: Constants
+) -> float:
     """dZ/dt = f^{e,Z} (Z^c - Z) |rate| + f^{v,Z} rate_v - c_Z f^{e,Z} |dA/dt|   (C2)"""
     shear = critical_coordination_number(e, c) - Z
     return (
@@ -124,14 +133,14 @@ def coordination_number_rate(Z, e, Lam, A_rate, rate, volumetric, compressing, c
 
 
 @compiled
-def normal_force_anisotropy_rate(F, e, Lam, n, rate, c):
+def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate|   (C3)"""
     target = times(f_dA(e, Lam, c) * c.F_c, n)
     return times(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
 
 
 @compiled
-def mean_force_rate(e, Lam, rate, volumetric, compressing, c):
+def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compressing: bool, c: Constants) -> float:
     """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v   (C4)"""
     factor = Lam if c.with_force else 1.0
     shear = f_eLam(e, Lam, c) * factor * (critical_force(e, c) - Lam) * rate
@@ -139,13 +148,13 @@ def mean_force_rate(e, Lam, rate, volumetric, compressing, c):
 
 
 @compiled
-def mobilisation_rate(Ft, n, rate, c):
+def mobilisation_rate(Ft: Six, n: Six, rate: float, c: Constants) -> Six:
     """dF^t/dt = c_M (F^tc - F^t) |rate|   (C5)"""
     return times(c.c_M * rate, minus(times(c.Ft_c, n), Ft))
 
 
 @compiled
-def void_ratio_rate(e, volumetric):
+def void_ratio_rate(e: float, volumetric: float) -> float:
     """de/dt = -(1 + e) rate_v: grains keep their volume."""
     return -(1.0 + e) * volumetric
 
@@ -154,7 +163,7 @@ component = compiled(c0.bracket)  # of the bracket of C0
 
 
 @compiled
-def bracket(A, F, Ft):
+def bracket(A: Six, F: Six, Ft: Six) -> Six:
     """The bracket of C0 (labkit.sff.c0.bracket) of six-tuples."""
     FA, tr = symmetric_product(F, A), dot(F, A)
     return (
@@ -168,13 +177,16 @@ def bracket(A, F, Ft):
 
 
 @compiled
-def stress(e, Z, Lam, A, F, Ft, c):
+def stress(e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, c: Constants) -> Six:
     """sigma = E Z Lambda/(1+e) [...]   (C0)"""
     return times(c.E * Z * Lam / (1.0 + e), bracket(A, F, Ft))
 
 
 @compiled
-def stress_rate(e, Z, Lam, A, F, Ft, e_rate, Z_rate, Lam_rate, A_rate, F_rate, Ft_rate, c):
+def stress_rate(
+    e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six,
+    e_rate: float, Z_rate: float, Lam_rate: float, A_rate: Six, F_rate: Six, Ft_rate: Six, c: Constants,
+) -> Six:  # fmt: skip
     """Total differential of C0: Eq. 33 with the coupled terms of A and F, which the paper leaves out."""
     scale = c.E * Z * Lam / (1.0 + e)
     scale_rate = c.E * (Z_rate * Lam + Z * Lam_rate) / (1.0 + e) - scale * e_rate / (1.0 + e)
@@ -186,7 +198,7 @@ def stress_rate(e, Z, Lam, A, F, Ft, e_rate, Z_rate, Lam_rate, A_rate, F_rate, F
 
 
 @compiled
-def split_rate(D, c):
+def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     """Strain rate -> (direction n, norm, volumetric rate). n is zero where the deviatoric rate is."""
     deviatoric = deviator(D)
     size = norm(deviatoric)

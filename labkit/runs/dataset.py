@@ -10,6 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from labkit.dem.paths import travelled
+from labkit.dem.scene import Scene
+from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io.files import labkit_kind, open_netcdf
 from labkit.micro.contacts import NO_CONTACTS, Contacts
@@ -17,13 +20,10 @@ from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import follow, network_stress
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.micro.snapshot import Snapshot
-from labkit.dem.paths import travelled
-from labkit.dem.scene import Scene
-from labkit.dem.state import read_state
-from labkit.sff.c0 import TERMS, sff_stress, strength_shares
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
 from labkit.sff.budget import PARTS, error_budget
+from labkit.sff.c0 import TERMS, sff_stress, strength_shares
 from labkit.sff.family import FORMS, stress
 
 
@@ -52,15 +52,19 @@ def open_run(path: str | os.PathLike) -> xr.Dataset:
 
 
 def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequence[int], instead: str = "") -> None:
-    """Raises InputError unless the run has contacts, and snapshots of these numbers, from the end if negative."""
+    """Raises InputError unless the run has contacts, and snapshots of these numbers, from the end if negative.
+
+    `instead`: what else the user may do if the run has no contacts.
+    """
     count = run.sizes["snapshot"]
     if not count:
-        raise InputError(f"{file} holds no contacts: give a run with snapshots{instead}")
+        raise InputError(f"{file} has no contacts: give a run with snapshots{instead}")
     for k in numbers:
         if not -count <= k < count:
             raise InputError(
-                f"--snapshot {k} is not in {file}: it has {count}, count from 0, or from the end with negative numbers"
-            )
+                f"is not in {file}, which has {count}", field="snapshot", value=k,
+                allowed=f"a number from 0 to {count - 1}, or from -{count} to -1, counted from the end",
+            )  # fmt: skip
 
 
 def open_state(path: str | os.PathLike) -> xr.Dataset:
@@ -77,7 +81,8 @@ def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[
     """
     if labkit_kind(file) == "state":
         if numbers:
-            raise InputError(f"{file} is a state file, one instant: leave --snapshot out, or give a run file")
+            raise InputError(f"is for run files, and {file} is a state file: leave it out", field="snapshot",
+                             value=numbers[0])  # fmt: skip
         return (read_state(file).snapshot() for _ in range(1))
     run = open_run(file)
     require_snapshots(run, file, numbers, ", or a state file")
@@ -88,7 +93,7 @@ def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[
 class Lab:
     """Computes from the contacts of a run opened with `open_run`, as `run.lab`."""
 
-    def __init__(self, run):
+    def __init__(self, run: xr.Dataset) -> None:
         self._run = run
 
     @functools.cached_property

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas
+import xarray
 
 from labkit.dem.energy import BALANCE_LIMIT
-from labkit.errors import InputError
 from labkit.dem.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, PRESSURE_LIMIT
-from labkit.micro.void_ratio import grain_volume
 from labkit.dem.paths import travelled
 from labkit.dem.specimen import mean_grain_volume
+from labkit.errors import InputError
+from labkit.micro.void_ratio import grain_volume
 
 SFF_TOLERANCE = 0.02  # of Love, Frobenius norm
 SFF_PRESSURE = 50e3  # Pa: below it C0 is not judged
@@ -34,12 +36,12 @@ class Finding:
     holds: bool
     decides: bool
 
-    def __str__(self):
+    def __str__(self) -> str:
         verdict = "ok" if self.holds else ("FAILED" if self.decides else "outside")
         return f"{self.name:<52} {self.value:>11.4g}   {self.limit:<22} {verdict}"
 
 
-def require_contacts(runs):
+def require_contacts(runs: Mapping[str, xarray.Dataset]) -> None:
     """Raises InputError for a run without grains, a prediction of the model. `runs`: name -> run."""
     for name, run in runs.items():
         if run.attrs.get("engine") == "model":
@@ -49,12 +51,12 @@ def require_contacts(runs):
             )
 
 
-def findings(run):
+def findings(run: xarray.Dataset) -> list[Finding]:
     """The checks and limits of a run opened with labkit.open_run, a list of Finding."""
     return [*_checks(run), *_limits(run)]
 
 
-def findings_csv(found):
+def findings_csv(found: Mapping[str, Sequence[Finding]]) -> str:
     """All findings of some runs as CSV text; `found`: name of the run -> list of Finding."""
     rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in found.items() for finding in lines]
     return pandas.DataFrame(rows).to_csv(index=False, float_format="%.5g")
@@ -140,8 +142,8 @@ def _limits(run):
     )  # fmt: skip
 
 
-def drift_share(run):
-    """Energy of the moving centre of mass over the kinetic energy at each record; 0 where nothing moves."""
+def drift_share(run: xarray.Dataset) -> np.ndarray:
+    """Share of the moving centre of mass in the kinetic energy at each record, shape (time,); 0 where nothing moves."""
     mass = run.lab.scene.mass(run["radius"].values).sum()
     drift = 0.5 * mass * (run["drift_velocity"].values ** 2).sum(axis=1)
     kinetic = run["kinetic_energy"].values
@@ -153,7 +155,7 @@ def _largest(values):
     return float(np.max(np.asarray(values), initial=0.0))
 
 
-def table(run, rows=20):
+def table(run: xarray.Dataset, rows: int = 20) -> str:
     """The table of a run as text: about so many records, the first and the last among them."""
     heading = "{:>8} {:>9} {:>9} {:>7} {:>9} {:>7} {:>7} {:>7} {:>9}"
     header = heading.format("strain", "p", "q", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz", "C0 error")

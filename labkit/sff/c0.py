@@ -25,7 +25,9 @@ def symmetric_product(F: np.ndarray, A: np.ndarray) -> np.ndarray:
     return 0.5 * (F @ A + A @ F)
 
 
-def bracket(delta, A, F, trace_FA, FA, Ft):
+def bracket(
+    delta: np.ndarray, A: np.ndarray, F: np.ndarray, trace_FA: np.ndarray, FA: np.ndarray, Ft: np.ndarray
+) -> np.ndarray:
     """I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, the bracket of C0, component by component.
 
     `delta`: of the identity; `FA`: of sym(FA); `trace_FA`: tr(FA). Arrays of any shape that numpy broadcasts, or the
@@ -34,7 +36,9 @@ def bracket(delta, A, F, trace_FA, FA, Ft):
     return delta / 3 + 2 / 15 * A + 2 / 15 * F + 2 / 105 * trace_FA * delta + 8 / 105 * FA + Ft
 
 
-def c0_stress(young_modulus: float, Z, Lam, e, A: np.ndarray, F: np.ndarray, Ft: np.ndarray) -> np.ndarray:
+def c0_stress(
+    young_modulus: float, Z: np.ndarray, Lam: np.ndarray, e: np.ndarray, A: np.ndarray, F: np.ndarray, Ft: np.ndarray
+) -> np.ndarray:
     """sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
 
     `young_modulus` E, Pa; `e` is the nominal void ratio, V/V_g - 1. Z, Lam, e (...); A, F, Ft (..., 3, 3); the stress
@@ -48,7 +52,7 @@ def c0_stress(young_modulus: float, Z, Lam, e, A: np.ndarray, F: np.ndarray, Ft:
     return np.where(scale == 0.0, 0.0, scale * bracket(IDENTITY, A, F, trace, FA, Ft))
 
 
-def sff_stress(snapshot: Snapshot, *arrays) -> np.ndarray:
+def sff_stress(snapshot: Snapshot, *arrays: np.ndarray) -> np.ndarray:
     """The stress that C0 predicts from the five statistics of a snapshot, shape (3, 3), Pa, compression positive.
 
     Zero without contacts. Love's stress of the same contacts is labkit.micro.stress.love_stress.

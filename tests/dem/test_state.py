@@ -2,9 +2,9 @@ import netCDF4
 import numpy as np
 import pytest
 
+from labkit.dem.state import read_state, write_state
 from labkit.errors import InputError
 from labkit.io.schema import STATE
-from labkit.dem.state import read_state, write_state
 
 
 def test_a_state_file_has_the_contracts_names_units_and_attributes(specimen_file):

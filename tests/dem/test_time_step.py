@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from labkit.errors import PhysicsError
 from labkit.dem.scene import Scene
 from labkit.dem.state import grains_in_cell, read_state
 from labkit.dem.time_step import critical_time_step, require_stable
+from labkit.errors import PhysicsError
 
 
 def pair(scene):

@@ -1,9 +1,9 @@
 import numpy as np
 
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
-from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.dem.scene import Scene
 from labkit.dem.state import grains_in_cell
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
+from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from tests.contact_sets import snapshot_of
 
 

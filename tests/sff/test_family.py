@@ -12,8 +12,8 @@ from labkit.micro.directions import Fit, TangentialFit
 from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.sff.c0 import c0_stress, sff_stress, strength_shares
 from labkit.sff.budget import PARTS, error_budget, standard_errors
+from labkit.sff.c0 import c0_stress, sff_stress, strength_shares
 from labkit.sff.family import FORMS, product_integral, stress, tangential_coupling
 from tests.contact_sets import E, contact_sets, make, snapshot_of
 from tests.micro.test_directions import random_tensors
@@ -71,7 +71,7 @@ def same(found, expected):
 
 
 def on_the_sphere(A, F, G, order4=None):
-    """A Snapshot with contacts of equal grains whose directional functions are known: a row for each point, its force weighted."""
+    """A Snapshot of equal grains whose directional functions are known: a row for each point, its force weighted."""
     A4, F4 = order4 or (np.zeros((3, 3, 3, 3)),) * 2
     copies = np.maximum(1, np.round(4000 * weight * Fit(1.0, A, A4).at(n) / weight.max() / 4)).astype(int)
     normal = np.repeat(n, copies, axis=0)

@@ -10,15 +10,14 @@ import pytest
 from matplotlib.image import imread
 
 import labkit
-from labkit.visuals import paraview
-from labkit.visuals import render
 from labkit.cli import main
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
 from labkit.micro.grains import grain_fabric, grain_stress
 from labkit.micro.stress import love_stress
 from labkit.runs.dataset import snapshots
+from labkit.visuals import paraview, render
 from labkit.visuals.picture import picture
-from labkit.dem.scene import Scene
-from labkit.dem.state import grains_in_cell
 
 TYPES = {"Float32": "<f4", "Int32": "<i4", "Int64": "<i8", "UInt8": "u1"}
 
@@ -143,7 +142,7 @@ def test_bad_input(command, run_file, specimen_file, tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     for words, said in (
         ([run_file, "--snapshot", 99], "99"),
-        ([specimen_file, "--snapshot", 0], "leave --snapshot"),
+        ([specimen_file, "--snapshot", 0], "snapshot 0 is for run files"),
         (["nothing.run.nc"], "does not exist"),
         ([run_file, "-o", "no/f.png"] if command == "picture" else [run_file, "-o", run_file], "-o"),
     ):
