@@ -1,12 +1,14 @@
 """The hard cases: named, repeatable scenes at which a laboratory of grains may go wrong, as data.
 
-analysis.hard_cases.cases runs and judges them. A verdict is earned: `should` says what the physics asks for, and every word
-of it is a check there that can fail.
+The cases beside this file run and judge them. A verdict is earned: `should` says what the physics asks for, and every
+word of it is a check there that can fail.
 """
 
 from __future__ import annotations
 
 import dataclasses
+
+from labkit.dem import Path, make_path
 
 GRAINS = 500
 CORRECT, CLEAR_ERROR, LIMIT_SAID, SILENT_WRONG = "correct", "clear error", "limit said", "SILENT WRONG"
@@ -14,7 +16,7 @@ CORRECT, CLEAR_ERROR, LIMIT_SAID, SILENT_WRONG = "correct", "clear error", "limi
 
 @dataclasses.dataclass(frozen=True)
 class HardScene:
-    """A specimen and a loading path. What is not a plain test has no path here and is made in analysis.hard_cases.cases.
+    """A specimen and a loading path. What is not a plain test has no path here and is made in its case.
 
     should: what the physics asks for; verdict: what that makes of a run that ends well; void_ratio, step1_friction: of
     the specimen; path: name of the loading path; strain: axial strain, or the largest of the reversals; rate: 1/s;
@@ -35,21 +37,25 @@ class HardScene:
     cycles: int | None = None
     judges_c0: bool = True  # whether C0 must be near Love's stress
 
-    def words(self, extent):
-        """The path and its options as words of `labkit run`.
+    def loading(self, extent: float = 1.0) -> Path:
+        """The path.
 
         `extent` shortens a test, 1 being the whole: its strains, or the number of its cycles. A path that ends at a
         pressure goes all the way.
         """
-        words = [self.path, f"--rate={self.rate:g}"]
+        given = {"rate": self.rate, "pressure": self.pressure}
         if self.cycles:
             turns = (1.0, -1.0) * max(4, round(self.cycles * extent)) + (1.0,)
-            words.append("--reversals=" + ",".join(f"{x * self.strain:g}" for x in turns))
+            given["reversals"] = tuple(_rounded(x * self.strain) for x in turns)
         elif self.reversals:
-            words.append("--reversals=" + ",".join(f"{x * self.strain * extent:.6g}" for x in self.reversals))
+            given["reversals"] = tuple(_rounded(x * self.strain * extent) for x in self.reversals)
         else:
-            words.append(f"--strain={self.strain * (1.0 if self.path in ('isoc', 'isod') else extent):g}")
-        return words + ([f"--pressure={self.pressure:g}"] if self.pressure else [])
+            given["strain"] = _rounded(self.strain * (1.0 if self.path in ("isoc", "isod") else extent))
+        return make_path(self.path, given)
+
+
+def _rounded(strain):
+    return float(f"{strain:.6g}")
 
 
 _ALL = (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -98,11 +99,14 @@ def finished(campaign: str | Path) -> list[Path]:
 
 
 def cost_table(found: Runs) -> pandas.DataFrame:
-    """A row per run: what it took. wall_time in s, of whatever else the computer did too, on so many threads."""
+    """A row per run: what it took, and its contact law as its file names it.
+
+    wall_time in s, of whatever else the computer did too, on so many threads.
+    """
     return pandas.DataFrame([
-        {"run": name, "path": run.attrs["path"], "engine": run.attrs["engine"], "law": run.lab.scene.law,
-         "threads": threads_of(run.attrs), "grains": run.sizes["grain"], "records": run.sizes["time"],
-         "steps": int(run.attrs["steps"]),
+        {"run": name, "path": run.attrs["path"], "engine": run.attrs["engine"],
+         "law": json.loads(run.attrs["scene"])["law"], "threads": threads_of(run.attrs), "grains": run.sizes["grain"],
+         "records": run.sizes["time"], "steps": int(run.attrs["steps"]),
          "grain_steps": int(run.attrs["steps"]) * run.sizes["grain"], "wall_time": float(run.attrs["wall_time"])}
         for name, run in found.items()
     ])  # fmt: skip

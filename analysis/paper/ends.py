@@ -12,7 +12,7 @@ import xarray as xr
 
 from analysis.paper.estimates import BLOCKS
 from labkit.dem import travelled
-from labkit.io import LATER, RECORD
+from labkit.io import RECORD
 from labkit.runs import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
 
 Runs = Mapping[str, xr.Dataset]  # name -> run, as labkit.open_run gives it
@@ -27,8 +27,7 @@ def in_memory(runs: Runs) -> dict[str, xr.Dataset]:
     """The same runs with their records in memory, without contacts and grains; `grains` is an attribute."""
     found = {}
     for name, run in runs.items():
-        names = [v for v in RECORD if v in run and (v not in LATER or v == "time")]
-        found[name] = run[names].drop_dims("snapshot", errors="ignore").load()
+        found[name] = run[[one for one in RECORD if one in run]].drop_dims("snapshot", errors="ignore").load()
         found[name].attrs = {**run.attrs, "grains": run.sizes["grain"]}
     return found
 

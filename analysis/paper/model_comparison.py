@@ -17,7 +17,7 @@ from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
 from labkit.dem import travelled
 from labkit.errors import InputError
-from labkit.io import RECORD, provenance_text, whole_file
+from labkit.io import RECORD, provenance, whole_file
 from labkit.model import ENGINE, Fit, Model, fit, observe, records
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
@@ -174,7 +174,7 @@ def write_model(
 ) -> None:
     """Writes the Dataset of compare(), whole or not at all."""
     with whole_file(file) as temporary:
-        data = data.assign_attrs(provenance=provenance_text(command, inputs, file))
+        data = data.assign_attrs(provenance=provenance(command, inputs, file))
         coding = {key: {"zlib": True, "complevel": 4} for key in STORED}
         data.to_netcdf(temporary, encoding=coding | characters(data))
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from pathlib import Path as File
 
 import xarray as xr
 
-from labkit.dem import Path, path_class
+from labkit.dem import Path
+from labkit.dem import path_of as known_path
 from labkit.errors import InputError
-from labkit.model import Model, ModelState, Result, as_run, drive, isotropic_state, read_model
+from labkit.model import Model, ModelState, Result, as_run, drive, isotropic_state
 
 TABLE_2, CALIBRATED = "Table 2", "calibrated"
 
@@ -23,16 +23,16 @@ def models(folder: str | File) -> dict[str, Model]:
     found = {TABLE_2: Model()}
     file = File(folder) / "calibrated.json"
     if file.exists():
-        found[CALIBRATED] = read_model(file)
+        found[CALIBRATED] = Model.from_json(file.read_text())
     return {name: model.reading(beyond_e_cmax="flat") for name, model in found.items()}
 
 
 def path_of(run: xr.Dataset) -> Path:
-    """The loading path along which a run went."""
-    kind = path_class(run.attrs["path"])
-    given = json.loads(run.attrs["path_parameters"])
-    fields = {field.name for field in dataclasses.fields(kind)}
-    return kind(**{name: value for name, value in given.items() if name in fields})
+    """The loading path along which a run went. Raises InputError if nobody here knows it."""
+    found = known_path(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
+    if found is None:
+        raise InputError(f"path {run.attrs['path']!r} is unknown here: labkit.use() the file that registers it")
+    return found
 
 
 def start_of(run: xr.Dataset, model: Model, path: Path) -> ModelState:

@@ -19,7 +19,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of `./lab notebooks`."""
     parser.add_argument("folder", nargs="?", default=os.path.relpath(STUDIES), help="folder of notebooks "
                         "(default: analysis)")  # fmt: skip
-    parser.add_argument("--results", default=results_folder("paper"), help="folder of the data (default: results/paper)")
+    parser.add_argument("--results", default=results_folder("paper"), help="folder of the data (default: "
+                        "results/paper)")  # fmt: skip
     parser.add_argument("-o", "--output", help="folder of the figures (default: that of the data)")
 
 

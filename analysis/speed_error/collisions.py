@@ -3,7 +3,8 @@
 Equal grains of mean diameter in a cell that stands still, seen from their centre of mass, m* = m/2, w = sqrt(kn/m*).
 They touch while delta >= 0.
 
-Head on, dashpots (law paper): delta'' + 2 beta w delta' + w^2 delta = 0 from delta = 0 to the next delta = 0, pi/w_d
+Head on, dashpots (law spring_dashpot):
+delta'' + 2 beta w delta' + w^2 delta = 0 from delta = 0 to the next delta = 0, pi/w_d
 later with w_d = w sqrt(1 - beta^2), so that
 
     e = exp(-pi beta/sqrt(1 - beta^2)).
@@ -11,7 +12,8 @@ later with w_d = w sqrt(1 - beta^2), so that
 The engine is that: its dashpot acts as long as grains overlap and pulls before they part. (If contact ended with the
 force, at tan(w_d t) = -2 beta sqrt(1 - beta^2)/(1 - 2 beta^2), beta = 0.2 would give 0.572 for 0.527.)
 
-Head on, Newton's local damping lambda (law yade): a force is multiplied by 1 - lambda sign(F v), so by 1 + lambda
+Head on, Newton's local damping lambda (law rolling_resistance):
+a force is multiplied by 1 - lambda sign(F v), so by 1 + lambda
 until the grains stand and by 1 - lambda afterwards. Both times the spring's energy kn delta^2/2 is that of the
 deepest point: m* v^2 = (1 + lambda) kn delta^2 and m* v'^2 = (1 - lambda) kn delta^2,
 
@@ -66,8 +68,9 @@ class Collision:
 
 
 def restitution(scene: Scene) -> float:
-    """e of a head-on pair in its centre of mass: of the dashpots (law paper) or of local damping (law yade)."""
-    if scene.law == "paper":
+    """e of a head-on pair in its centre of mass: of the dashpots (law spring_dashpot) or of local damping (law
+    rolling_resistance)."""
+    if scene.law == "spring_dashpot":
         return math.exp(-math.pi * scene.beta_n / math.sqrt(1.0 - scene.beta_n**2))
     return math.sqrt((1.0 - scene.local_damping) / (1.0 + scene.local_damping))
 
@@ -84,10 +87,11 @@ def tangential_restitution(scene: Scene, slip: float) -> float:
 
 def collisions() -> list[Collision]:
     """The Collisions of the study, with the default material."""
-    free = {"paper": {"beta_n": 0.0, "beta_t": 0.0}, "yade": {"local_damping": 0.0}}
-    oblique = {"paper": {"beta_t": 0.0}, "yade": {"local_damping": 0.0}}
+    undamped = {"local_damping": 0.0}
+    free = {"spring_dashpot": {"beta_n": 0.0, "beta_t": 0.0}, "rolling_resistance": undamped}
+    oblique = {"spring_dashpot": {"beta_t": 0.0}, "rolling_resistance": undamped}
     found = []
-    for law in ("paper", "yade"):
+    for law in ("spring_dashpot", "rolling_resistance"):
         scene = Scene(law=law)
         found.append(Collision(scene, 0.0, {"restitution": restitution(scene)}))
         scene = Scene(law=law, **free[law])

@@ -52,7 +52,7 @@ class Case:
     def loading(self, strain: float | None = None) -> Path:
         """The path, to its own or another axial strain."""
         pressure = {"pressure": PRESSURE} if self.path == "cp" else {}
-        return make_path(self.path, rate=self.rate, strain=strain or self.strain, **pressure)
+        return make_path(self.path, {"rate": self.rate, "strain": strain or self.strain, **pressure})
 
     def steps(self, scene: Scene) -> int:
         """Of the test, for the Scene of its specimen."""
@@ -114,12 +114,12 @@ def one_factor(base: Case) -> Iterator[Case]:
         yield dataclasses.replace(base, factor="record interval", level=strain, record_strain=strain)
     for damping in (0.05, 0.1, 0.4, 0.7):
         yield _with_scene(base, "local damping", damping, local_damping=damping)
-    yield _with_scene(base, "law", "paper", law="paper")
-    yield _with_scene(base, "law", "paper, no tangential dashpot", law="paper", beta_t=0.0)
-    yield _with_scene(base, "law", "paper, beta 0.05", law="paper", beta_n=0.05, beta_t=0.05)
+    yield _with_scene(base, "law", "paper", law="spring_dashpot")
+    yield _with_scene(base, "law", "paper, no tangential dashpot", law="spring_dashpot", beta_t=0.0)
+    yield _with_scene(base, "law", "paper, beta 0.05", law="spring_dashpot", beta_n=0.05, beta_t=0.05)
     yield _with_scene(base, "law", "yade, mean rolling limit right", rolling_limit_scale=1.064)
     yield _with_scene(base, "rolling", "off, law yade", rolling_friction=0.0)
-    yield _with_scene(base, "rolling", "off, law paper", law="paper", rolling_friction=0.0)
+    yield _with_scene(base, "rolling", "off, law paper", law="spring_dashpot", rolling_friction=0.0)
     for modulus in (0.03e9, 0.75e9):
         case = dataclasses.replace(base, factor="Young's modulus", level=modulus)
         yield dataclasses.replace(case, material=(("young_modulus", modulus),))
@@ -131,7 +131,7 @@ def pairs(base: Case) -> Iterator[Case]:
         fast = dataclasses.replace(base, rate=rate)
         yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.05", local_damping=0.05)
         yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.7", local_damping=0.7)
-        yield _with_scene(fast, "rate x law", f"{rate:g}, paper", law="paper")
+        yield _with_scene(fast, "rate x law", f"{rate:g}, paper", law="spring_dashpot")
         yield _with_scene(fast, "rate x time step", f"{rate:g}, 0.05", time_step_factor=0.05)
         yield _with_scene(fast, "rate x time step", f"{rate:g}, 0.36", time_step_factor=0.36)
         yield dataclasses.replace(
@@ -140,7 +140,7 @@ def pairs(base: Case) -> Iterator[Case]:
         soft = dataclasses.replace(fast, factor="rate x Young's modulus", level=f"{rate:g}, 3e7")
         yield dataclasses.replace(soft, material=(("young_modulus", 0.03e9),))
     for factor in (0.4, 0.6, 0.777):  # the last is 0.41 sqrt(m/kn), the trap
-        case = _with_scene(base, "time step x law", f"{factor:g}, paper", law="paper", time_step_factor=factor)
+        case = _with_scene(base, "time step x law", f"{factor:g}, paper", law="spring_dashpot", time_step_factor=factor)
         yield dataclasses.replace(case, guarded=False)
     for factor, damping in ((0.36, 0.7), (0.7, 0.7), (0.7, 0.0)):
         fields = {"time_step_factor": factor, "local_damping": damping}
@@ -167,7 +167,7 @@ def constant_volume(base: Case) -> Iterator[Case]:
     yield from (dataclasses.replace(base, factor="rate", level=rate, rate=rate) for rate in (2.5, 50.0, 200.0))
     yield from (_with_scene(base, "time step", factor, time_step_factor=factor) for factor in (0.1, 0.36))
     yield _with_scene(base, "local damping", 0.7, local_damping=0.7)
-    yield _with_scene(base, "law", "paper", law="paper")
+    yield _with_scene(base, "law", "paper", law="spring_dashpot")
 
 
 def full() -> Design:
@@ -177,7 +177,8 @@ def full() -> Design:
     cases = [base, *one_factor(base), *pairs(base), *engines(dataclasses.replace(base, rate=40.0), 500, seeds)]
     cases += sizes(base, ((500, tuple(range(1, 9))), (2000, seeds), (4000, seeds)))
     cases += [preset("quick", seeds), preset("standard", seeds), preset("reference", seeds)]
-    cases.append(dataclasses.replace(preset("standard", seeds[:2]), level="the paper's", scene=(("law", "paper"),)))
+    papers = preset("standard", seeds[:2])
+    cases.append(dataclasses.replace(papers, level="the paper's", scene=(("law", "spring_dashpot"),)))
     cases += constant_volume(base)
     along_cv = preset("quick", seeds, 1000), preset("standard", seeds, 1000), preset("reference", seeds, 1000)
     cases += [dataclasses.replace(case, path="cv", snapshots=2) for case in along_cv]

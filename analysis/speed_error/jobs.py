@@ -115,7 +115,7 @@ def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
     try:
         found = _run(state, case, file)
         result["values"] = observables(found.data, PRESSURE if case.path == "cp" else None)
-        result |= {"wall_time": found.wall_time, "steps": int(found.data.attrs["steps"])}
+        result |= {"wall_time": found.wall_time, "steps": found.steps}
     except PhysicsError as error:  # a guard spoke up; anything else stops the study
         result["status"] = str(error)
     result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick))

@@ -1,4 +1,4 @@
-"""The CV path in LAMMPS, for comparison with law paper: labkit/bench/lammps.py says what is alike and what is not.
+"""The CV path in LAMMPS beside law spring_dashpot: labkit/bench/lammps.py says what is alike and what is not.
 
 Measured with 996 grains, e = 0.67, beta = 0.2, against the engine fused from the same specimen:
 

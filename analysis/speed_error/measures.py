@@ -63,7 +63,7 @@ def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame
             file = folder / "settings.run.nc"
             path = case.loading(case.rate * state.scene.time_step * SETTINGS_STEPS)
             run = lk.run(state, path, file=file, record_strain=case.record_strain, snapshots=0, servo=case.servo)
-            seconds[case].append(run.wall_time / run.data.attrs["steps"])
+            seconds[case].append(run.wall_time / run.steps)
             file.unlink()
     rows = []
     for case in cases:
@@ -150,7 +150,7 @@ def collisions(design: Design, work: str | Path, folder: Path) -> pandas.DataFra
 
 
 def lammps(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """The CV test of the baseline in LAMMPS and, law paper, on the engine fused: q/p and p, and how long they take.
+    """The CV test of the baseline in LAMMPS and on the engine fused, law spring_dashpot: q/p, p and what they take.
 
     One row per seed and program; none where LAMMPS is not installed. `seconds`: of the loop alone, in turn.
     """
@@ -158,7 +158,7 @@ def lammps(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     base = design.baseline("cv")
     for seed in base.seeds if program else ():
         state = read_state(specimen_file(work, base, seed))
-        state = state.replace(scene=dataclasses.replace(state.scene, law="paper"))
+        state = state.replace(scene=dataclasses.replace(state.scene, law="spring_dashpot"))
         state = state.replace(time_step=state.scene.time_step)
         found = shear_in_lammps(program, state, LAMMPS_RATE, base.strain, round(base.strain / base.record_strain))
         told = strength(found.axial_strain, mean_stress(found.stress), deviatoric_stress(found.stress))
@@ -167,7 +167,7 @@ def lammps(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
         FusedEngine(state).advance(1, np.zeros((3, 3)))
         run = lk.run(state, ConstantVolume(LAMMPS_RATE, base.strain), file=file, snapshots=0)
         p, q = run.data.lab.mean_stress().values, run.data.lab.deviatoric_stress().values
-        took = {"seconds": run.wall_time, "steps": run.data.attrs["steps"]}
+        took = {"seconds": run.wall_time, "steps": run.steps}
         rows.append({"program": "fused", "seed": seed, **strength(run.data["axial_strain"].values, p, q), **took})
         file.unlink()
     return pandas.DataFrame(rows, columns=["program", "seed", "ratio_1", "ratio_peak", "ratio_critical",

@@ -17,7 +17,6 @@ from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from analysis.speed_error.table import cost
 from labkit.dem import STANDARD, ConstantVolume
 
-
 OTHERS = {"engines": others.engines, "lammps": others.lammps, "skin": others.skin, "collisions": others.collisions,
           "sff_family": others.family, "model": others.model}  # fmt: skip
 

@@ -55,7 +55,7 @@ def settings(
     rates = [float(data["rate"].sel(case=case)) for case in cases.values()]
     strain = float(data["strain"].sel(case=cases["standard"]))
     steps = data["steps"].mean("replicate")
-    laws = ["paper" if level == "the paper's" else "yade" for level in levels]
+    laws = ["spring_dashpot" if level == "the paper's" else "rolling_resistance" for level in levels]
     factors = [strain / (rate * float(steps.sel(case=case)) * lk.Scene(law=law).time_unit)
                for rate, case, law in zip(rates, cases.values(), laws)]  # fmt: skip
     rows.append(["contact law"] + laws)

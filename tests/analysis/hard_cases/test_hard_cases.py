@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.cli import call, main
-from analysis.hard_cases.cases import CASES, cycle_ends, examine, turning_records
+from analysis import __main__ as studies
+from analysis.hard_cases.cases import CASES
+from analysis.hard_cases.cases.cycles import cycle_ends, turning_records
+from analysis.hard_cases.outcome import examine
 from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_SAID, SCENES, SILENT_WRONG
+from labkit.cli import main
 from labkit.dem.scene import Scene
-from labkit.dem.specimen import Recipe, make_specimen, side_for
 from labkit.dem.state import read_state, write_state
 
 GRAINS = 120
@@ -29,7 +31,7 @@ def examined(tmp_path_factory):
     def make(name, engine):
         folder = work / engine / name
         if (name, engine) not in made:
-            made[name, engine] = examine(SCENES[name], engine, GRAINS, EXTENT, folder, work / "shared", call)
+            made[name, engine] = examine(SCENES[name], engine, GRAINS, EXTENT, folder, work / "shared")
         return made[name, engine], folder
 
     return make
@@ -54,7 +56,7 @@ def test_no_hard_case_is_silently_wrong_on_yade(name, examined):
 
 def test_a_cell_too_thin_for_yade_is_one_sentence(tmp_path):
     scene = dataclasses.replace(SCENES["thin_cell"], rate=400.0)
-    outcome = examine(scene, "yade", GRAINS, 1.0, tmp_path / "thin", tmp_path / "shared", call)
+    outcome = examine(scene, "yade", GRAINS, 1.0, tmp_path / "thin", tmp_path / "shared")
     assert outcome.verdict == CLEAR_ERROR
     assert "YADE needs" in outcome.guard and "--engine fused" in outcome.guard and "\n" not in outcome.guard
 
@@ -96,19 +98,19 @@ def test_a_wrong_number_that_nothing_speaks_of_is_found(variable, factor, word, 
     shutil.copytree(folder, tmp_path / "case")
     tamper(tmp_path / "case" / "run.run.nc", variable, factor)
     shared = folder.parents[1] / "shared"
-    found = examine(SCENES["very_dense"], "fused", GRAINS, EXTENT, tmp_path / "case", shared, call)
+    found = examine(SCENES["very_dense"], "fused", GRAINS, EXTENT, tmp_path / "case", shared)
     assert found.verdict == SILENT_WRONG and word in found.failed
 
 
 def test_a_run_that_does_not_say_its_limit_is_found(tmp_path):
     """The scene `fast` at the quasi-static rate leaves no limit: what it should say is missing."""
     scene = dataclasses.replace(SCENES["fast"], rate=10.0)
-    outcome = examine(scene, "fused", GRAINS, 0.02, tmp_path / "case", tmp_path / "shared", call)
+    outcome = examine(scene, "fused", GRAINS, 0.02, tmp_path / "case", tmp_path / "shared")
     assert outcome.verdict == SILENT_WRONG and "inertial number" in outcome.failed
 
 
 def hard_cases(tmp_path, *words):
-    return main([
+    return studies.main([
         "hard-cases", *words, "--engine", "fused", "--grains", str(GRAINS), "-o", str(tmp_path / "out"), "--work",
         str(tmp_path / "work"),
     ])  # fmt: skip
@@ -122,7 +124,7 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
     lines = (out / "hard_cases.csv").read_text().splitlines()
     assert lines[0].startswith("case,engine,should,did,verdict") and len(lines) == 3
     page = (out / "README.md").read_text()
-    assert "labkit hard-cases isoc_beyond very_loose" in page and "0 silently wrong" in page
+    assert "./lab hard-cases isoc_beyond very_loose" in page and "0 silently wrong" in page
     assert all(f"### {name}\n" in page for name in names)
     capsys.readouterr()
 
@@ -153,7 +155,7 @@ def test_bad_input_is_one_line(words, said, tmp_path, capsys):
     file.write_text("")
     words = [word.replace("FILE", str(file)) for word in words]
     work = [] if "--work" in words else ["--work", str(tmp_path / "w")]
-    assert main(["hard-cases", *words, *work, "--engine", "fused", "-o", str(tmp_path / "o")]) == 2
+    assert studies.main(["hard-cases", *words, *work, "--engine", "fused", "-o", str(tmp_path / "o")]) == 2
     error = capsys.readouterr().err
     assert said in error and len(error.strip().splitlines()) == 1
 
@@ -174,7 +176,7 @@ def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
 def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(tmp_path):
     """Grains of another program, without contacts: their elastic energy is there before the first step."""
     scene = Scene()
-    specimen = make_specimen(scene, Recipe(0.67, 0.15, side=side_for(GRAINS, 0.67, scene)), engine="fused")
+    specimen = labkit.make_specimen(labkit.Recipe(0.67, 0.15, grains=GRAINS), scene)
     nothing = np.zeros((0, 3))
     bare = specimen.replace(
         contact_grain=np.zeros((0, 2), np.int32), contact_shift=nothing.astype(np.int32), tangential_force=nothing,

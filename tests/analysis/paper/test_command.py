@@ -1,4 +1,4 @@
-"""`labkit paper` from the first grain to the report: a small campaign with a run that fails, and again without it."""
+"""`./lab paper` from the first grain to the report: a small campaign with a run that fails, and again without it."""
 
 import pandas
 import pytest
@@ -10,7 +10,7 @@ CAMPAIGN = """
 settings: quick
 engine: fused
 specimens:
-  dense: {void_ratio: 0.62, grains: 200, law: paper}
+  dense: {void_ratio: 0.62, grains: 200, law: spring_dashpot}
 runs:
   cv-dense: {path: cv, specimen: dense, strain: 0.2, rate: 100 1/s}
   cp_500kPa-dense: {path: cp, specimen: dense, strain: 0.02, rate: 100 1/s, pressure: 500 kPa}
@@ -29,10 +29,10 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def first(folder, labkit_command):
+def first(folder, study_command):
     """The finished process of the campaign with a run that fails."""
     (folder / "campaign/campaign.yaml").write_text(CAMPAIGN + WILD)
-    return labkit_command("paper", folder / "campaign", "-o", folder / "results/paper")
+    return study_command("paper", folder / "campaign", "-o", folder / "results/paper")
 
 
 def test_a_run_that_fails_is_told_and_the_others_are_taken(first, folder):
@@ -47,12 +47,12 @@ def test_a_run_that_fails_is_told_and_the_others_are_taken(first, folder):
     assert "cp_500kPa-dense" in (output / "report.html").read_text()
 
 
-def test_what_is_finished_is_not_run_again_and_its_tables_stay_the_same(first, folder, labkit_command):
+def test_what_is_finished_is_not_run_again_and_its_tables_stay_the_same(first, folder, study_command):
     campaign, output = folder / "campaign", folder / "results/paper"
     ran = {file: file.stat().st_mtime_ns for at in (campaign / "runs", output / "runs") for file in at.iterdir()}
     tables = {name: (output / name).read_bytes() for name in TABLES}
     (campaign / "campaign.yaml").write_text(CAMPAIGN)
-    done = labkit_command("paper", campaign, "-o", output)
+    done = study_command("paper", campaign, "-o", output)
     assert done.returncode == 0, done.stdout + done.stderr
     assert {file: file.stat().st_mtime_ns for file in ran} == ran
     assert {name: (output / name).read_bytes() for name in TABLES} == tables

@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 
 import labkit
-from labkit.io import provenance
 from analysis import paper
 from labkit.errors import InputError
+from labkit.io.provenance import check
 from analysis.paper.condense import PICTURES, condense
 from analysis.paper.size_groups import read_size_groups
 
@@ -59,7 +59,7 @@ def test_pictures_keep_their_contacts(run_file, tmp_path):
 def test_a_run_is_condensed_once(thin, run_file):
     file = thin / "runs" / "cv-small.run.nc"
     assert not condense(run_file, file, "labkit paper")
-    assert provenance.check(file) == [("the data of this file", "same")]
+    assert check(file) == [("the data of this file", "same")]
 
 
 def test_a_folder_without_runs_is_refused(tmp_path):

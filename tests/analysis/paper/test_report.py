@@ -26,15 +26,16 @@ NASTY = "a | b *c* `d` <script>alert(1)</script> $e$ [f](g) ^h^ _i_ \\j & &amp; 
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory, run_file, labkit_command):
+def results(tmp_path_factory, run_file):
     """A results folder with a run of the small specimen, pictures and tables of the repository, and their like."""
     results = tmp_path_factory.mktemp("results")
-    for name in ("bench.txt", "hard_cases"):
-        copy = shutil.copytree if (RESULTS / name).is_dir() else shutil.copy
-        copy(RESULTS / name, results / name)
+    shutil.copytree(RESULTS / "hard_cases", results / "hard_cases")
+    (results / "speed_error").mkdir()
+    for name in ("engines.csv", "settings.csv", "study.nc"):
+        shutil.copy(RESULTS / "speed_error" / name, results / "speed_error" / name)
     paper = results / "paper"
     (paper / "runs").mkdir(parents=True)
-    condense(run_file, paper / "runs/cv-small.run.nc", "labkit paper")
+    condense(run_file, paper / "runs/cv-small.run.nc", "./lab paper")
     shutil.copy(RESULTS / "critical.png", paper / "fig1.png")
     shutil.copy(RESULTS / "micro/shares.png", paper / "strength_shares.png")
     shutil.copy(RESULTS / "micro/groups.png", paper / "not_in_captions.png")
@@ -52,8 +53,8 @@ def results(tmp_path_factory, run_file, labkit_command):
 
 
 @pytest.fixture(scope="module")
-def file(results, labkit_command):
-    done = labkit_command("report", results, "-o", results / "report.html")
+def file(results, study_command):
+    done = study_command("report", results, "-o", results / "report.html")
     assert done.returncode == 0, done.stderr
     return results / "report.html"
 
@@ -160,12 +161,13 @@ def test_prints_with_the_folded_tables_open_and_no_cut_figure(browser, file):
 def test_its_provenance_lies_beside_it(file, results, labkit_command):
     done = labkit_command("info", file, "--check")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "input fidelity.csv" in done.stdout and "labkit report" in done.stdout
+    assert "input fidelity.csv" in done.stdout and "./lab report" in done.stdout
 
 
 def test_cost_is_that_of_the_data(results):
-    runs, bench = pandas.read_csv(results / "campaign.csv"), results.parent / "bench.txt"
-    stock = float(next(line for line in bench.read_text().splitlines() if line.startswith("stock")).split()[6])
+    runs, bench = pandas.read_csv(results / "campaign.csv"), results.parent / "speed_error/engines.csv"
+    lines = [line.split(",") for line in bench.read_text().splitlines() if '"stock YADE script' in line]
+    stock = float(max(lines, key=lambda words: int(words[0]))[4])
     assert stock_speed(bench) == stock
     total = costs(runs.assign(threads=2), stock).iloc[-1]
     assert total["core time, h"] == pytest.approx(2 * runs["wall_time"].sum() / 3600)
@@ -174,19 +176,19 @@ def test_cost_is_that_of_the_data(results):
 
 
 def test_says_what_is_missing_and_what_makes_it(tmp_path):
-    report(tmp_path, tmp_path / "report.html", "labkit report")
+    report(tmp_path, tmp_path / "report.html", "./lab report")
     text = (tmp_path / "report.html").read_text()
     missing = re.findall(r"Not there yet: (.*?), made by\s+<code>(.*?)</code>", text, re.DOTALL)
     found = {name: command for names, command in missing for name in names.split(", ")}
-    assert found["fidelity.csv"] == "labkit paper" and found["fig10.png"] == "labkit notebooks"
-    assert found["pareto_cp.png"] == "labkit speed-error" and found["hard_cases.csv"] == "labkit hard-cases"
+    assert found["fidelity.csv"] == "./lab paper" and found["fig10.png"] == "./lab notebooks"
+    assert found["pareto_cp.png"] == "./lab speed-error" and found["hard_cases.csv"] == "./lab hard-cases"
 
 
 def test_pictures_that_are_too_large_together_are_narrowed(tmp_path):
     noise = np.random.default_rng(1).integers(0, 256, (1200, 1700, 3), dtype=np.uint8)
     for name in ("fig1", "fig2", "fig3"):
         Image.fromarray(noise).save(tmp_path / f"{name}.png", compress_level=1)
-    report(tmp_path, tmp_path / "report.html", "labkit report")
+    report(tmp_path, tmp_path / "report.html", "./lab report")
     assert 1e6 < (tmp_path / "report.html").stat().st_size < web_page.LARGEST
 
 
@@ -198,10 +200,10 @@ def test_numbers_are_as_long_as_they_need(value, text):
     assert number(value).replace("\N{NO-BREAK SPACE}", " ").replace("\N{MINUS SIGN}", "-") == text.replace("−", "-")
 
 
-def test_no_folder_and_no_pandoc_are_said(tmp_path, monkeypatch, labkit_command):
-    done = labkit_command("report", tmp_path / "none")
-    assert done.returncode == 2 and "labkit paper" in done.stderr
+def test_no_folder_and_no_pandoc_are_said(tmp_path, monkeypatch, study_command):
+    done = study_command("report", tmp_path / "none")
+    assert done.returncode == 2 and "./lab paper" in done.stderr
     monkeypatch.setitem(os.sys.modules, "pypandoc", None)  # as where it is not installed
     with pytest.raises(InputError, match=r"pip install '.\[report\]'"):
-        report(tmp_path, tmp_path / "report.html", "labkit report")
+        report(tmp_path, tmp_path / "report.html", "./lab report")
     assert not (tmp_path / "report.html").exists()

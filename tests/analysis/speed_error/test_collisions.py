@@ -39,18 +39,18 @@ def test_sizes_of_the_errors(errors):
 
 def test_friction_loses_the_push_of_the_dashpot(errors):
     """Jt is low by beta_n w dt, beside the error of e; w dt = sqrt(2) fraction."""
-    rows = errors[errors["law"] == "paper"].pivot(index="fraction", columns="quantity", values="measured")
+    rows = errors[errors["law"] == "spring_dashpot"].pivot(index="fraction", columns="quantity", values="measured")
     share = rows["tangential impulse"] / (0.4 * (1.0 + rows["restitution"]))
     np.testing.assert_allclose(1.0 - share, 0.2 * np.sqrt(2.0) * rows.index, rtol=0.05)
 
 
 def test_closed_forms():
-    assert np.isclose(restitution(Scene(law="paper")), 0.527, atol=5e-4)
+    assert np.isclose(restitution(Scene(law="spring_dashpot")), 0.527, atol=5e-4)
     for damping in (0.0, 0.5, 0.7):
         scene = Scene(local_damping=damping)
         assert np.isclose(collide(scene, 0.0, 0.01, 0.5)["restitution"], restitution(scene), rtol=1e-3)
     for beta in (0.05, 0.5):
-        scene = Scene(law="paper", beta_n=beta)
+        scene = Scene(law="spring_dashpot", beta_n=beta)
         assert np.isclose(collide(scene, 0.0, 1e-3, 0.5)["restitution"], restitution(scene), rtol=1e-2)
 
 

@@ -1,4 +1,4 @@
-"""The CV path in LAMMPS against law paper on the engine fused."""
+"""The CV path in LAMMPS against law spring_dashpot on the engine fused."""
 
 import dataclasses
 import shutil
@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
+import labkit
 from labkit.bench.lammps import size_classes, steps_per_second
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.dem.paths import ConstantVolume
 from labkit.dem.scene import Scene
 from labkit.dem.servo import velocity_gradient
-from labkit.dem.specimen import Recipe, make_specimen, side_for
 from analysis.speed_error.lammps import shear_in_lammps
 
 LAMMPS = shutil.which("lmp")
@@ -22,9 +22,9 @@ RATE, STRAIN, RECORDS, SETTLE = 100.0, 0.02, 2, 3000
 
 @pytest.fixture(scope="module")
 def specimen():
-    """About 300 grains at e = 0.67, law paper."""
-    scene = Scene(law="paper")
-    return make_specimen(scene, Recipe(0.67, 0.15, side=side_for(300, 0.67, scene)), engine="fused")
+    """About 300 grains at e = 0.67, law spring_dashpot."""
+    scene = Scene(law="spring_dashpot")
+    return labkit.make_specimen(labkit.Recipe(0.67, 0.15, grains=300), scene)
 
 
 def invariants(stress):
@@ -56,7 +56,7 @@ def sheared(state, beta, rolling_friction=0.1):
 @needs_lammps
 @pytest.mark.parametrize("beta, tolerance", [(0.2, 0.02), (0.02, 0.01)])
 def test_strength_and_pressure_are_those_of_law_paper(specimen, beta, tolerance):
-    """q/p at 1 and 2 % is 1 % low with law paper's dashpots, which LAMMPS takes into the limits of friction, half of
+    """q/p at 1 and 2 % is 1 % low with law spring_dashpot's dashpots, which LAMMPS takes into the limits of friction, half of
     it from the settling; 0.2 to 0.5 % off with a tenth of them. p agrees to 0.3 %."""
     state, found = sheared(specimen, beta)
     (p, ratio), (p_paper, ratio_paper) = invariants(found.stress), invariants(forgetful(state, found))

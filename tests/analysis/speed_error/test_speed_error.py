@@ -14,12 +14,13 @@ import xarray
 from analysis.speed_error.design import small
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
+from tests.analysis.conftest import in_the_clone
 
 
 def start(folder):
     words = ["speed-error", "--design", "small", "--jobs", "2", "--work", folder / "work", "-o", folder / "out"]
     return subprocess.Popen(
-        [sys.executable, "-m", "labkit.cli", *map(str, words)],
+        [sys.executable, "-P", "-m", "analysis", *map(str, words)], env=in_the_clone(),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
@@ -84,9 +85,9 @@ def test_a_study_goes_on_from_the_data_set_of_another(study, tmp_path):
         np.testing.assert_array_equal(again[name].values, data[name].values, err_msg=name)
 
 
-def test_a_file_that_is_no_study(labkit_command, run_file, tmp_path):
+def test_a_file_that_is_no_study(study_command, run_file, tmp_path):
     for file, words in ((run_file, "is not a study"), (tmp_path / "none.nc", "cannot be read")):
-        done = labkit_command("speed-error", "--design", "small", "--from", file, cwd=tmp_path)
+        done = study_command("speed-error", "--design", "small", "--from", file, cwd=tmp_path)
         assert done.returncode == 2 and words in done.stderr and not list(tmp_path.iterdir())
 
 
@@ -113,6 +114,6 @@ def test_the_page_has_all_sections_and_every_figure_that_it_shows(study):
         assert (study[0] / "out" / picture).stat().st_size > 10_000
 
 
-def test_a_design_that_is_unknown(labkit_command, tmp_path):
-    done = labkit_command("speed-error", "--design", "huge", cwd=tmp_path)
+def test_a_design_that_is_unknown(study_command, tmp_path):
+    done = study_command("speed-error", "--design", "huge", cwd=tmp_path)
     assert done.returncode == 2 and "small" in done.stderr and not list(tmp_path.iterdir())

@@ -1,0 +1,61 @@
+"""Cycles that grow, and many that do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from analysis.hard_cases.checks import agree, below, true
+from analysis.hard_cases.laboratory import Judged, Laboratory
+from analysis.turns import turns
+
+
+def growing_cycles(lab: Laboratory) -> Judged:
+    """See the scene of this name."""
+    state = lab.specimen()
+    run, reference = lab.run(state), lab.half_step(state)
+    at = turning_records(run)
+    lost = np.diff((run["friction_loss"] + run["rolling_loss"] + run["damping_loss"]).values[at])
+    q, q_reference = (
+        (each.lab.deviatoric_stress() / each.lab.mean_stress()).values[turning_records(each)[1:]]
+        for each in (run, reference)
+    )
+    checks = [
+        true("seven legs", len(q) == 7 and len(q_reference) == 7),
+        true("q has the sign of the leg", (np.sign(q) == (-1.0) ** np.arange(len(q))).all()),
+        true("every leg loses more energy than the one before", lost[0] > 0.0 and (np.diff(lost) > 0.0).all()),
+        below("q/p at the turns against half the step, RMS", np.sqrt(np.mean((q - q_reference) ** 2)), 0.1),
+        *agree(run, reference, e=3e-3),
+    ]
+    return f"q/p at the turns {', '.join(f'{x:.2f}' for x in q)}; a leg loses {lost[0]:.2g} to {lost[-1]:.2g} J", checks
+
+
+def turning_records(run: xr.Dataset) -> np.ndarray:
+    """Indices of the first record, of those at which the axial strain turns, and of the last."""
+    return np.concatenate([[0], turns(run["axial_strain"].values), [run.sizes["time"] - 1]])
+
+
+def many_cycles(lab: Laboratory) -> Judged:
+    """See the scene of this name."""
+    state = lab.specimen()
+    run, reference = lab.run(state), lab.half_step(state)
+    e, p = cycle_ends(run)
+    expected, _ = cycle_ends(reference)
+    drift = np.diff(e)
+    part = max(1, len(drift) // 4)
+    first, last = drift[:part].mean(), drift[-part:].mean()
+    checks = [
+        below("p of a cycle, worst drift from the first", np.abs(p / p[0] - 1.0).max(), 0.005),
+        below("drift of e per cycle in the last quarter over that of the first", abs(last / first), 1.0),
+        below("e of all cycles against half the step", np.abs(e - e[0] - expected + expected[0]).max(), 1e-4),
+    ]  # fmt: skip
+    return (
+        f"{len(drift)} cycles: e {e[-1] - e[0]:+.2e}, a cycle {first:+.1e} in the first quarter and {last:+.1e} in the "
+        f"last; p {p[-1] / p[0] - 1.0:+.1e}"
+    ), checks
+
+
+def cycle_ends(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Void ratio and p (Pa) at the upper turns of the cycles."""
+    upper = turning_records(run)[1::2]
+    return run["void_ratio"].values[upper], run.lab.mean_stress().values[upper]

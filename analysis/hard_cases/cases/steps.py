@@ -1,0 +1,80 @@
+"""Time steps around the stability limit, and a rate that is too high."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+import labkit as lk
+from analysis.hard_cases.checks import agree, between, later_half, pressure_words, ratio_words, true
+from analysis.hard_cases.laboratory import Judged, Laboratory, with_step, without_ledger
+from labkit.dem import IsotropicCompression, IsotropicDilation, critical_time_step, read_checkpoint
+from labkit.engines import FusedEngine
+
+QUASI_STATIC = 20.0  # 1/s, beside which `fast` is judged
+
+
+def step_under(lab: Laboratory) -> Judged:
+    """See the scene of this name."""
+    specimen = lab.specimen()
+    state = with_step(specimen, 0.97 * _limit_over_step(specimen))
+    run, reference = lab.run(state), lab.half_step(state)
+    return f"{pressure_words(run)}; {ratio_words(run)}", [*agree(run, reference, p=0.08, ratio=0.06, Z=0.1)]
+
+
+def _limit_over_step(state):
+    return critical_time_step(state) / state.scene.time_step
+
+
+def step_over(lab: Laboratory) -> Judged:
+    """See the scene of this name."""
+    specimen = lab.specimen()
+    limit = _limit_over_step(specimen)
+    over, apart = with_step(specimen, 1.03 * limit), _blown_up(with_step(specimen, 3.0 * limit), 1.08)
+    said = str(lab.refused(lambda: lk.run(over, lab.loading(), lab.engine, lab.file("over"))))
+    isoc = IsotropicCompression(rate=20.0, strain=0.2, pressure=1e6)
+    stopped = str(lab.refused(lambda: lk.run(apart, isoc, lab.engine, lab.file("unseen"))))
+    return f"{said} | {stopped}", [
+        true("refused with the step that is stable", "beyond the stable" in said),
+        true("nothing is written", not lab.file("over").exists()),
+        true("no contact tells at the start", len(FusedEngine(apart).state().contact_grain) == 0),
+        true("stopped by the energy balance", "energy balance is off" in stopped and "time step" in stopped),
+    ]
+
+
+def _blown_up(state, factor):
+    """The grains of a state with all distances multiplied, and no contacts."""
+    nothing = np.zeros((0, 3))
+    return state.replace(
+        position=state.position * factor, cell=state.cell * factor, contact_grain=np.zeros((0, 2), np.int32),
+        contact_shift=nothing.astype(np.int32), tangential_force=nothing, rolling_moment=nothing,
+    )  # fmt: skip
+
+
+def step_outgrown(lab: Laboratory) -> Judged:
+    """See the scene of this name."""
+    lk.run(lab.specimen(), IsotropicDilation(pressure=5e3), file=lab.file("loose"))
+    start = without_ledger(read_checkpoint(lab.file("loose")).at_rest())
+    state = with_step(start, 0.99 * _limit_over_step(start))
+    run, reference = lab.run(state), lab.half_step(state)
+    end = read_checkpoint(lab.runs[-1])
+    over = end.time_step / critical_time_step(end)
+    return f"step 0.99 of the limit at the start, {over:.2f} of it at the end; {pressure_words(run)}", [
+        true("the step is over the limit at the end", over > 1.0),
+        *agree(run, reference, p=0.05, Z=0.1, e=2e-3),
+    ]
+
+
+def fast(lab: Laboratory) -> Judged:
+    """See the scene of this name."""
+    state = lab.specimen()
+    run = lab.run(state)
+    file = lab.shared / f"quasi_static_n{lab.grains}.run.nc"
+    path = dataclasses.replace(lab.scene, rate=QUASI_STATIC).loading(lab.extent)
+    slow, found = later_half(lk.run(state, path, file=file).data)["q/p"], later_half(run)["q/p"]
+    inertial = float(run["inertial_number"].values.max())
+    return f"I up to {inertial:.2g}; q/p {found:.3f}, quasi-static {slow:.3f}", [
+        true("the run says: inertial number", "inertial number" in lab.names_exceeded()),
+        between("q/p against the quasi-static one", found, slow - 0.05, slow + 0.2),
+    ]

@@ -1,0 +1,84 @@
+"""The figure of the hard cases: six of them on both engines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+import labkit as lk
+from analysis.hard_cases.cases.cycles import cycle_ends
+from labkit.dem import OVERLAP_LIMIT, pressure_limit
+from labkit.visuals import plots
+
+STYLES = {"yade": {"color": "tab:blue", "ls": "-"}, "fused": {"color": "tab:orange", "ls": "--"}}
+REFERENCE = {"color": "0.6", "ls": "-", "lw": 0.9, "zorder": 0, "label": "fused, half the step"}
+
+
+def draw(folder: Path, engines: Sequence[str], names: Sequence[str]) -> Figure | None:
+    """Those of six panels whose cases are in `names` and left runs, a Figure; None without any."""
+    wanted = [(name, panel) for name, panel in PANELS.items() if name in names]
+    columns = min(3, len(wanted))
+    if not wanted:
+        return None
+    rows = -(-len(wanted) // columns)
+    figure, grid = plt.subplots(
+        rows, columns, figsize=(plots.WIDTH * 1.2 * columns / 3, 3.5 * rows + 0.3), layout="constrained", squeeze=False
+    )
+    for axes in grid.ravel()[len(wanted) :]:
+        axes.axis("off")
+    handles = {}
+    for axes, (name, panel) in zip(grid.ravel(), wanted):
+        references = folder.glob(f"shared/{name}_n*.run.nc")
+        curves = [(file, REFERENCE) for file in references]
+        curves += [(folder / e / name / "run.run.nc", {**STYLES[e], "lw": 1.3, "label": e}) for e in engines]
+        for file, style in curves:
+            if file.exists():
+                panel(axes, lk.open_run(file), style)
+        axes.set_title(name, fontsize=10)
+        axes.grid(alpha=0.25)
+        handles |= {h.get_label(): h for h in axes.get_legend_handles_labels()[0]}
+    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    return figure
+
+
+def _loose(axes, run, style):
+    axes.semilogy(plots.percent(run), run.lab.mean_stress().values / 1e3, **style)
+    axes.set(xlabel="axial strain (%)", ylabel="mean stress p (kPa)")
+
+
+def _nothing(axes, run, style):
+    axes.plot(-plots.percent(run), run["coordination_number"].values, **style)
+    axes.set(xlabel="dilation, strain in each direction (%)", ylabel="coordination number Z")
+
+
+def _overlap(axes, run, style):
+    axes.plot(run.lab.mean_stress().values / 1e6, 100.0 * run["overlap_ratio"].values, **style)
+    axes.axhline(100.0 * OVERLAP_LIMIT, color="tab:red", lw=0.8, ls=":", label="limits")
+    axes.axvline(pressure_limit(run.lab.scene) / 1e6, color="tab:red", lw=0.8, ls=":")
+    axes.set(xlabel="mean stress p (MPa)", ylabel="mean overlap/D (%)")
+
+
+def _cycles(axes, run, style):
+    axes.plot(plots.percent(run), run.lab.deviatoric_stress().values / 1e6, **style)
+    axes.set(xlabel="axial strain (%)", ylabel="deviatoric stress q (MPa)")
+
+
+def _ratchet(axes, run, style):
+    e, _ = cycle_ends(run)
+    axes.plot(np.arange(len(e)), 1e5 * (e - e[0]), **style)
+    axes.set(xlabel="cycle", ylabel=r"change of the void ratio ($10^{-5}$)")
+
+
+def _long(axes, run, style):
+    axes.plot(plots.percent(run), (run.lab.deviatoric_stress() / run.lab.mean_stress()).values, **style)
+    axes.set(xlabel="axial strain (%)", ylabel="q/p")
+
+
+PANELS = {
+    "loose_cv": _loose, "isod_to_nothing": _nothing, "isoc_beyond": _overlap, "growing_cycles": _cycles,
+    "many_cycles": _ratchet, "strain_100": _long,
+}  # fmt: skip

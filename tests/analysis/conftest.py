@@ -1,0 +1,28 @@
+"""The studies as a user runs them."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run_study(*words, cwd=None):
+    """`./lab words` for a study, with the Python of the tests; the finished process with its output as text."""
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "analysis", *map(str, words)], cwd=cwd, env=in_the_clone(), capture_output=True,
+        text=True, timeout=600,
+    )  # fmt: skip
+
+
+def in_the_clone():
+    """The environment in which `analysis` is found, as ./lab sets it."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}
+
+
+@pytest.fixture(scope="session")
+def study_command():
+    return run_study
