@@ -1,21 +1,42 @@
 """labkit: a virtual laboratory for granular soil.
 
-`import labkit` needs numpy alone, so that it also works inside YADE's interpreter; the parts that need
-xarray are loaded when they are first used.
+    import labkit as lk
+
+    scene = lk.Scene(friction=0.5)
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=1000), scene)
+    run = lk.run(state, lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05))
+    run.complete, run.exceeded, run.data, run.plot()
+    lk.statistics(run.snapshots[-1]), lk.love_stress(run.snapshots[-1]), lk.sff_stress(run.snapshots[-1])
+
+Everything is loaded when it is first used; what a simulation needs works inside YADE's interpreter too.
 """
+
+from labkit.lazy import attach
 
 __version__ = "0.1.0"
 
-_LAZY = {
-    "open_run": "labkit.runs.dataset", "open_state": "labkit.runs.dataset",
-    "open_campaign": "labkit.campaign.collection",
+_NAMES = {
+    # what is modelled
+    "Scene": "dem.scene", "Recipe": "dem.specimen", "State": "dem.state", "Options": "dem.simulation",
+    "paths": "dem.paths:", "Path": "dem.paths", "StressPath": "dem.paths", "Control": "dem.paths", "Held": "dem.paths",
+    "ContactLaw": "dem.laws", "Engine": "dem.engine", "Servo": "dem.servo",
+    # what is done
+    "make_specimen": "runs.laboratory", "consolidate": "runs.laboratory", "run": "runs.laboratory",
+    "read_state": "dem.state", "write_state": "dem.state",
+    # what comes out
+    "Run": "runs.run", "Snapshot": "micro.snapshot", "Contacts": "micro.contacts",
+    "open_run": "runs.dataset", "open_state": "runs.dataset", "open_campaign": "campaign.collection",
+    "statistics": "micro.fabric", "love_stress": "micro.stress", "sff_stress": "sff.c0", "mean_stress": "micro.stress",
+    "deviatoric_stress": "micro.stress", "verify": "runs.verify", "critical_states": "runs.critical",
+    "calibrate": "model.calibration",
+    # the rooms
+    "micro": "micro:", "sff": "sff:", "model": "model:", "visuals": "visuals:",
+    # extending
+    "parameter": "parameters", "use": "extensions", "register_path": "dem.paths", "register_law": "dem.laws",
+    "register_engine": "engines", "register_statistic": "dem.recorded", "register_figure": "runs.figures",
+    # giving up
+    "InputError": "errors", "PhysicsError": "errors", "Interrupted": "errors",
 }  # fmt: skip
-__all__ = ["__version__", *_LAZY]
 
-
-def __getattr__(name):
-    if name in _LAZY:
-        import importlib
-
-        return getattr(importlib.import_module(_LAZY[name]), name)
-    raise AttributeError(f"module 'labkit' has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _NAMES)
+__all__ += ["__version__"]

@@ -9,8 +9,6 @@ import sys
 
 sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
 
-from labkit.cli import arguments  # noqa: E402
-from labkit.cli import commands  # noqa: E402
-from labkit.cli import yade_main  # noqa: E402
+from labkit.cli import simulate, yade_main  # noqa: E402
 
-yade_main.main("run", arguments.add_run_options, commands.run_path)
+yade_main.main(simulate.run_options, simulate.run)

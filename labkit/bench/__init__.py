@@ -1,1 +1,9 @@
-"""bench."""
+"""Speed on one scene: engines and LAMMPS in turn, the kernel taken apart, statistics, the model's integrators."""
+
+from labkit.lazy import attach
+
+_NAMES = {
+    "bench": "engines", "deform": "lammps", "measure_all": "model",
+}  # fmt: skip
+
+__getattr__, __dir__, __all__ = attach(__name__, _NAMES)

@@ -1,15 +1,28 @@
-"""The command line: `labkit COMMAND`."""
+"""The command line: `labkit COMMAND`.
+
+    main       reads a command line, runs its command, says what went wrong
+    registry   commands register themselves there, with their options
+    arguments  options made of the table of parameters
+    simulate   specimen, consolidate, run, stratified; also inside YADE
+    look       verify, critical, figure, picture, paraview, watch, info
+    model      model, calibrate, model-speed
+    bench      bench, bench-statistics
+    campaign   campaign; job: one job of a campaign
+    demo       demo
+"""
+
+from __future__ import annotations
 
 
-def main(argv=None):
-    """Runs a command line; returns its exit code."""
-    from labkit.cli import app
+def main(argv: list[str] | None = None) -> int:
+    """Runs a command line; returns its exit code, having said in one line what went wrong."""
+    from labkit.cli.main import main as run
 
-    return app.main(argv)
+    return run(argv)
 
 
-def call(argv):
-    """Runs a command line; raises where it gives up."""
-    from labkit.cli import app
+def call(argv: list[str]) -> int:
+    """Runs a command line; raises InputError, PhysicsError or Interrupted where it gives up."""
+    from labkit.cli.main import call as run
 
-    return app.call(argv)
+    return run(argv)

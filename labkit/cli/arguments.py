@@ -1,132 +1,111 @@
-"""The options of the simulating commands: one set for `labkit`, `yade -n -x` and yade-batch tables."""
+"""Options of the command line, made of the table of parameters; the same for `labkit`, `yade -n -x` and yade-batch."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
+from collections.abc import Iterable
+from typing import Any, NoReturn
 
-from labkit.engines import ENGINES
-from labkit.errors import InputError
-from labkit.dem.paths import PATHS
-from labkit.dem.scene import LAWS
 from labkit.dem.settings import SETTINGS
-from labkit.dem.simulation import SNAPSHOTS
+from labkit.engines import ENGINES
+from labkit.errors import InputError, option_name
+from labkit.parameters import Parameter, help_of, parameters_of
+
+POSITIONAL = {"path": "path", "specimen": "specimen", "engine": "engine", "figure": "figure"}
 
 
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line: InputError instead of usage and exit. No abbreviations of options."""
 
-    def __init__(self, *arguments, **keywords):
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, allow_abbrev=False, **keywords)
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see {self.prog} --help)")
 
 
-def add_engine_options(parser):
-    parser.add_argument("--engine", choices=ENGINES, default="yade", help="what moves the grains (default: yade)")
+def named(field: str) -> str:
+    """How the command line calls a parameter."""
+    return POSITIONAL.get(field) or option_name(field)
+
+
+def add_parameters(
+    parser: argparse.ArgumentParser, kind: type, leave_out: Iterable[str] = (), unset: bool = False
+) -> None:  # fmt: skip
+    """An option for every parameter of a dataclass; its value is text, which `given` reads.
+
+    unset: the defaults are not the class's but something that the help cannot know.
+    """
+    for known in parameters_of(kind).values():
+        if known.option and known.name not in leave_out:
+            _add(parser, known, help_of(known, None if unset else known.default))
+
+
+def add_path_parameters(
+    parser: argparse.ArgumentParser, kinds: Iterable[type], leave_out: Iterable[str] = ()
+) -> None:  # fmt: skip
+    """An option for every parameter that any of these paths has; the help says what it is for which path."""
+    options: dict[str, dict[str, list[str]]] = {}
+    first: dict[str, Parameter] = {}
+    for kind in kinds:
+        for known in parameters_of(kind).values():
+            if known.name in leave_out:
+                continue
+            first.setdefault(known.name, known)
+            options.setdefault(known.name, {}).setdefault(help_of(known), []).append(kind.name)  # type: ignore[attr-defined]
+    for name, helps in options.items():
+        said = [f"{text}, of {', '.join(paths)}" if len(helps) > 1 else text for text, paths in helps.items()]
+        _add(parser, first[name], "; ".join(said))
+
+
+def _add(parser: argparse.ArgumentParser, known: Parameter, help: str) -> None:
+    choices = f"; one of {', '.join(known.choices)}" if known.choices is not None else ""
+    parser.add_argument(option_name(known.name), metavar=known.name.upper(), help=help + choices)
+
+
+def given(options: argparse.Namespace, kind: type) -> dict[str, str]:
+    """The parameters of a dataclass that the command line gives, as text."""
+    found = {name: getattr(options, name, None) for name in parameters_of(kind)}
+    return {name: text for name, text in found.items() if text is not None}
+
+
+def add_engine_options(parser: argparse.ArgumentParser) -> None:
+    """--engine and --threads."""
+    parser.add_argument("--engine", choices=tuple(ENGINES), default="yade", help="what moves the grains (default: yade)")
     parser.add_argument("--threads", type=threads, default=1, help="threads of the engine (default: 1)")
 
 
-def add_settings_options(parser):
-    """Options of labkit.dem.settings: for a specimen and for a run."""
+def add_settings_option(parser: argparse.ArgumentParser) -> None:
+    """--settings, of labkit.dem.settings."""
     parser.add_argument("--settings", choices=SETTINGS, help="how fast and how accurate, see results/speed_error: size "
                         "of a specimen, rate of a run, time step of both (default: standard)")  # fmt: skip
-    parser.add_argument("--time-step-factor", type=float, help="time step over sqrt(m/kn) of the mean grain (default: "
-                        "0.2; for a run that of its specimen)")  # fmt: skip
 
 
-def add_specimen_options(parser):
-    """Options of a specimen; their names are also the columns of a yade-batch table."""
-    parser.add_argument("--void-ratio", type=float, help="target, overlaps not taken out, e.g. 0.67")
-    parser.add_argument("--step1-friction", type=float, default=0.15, help="mu of step 1 (default: 0.15)")
-    parser.add_argument("--step1-rolling-friction", type=float, default=0.1, help="mu_r of step 1 (default: 0.1)")
-    add_settings_options(parser)
-    parser.add_argument("--side", type=float, help="side of the cube in m (default: 4e-3)")
-    parser.add_argument("--grains", type=positive_int, help="choose the side for about so many grains instead")
-    parser.add_argument("--seed", type=int, default=1, help="of the random insertion (default: 1)")
-    parser.add_argument("--law", choices=LAWS, default="yade", help="contact law: YADE's, or Eqs. 1-3 of the paper "
-                        "(engine fused only; default: yade)")  # fmt: skip
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="state file to write (default: a name made of the "
-                        "parameters)")  # fmt: skip
-
-
-def add_consolidation_options(parser):
-    """Options of a consolidation."""
-    parser.add_argument("specimen", nargs="?", help="state file to start from")
-    parser.add_argument("--pressure", type=float, help="normal stress in Pa to reach in all directions")
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="state file to write")
-
-
-def add_layer_options(parser):
-    """Options of the stratified layer; their names are also the columns of a yade-batch table."""
-    parser.add_argument("--size-ratio", type=float, default=2.0, help="coarse over fine diameter (default: 2)")
-    parser.add_argument("--width", type=float, default=30.0, help="of the layer, in coarse diameters (default: 30)")
-    parser.add_argument("--height", type=float, default=30.0, help="of both strata, likewise (default: 30)")
-    parser.add_argument("--pressure", type=float, default=0.1e6, help="sigma_xx in Pa (default: 0.1e6)")
-    parser.add_argument("--ratio", type=float, default=2.0, help="sigma_zz/sigma_xx to reach (default: 2)")
-    parser.add_argument("--seed", type=int, default=3, help="of the random insertion (default: 3)")
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", default="stratified.state.nc", help="state file to write (default: "
-                        "stratified.state.nc)")  # fmt: skip
-
-
-def add_run_options(parser):
-    """Options of a run; their names are also the columns of a yade-batch table."""
-    parser.add_argument("path", nargs="?", help=f"loading path: {', '.join(PATHS)}")
-    parser.add_argument("specimen", nargs="?", help="state file to start from")
-    parser.add_argument("--pressure", type=float, help="stress in Pa that cr, cp and cyclic_cp hold (default: the "
-                        "specimen's), isoc stops at (3e6), isod stops under (20e3)")  # fmt: skip
-    add_settings_options(parser)
-    parser.add_argument("--strain", type=float, help="axial strain to reach (default: 0.4; isoc 0.1, isod -0.1)")
-    parser.add_argument("--rate", type=float, help="axial strain rate in 1/s (default: 10; isoc 5, isod 2.5)")
-    parser.add_argument("--reversals", type=strains, help="axial strains at which cyclic_cp turns, the last one ends "
-                        "it, with = if the first is negative (default: 0.01,-0.01,0.02,-0.02,0.03,-0.03,0.04)")
-    parser.add_argument("--record-strain", type=float, help="strain between records (default: 1e-3; isoc, isod 1e-4)")
-    parser.add_argument("--snapshots", type=int, default=SNAPSHOTS, help="records kept with all contacts beside "
-                        "the first; 0: none (default: 20)")  # fmt: skip
-    parser.add_argument("--law", choices=LAWS, help="contact law (default: that of the specimen)")
-    parser.add_argument("--save-every", type=positive_int, help="records between two saves (default: half a minute)")
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="run file to write or to go on with (default: "
-                        "a name made of the parameters)")  # fmt: skip
-
-
-def positive_int(text):
+def positive_int(text: str) -> int:
+    """A whole number from 1."""
     value = int(text)
     if value < 1:
         raise ValueError(text)
     return value
 
 
-def threads(text):
-    """A number of threads that this machine can bear."""
+def threads(text: str) -> int:
+    """A number of threads that this computer can bear."""
     value, most = positive_int(text), 4 * (os.cpu_count() or 1)
     if value > most:
-        raise argparse.ArgumentTypeError(f"{value} threads are too many for this machine: give at most {most}")
+        raise argparse.ArgumentTypeError(f"{value} threads are too many for this computer: give at most {most}")
     return value
 
 
-def strains(text):
-    """0.01,-0.01,0.02 as a tuple of numbers."""
-    return tuple(float(word) for word in text.strip("()[] ").split(",") if word.strip())
-
-
-def parse(parser, argv):
-    """Parsed options; exits through InputError, or SystemExit(0) for --help."""
-    return parser.parse_args(argv)
-
-
-def parse_in_yade(parser):
+def parse_in_yade(parser: Parser) -> argparse.Namespace:
     """The options of a script inside YADE: of a yade-batch table where there is one, else of the command line.
 
     A column of the table is the name of an option with `_` for `-`; strings stand in quotes.
     """
     if not os.environ.get("YADE_BATCH"):
-        return parse(parser, sys.argv[1:])
+        return parser.parse_args(sys.argv[1:])
     from yade import utils
 
     table, _, line = os.environ["YADE_BATCH"].rpartition(":")
@@ -140,12 +119,12 @@ def parse_in_yade(parser):
     values = {name: text.strip("'\"") for name, text in columns.items() if text != "*"}
     argv = [values.pop(name) for name in positional if name in values]
     for name, text in values.items():
-        argv += [f"--{name.replace('_', '-')}={text}"]
-    return parse(parser, argv)
+        argv += [f"{option_name(name)}={text}"]
+    return parser.parse_args(argv)
 
 
-def require(value, name):
-    """Raises InputError when an option that has no default was not given."""
+def require(value: Any, field: str, instead: str | None = None) -> Any:
+    """Raises InputError if something without a default was not given."""
     if value is None:
-        raise InputError(f"{name} is missing: give it (see --help)")
+        raise InputError(f"is missing: give it{' ' * bool(instead)}{instead or ''} (see --help)", field=field)
     return value

@@ -2,29 +2,56 @@
 
 from __future__ import annotations
 
+import argparse
+import json
 import shlex
 import signal
 import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
 
-from labkit.cli.arguments import Parser, parse_in_yade
-from labkit.errors import InputError, Interrupted, PhysicsError, fail
-from labkit.io.progress import reporter
+from labkit.cli.arguments import Parser, named, parse_in_yade
+from labkit.engines.tasks import from_job
+from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.io.progress import ERROR, reporter
 
 
-def main(name, add_options, command):
-    """Runs `command(options, progress, history)` inside YADE and exits with labkit's codes."""
+def main(
+    add_options: Callable[[argparse.ArgumentParser], None], command: Callable[[argparse.Namespace, str], None]
+) -> NoReturn:
+    """Runs `command(options, history)` inside YADE and exits with labkit's codes."""
     parser = Parser(prog=f"yade -n -x {sys.argv[0]}")
     add_options(parser)
+    _finish(lambda: command(parse_in_yade(parser), "yade -n -x " + shlex.join(sys.argv)))
+
+
+def do_task(file: str) -> NoReturn:
+    """Does the task that a file describes (labkit.engines.tasks); for labkit's own child process."""
+
+    def work() -> None:
+        task = from_job(json.loads(Path(file).read_text()))
+        task.do(reporter(task.kind))
+
+    _finish(work, tell=_tell)
+
+
+def _finish(work: Callable[[], object], tell: Callable[[BaseException], None] | None = None) -> NoReturn:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # YADE would ignore it; a run catches it for its checkpoint
     try:
-        options = parse_in_yade(parser)
-        command(options, reporter(name), "yade -n -x " + shlex.join(sys.argv))
-    except InputError as error:
-        sys.exit(fail(error, 2))
-    except PhysicsError as error:
-        sys.exit(fail(error, 1))
-    except Interrupted as error:
-        sys.exit(fail(error, error.code))
-    except OSError as error:
-        sys.exit(fail(f"{error.filename or 'a file'}: {error.strerror or error}", 1))
+        work()
+    except (InputError, PhysicsError, Interrupted, OSError) as error:
+        if tell is not None:
+            tell(error)
+            sys.exit(exit_code(error))
+        sys.exit(fail(sentence(error, named), exit_code(error)))
     sys.exit(0)
+
+
+def _tell(error: BaseException) -> None:
+    """Writes an error for the parent process, as values."""
+    known = {"kind": type(error).__name__, "said": sentence(error)}
+    if isinstance(error, InputError):
+        known |= {"said": error.problem, "field": error.field, "allowed": error.allowed}
+        known |= {"value": error.value if isinstance(error.value, (int, float, str)) else None}
+    print(ERROR + json.dumps(known), file=sys.stderr, flush=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import dataclasses
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -20,7 +21,11 @@ class Engine(abc.ABC):
 
     name: ClassVar[str]
     version: str
-    own_process: ClassVar[bool] = False  # whether it lives in an interpreter of its own, as YADE does
+
+    @classmethod
+    def here(cls) -> bool:
+        """Whether it can run in this process; YADE runs in an interpreter of its own."""
+        return True
 
     @classmethod
     def require(cls, scene: Scene) -> None:
@@ -57,7 +62,18 @@ class Engine(abc.ABC):
         return state
 
 
-Start = Callable[[State], Engine]  # an engine, started with a state
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Starts an engine with a state: `start(state)`. name: of the engine; threads; make: its class or a function."""
+
+    name: str
+    threads: int
+    make: Callable[[State, int], Engine]
+
+    def __call__(self, state: State) -> Engine:
+        return self.make(state, self.threads)
+
+
 Progress = Callable[[float, str], None]  # (fraction done, what is going on)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.dem.energy import balance_error, drift_velocity, kinetic_energy
+from labkit.dem.recorded import recorded
 from labkit.dem.state import State
 from labkit.micro import indicators
 from labkit.micro.fabric import statistics
@@ -22,7 +23,7 @@ def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
 
 
 def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, object]:
-    """The variables of labkit.io.schema.RECORD for one State, name -> value.
+    """The variables of labkit.dem.recorded.record_table for one State, name -> value.
 
     `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: that of the state, if at hand.
     """
@@ -65,4 +66,5 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "damping_loss": state.ledger.damping_loss,
         "energy_balance_error": balance_error(state, snapshot),
         "drift_velocity": drift_velocity(state),
+        **{statistic.name: statistic(snapshot) for statistic in recorded()},
     }  # fmt: skip

@@ -95,6 +95,10 @@ class Path(abc.ABC):
         control = self.control()
         return () if control is None else (Held(self.holds, "stress", control.measure, control.target),)
 
+    def start_pressure(self) -> float | None:
+        """The isotropic pressure, Pa, that a specimen is brought to first; None for that which it has."""
+        return None
+
     def starting_at(self, pressure: float) -> Path:
         """The path for a specimen with this mean stress, Pa: a stress to hold that was not given is that one."""
         return self
@@ -109,6 +113,9 @@ class StressPath(Path):
     """A path that holds a stress. pressure: Pa; None stands for the mean stress of the specimen."""
 
     pressure: float | None = parameter(None, unit="Pa", above=0.0, high=1e12, help="stress that the path holds")
+
+    def start_pressure(self) -> float | None:
+        return self.pressure
 
     def starting_at(self, pressure: float) -> StressPath:
         return self if self.pressure is not None else dataclasses.replace(self, pressure=with_unit(pressure, "Pa"))
@@ -264,6 +271,11 @@ PATHS: Registry = Registry(
         "cyclic_cp": "labkit.dem.paths:CyclicConstantMeanStress",
     },
 )
+
+
+def register_path(kind: type[Path]) -> type[Path]:
+    """A decorator that makes a subclass of Path known under its `name`."""
+    return PATHS.register(kind)
 
 
 def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:

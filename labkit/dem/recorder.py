@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
 
+from labkit.dem.paths import Path as LoadingPath
+from labkit.dem.recorded import record_table
+from labkit.dem.state import State, read_group, write_attributes
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import create_variables, open_netcdf, remove_leftovers, whole_file
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import data_sha256
-from labkit.io.schema import CONTACTS, GRAINS, RECORD, STATE
-from labkit.dem.state import State, read_group, write_attributes
+from labkit.io.schema import CONTACTS, GRAINS, STATE
 from labkit.micro.snapshot import Snapshot
 
 
@@ -40,7 +44,8 @@ class Recorder:
     `path` is the loading path, `settings` what else decides the records, `specimen` the State it starts from.
     """
 
-    def __init__(self, file, path, settings, specimen):
+    def __init__(self, file: os.PathLike[str] | str, path: LoadingPath, settings: dict[str, Any], specimen: State) -> None:
+        self.table = record_table()
         self.file = Path(file)
         self.specimen = specimen.digest()
         self.path = path
@@ -49,14 +54,14 @@ class Recorder:
         self._new = []
         self._snapshots = []
 
-    def __enter__(self):
+    def __enter__(self) -> Recorder:
         self._lock = only_writer(self.file)
         self._lock.__enter__()
         remove_leftovers(self.file)
         return self
 
-    def __exit__(self, *exception):
-        return self._lock.__exit__(*exception)
+    def __exit__(self, *exception: Any) -> None:
+        self._lock.__exit__(*exception)
 
     def record(self, values: dict, snapshot: Snapshot | None = None) -> None:
         """Keeps one record (labkit.dem.measure), with the snapshot if it is given."""
@@ -65,10 +70,10 @@ class Recorder:
         self._new.append(values)
         self.records += 1
 
-    def save(self, state, complete, wall_time):
+    def save(self, state: State, complete: bool, wall_time: float, threads: int = 1) -> None:
         """Brings the file up to the present: all records so far and the state to go on from."""
         try:
-            self._save(state, complete, wall_time)
+            self._save(state, complete, wall_time, threads)
         except (OSError, RuntimeError) as error:  # netCDF4 says RuntimeError when the disk is full
             raise PhysicsError(
                 f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); what was saved before "
@@ -77,7 +82,7 @@ class Recorder:
         self._new.clear()
         self._snapshots.clear()
 
-    def _save(self, state, complete, wall_time):
+    def _save(self, state: State, complete: bool, wall_time: float, threads: int) -> None:
         with whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
@@ -90,27 +95,28 @@ class Recorder:
                 dataset.complete = np.int32(complete)
                 dataset.wall_time = float(wall_time)
                 dataset.steps = np.int64(state.step)
+                dataset.threads = np.int32(threads)
                 _write_checkpoint(dataset, state)
                 if complete:
                     dataset.data_sha256 = data_sha256(dataset)
 
-    def _create(self, dataset, state):
+    def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
         dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own
         dataset.path_parameters = self.parameters()
         dataset.specimen = self.specimen
-        create_variables(dataset, RECORD, {}, compression=None)
+        create_variables(dataset, self.table, {}, compression=None)
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
         dataset["contacts"]["row_size"].sample_dimension = "contact"
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
         dataset["grains"]["radius"][:] = state.radius
 
-    def parameters(self):
-        return json.dumps({**vars(self.path), **self.settings})
+    def parameters(self) -> str:
+        return json.dumps({**self.path.parameters(), **self.settings})
 
-    def _append(self, dataset):
+    def _append(self, dataset: netCDF4.Dataset) -> None:
         first = len(dataset.dimensions["time"])
-        for name in RECORD:
+        for name in self.table:
             values = [record[name] for record in self._new]
             if values:
                 dataset[name][first : first + len(values)] = np.array(values)
@@ -125,7 +131,17 @@ class Recorder:
                 group[name][start : start + len(contacts)] = getattr(contacts, name)
             positions[snapshot] = position
 
-    def resume(self):
+    def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
+        """Raises InputError unless an unfinished run holds the variables that are recorded now."""
+        found = {name for name, variable in dataset.variables.items() if variable.dimensions[:1] == ("time",)}
+        for what, names in (("lacks", set(self.table) - found), ("has", found - set(self.table))):
+            if names:
+                raise InputError(
+                    f"{self.file} was begun with other recorded statistics, it {what} {', '.join(sorted(names))}: "
+                    "choose another file, or the same extensions to go on with it"
+                )
+
+    def resume(self) -> Begun | None:
         """What a Begun run file holds, or None when there is no file yet.
 
         Raises InputError when the file holds a run with other parameters or of another specimen.
@@ -134,32 +150,32 @@ class Recorder:
             return None
         with open_netcdf(self.file, "run") as dataset:
             found = dataset.getncattr("path"), dataset.path_parameters
-            if found != (self.path.name, self.parameters()):
+            if (found[0], json.loads(found[1])) != (self.path.name, json.loads(self.parameters())):
                 raise InputError(
-                    f"{self.file} holds another run ({found[0]} with {found[1]}): "
-                    "give another -o, or the same options to go on with it"
+                    f"{self.file} holds another run ({_difference(found, (self.path.name, self.parameters()))}): "
+                    "choose another file, or the same options to go on with it"
                 )
-            if not bool(dataset.complete) and any(name not in dataset.variables for name in RECORD):
-                raise InputError(f"{self.file} was begun with an earlier version of labkit: give another -o")
+            if not bool(dataset.complete):
+                self._require_same_variables(dataset)
             if getattr(dataset, "specimen", None) != self.specimen:
-                raise InputError(f"{self.file} was begun with another specimen: give another -o")
+                raise InputError(f"{self.file} was begun with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             first_cell = dataset["cell"][0].filled()
             return Begun(_read_checkpoint(dataset), first_cell, float(dataset.wall_time), bool(dataset.complete))
 
 
-def read_checkpoint(file):
+def read_checkpoint(file: os.PathLike[str] | str) -> State:
     """The State of the last save of a run file. Raises InputError when it is none."""
     with open_netcdf(file, "run") as dataset:
         return _read_checkpoint(dataset)
 
 
-def _read_checkpoint(dataset):
+def _read_checkpoint(dataset: netCDF4.Dataset) -> State:
     group = dataset["checkpoint"]
     return read_group(group, dataset, int(group.contacts))
 
 
-def _write_checkpoint(dataset, state):
+def _write_checkpoint(dataset: netCDF4.Dataset, state: State) -> None:
     """Overwrites the last checkpoint. Not compressed: HDF5 can then write every value where the old one was."""
     contacts = len(state.contact_grain)
     if "checkpoint" not in dataset.groups:
@@ -170,3 +186,12 @@ def _write_checkpoint(dataset, state):
     for name, variable in STATE.items():
         rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
         group[name][rows] = getattr(state, name)
+
+
+def _difference(found: tuple[str, str], wanted: tuple[str, str]) -> str:
+    """What tells two runs apart: the path, or the settings that differ."""
+    if found[0] != wanted[0]:
+        return f"path {found[0]}, not {wanted[0]}"
+    before, now = (json.loads(text) for text in (found[1], wanted[1]))
+    names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
+    return ", ".join(f"{name} {before.get(name)}, not {now.get(name)}" for name in names)

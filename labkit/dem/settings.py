@@ -9,7 +9,7 @@ import dataclasses
 
 from labkit.errors import InputError
 from labkit.dem.scene import Scene
-from labkit.dem.specimen import Recipe
+from labkit.dem.specimen import SIDE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,13 +25,13 @@ class Settings:
 
 SETTINGS = {
     "quick": Settings(grains=2000, time_step_factor=0.3, rate_factor=4.0),
-    "standard": Settings(side=Recipe.side),
-    "reference": Settings(side=Recipe.side, time_step_factor=0.1, rate_factor=0.5),
+    "standard": Settings(side=SIDE),
+    "reference": Settings(side=SIDE, time_step_factor=0.1, rate_factor=0.5),
 }
 
 
-def settings(name):
+def settings(name: str) -> Settings:
     """The Settings of that name. Raises InputError for an unknown one."""
     if name not in SETTINGS:
-        raise InputError(f"settings {name!r} are unknown: use one of {', '.join(SETTINGS)}")
+        raise InputError("are unknown", field="settings", value=repr(name), allowed=f"one of {', '.join(SETTINGS)}")
     return SETTINGS[name]

@@ -12,7 +12,7 @@ from labkit.dem.consolidation import consolidate, pressure_error
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
-from labkit.dem.paths import Path, StressPath
+from labkit.dem.paths import Path
 from labkit.dem.recorder import Begun, Recorder
 from labkit.dem.servo import STANDARD, Servo, cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
@@ -136,8 +136,9 @@ def run(
 def prepare(specimen: State, path: Path, start: Start, progress: Progress, guarded: bool = True) -> State:
     """The specimen at rest at the pressure that the path holds, consolidated if it is not there yet."""
     specimen = ready(specimen, start, guarded)
-    if isinstance(path, StressPath) and pressure_error(specimen.snapshot(), path.pressure) > CONSOLIDATED:
-        specimen = consolidate(specimen, path.pressure, start, lambda done, text: progress(0.0, text))
+    pressure = path.start_pressure()
+    if pressure is not None and pressure_error(specimen.snapshot(), pressure) > CONSOLIDATED:
+        specimen = consolidate(specimen, pressure, start, lambda done, text: progress(0.0, text))
     return opened(specimen)
 
 

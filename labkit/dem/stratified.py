@@ -12,19 +12,20 @@ for the default seed on YADE and 2.08 on fused, 1.95 to 2.3 for other seeds.
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 
 from labkit.dem.consolidation import bring_to
-from labkit.errors import InputError
-from labkit.dem.limits import PRESSURE_LIMIT
-from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
-from labkit.micro.size_groups import group_stresses
-from labkit.dem.paths import Biaxial
+from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.paths import PRESSURE_LIMIT, Biaxial
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import relax, spatial_order
-from labkit.dem.state import grains_in_cell
+from labkit.dem.state import State, grains_in_cell
 from labkit.dem.time_step import require_stable
+from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
+from labkit.micro.size_groups import group_stresses
+from labkit.parameters import check_parameters, parameter
 
 THICKNESS = 2.3  # of the largest grain's diameter
 STAGES = 3  # stresses at which the layer comes to rest on its way from isotropic to the ratio
@@ -39,29 +40,24 @@ class Layer:
     insertion. Raises InputError for values outside their range.
     """
 
-    size_ratio: float = 2.0
-    width: float = 30.0
-    height: float = 30.0
-    void_ratio: float = 0.19
-    step1_friction: float = 0.2
-    pressure: float = 0.1e6
-    ratio: float = 2.0
-    seed: int = 3
+    size_ratio: float = parameter(2.0, low=1.0, high=5.0, help="coarse over fine diameter")
+    width: float = parameter(30.0, low=8.0, high=200.0, help="of the layer, in coarse diameters")
+    height: float = parameter(30.0, low=8.0, high=200.0, help="of both strata, in coarse diameters")
+    void_ratio: float = parameter(0.19, low=0.1, high=0.3, help="area of voids over area of discs", option=False)
+    step1_friction: float = parameter(0.2, low=0.0, high=10.0, help="mu while it is made", option=False)
+    pressure: float = parameter(0.1e6, unit="Pa", low=1e3, high=PRESSURE_LIMIT, help="sigma_xx")
+    ratio: float = parameter(2.0, low=0.5, high=3.0, help="sigma_zz/sigma_xx to reach")
+    seed: int = parameter(3, low=0, high=2**31 - 1, help="of the random insertion")
 
-    def __post_init__(self):
-        for name, low, high in _RANGES:
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise InputError(f"--{name.replace('_', '-')} {value:g} is not possible: give {low:g} to {high:g}")
+    def __post_init__(self) -> None:
+        check_parameters(self)
 
-
-_RANGES = (
-    ("size_ratio", 1.0, 5.0), ("width", 8.0, 200.0), ("height", 8.0, 200.0), ("void_ratio", 0.1, 0.3),
-    ("step1_friction", 0.0, 10.0), ("pressure", 1e3, PRESSURE_LIMIT), ("ratio", 0.5, 3.0), ("seed", 0, 2**31 - 1),
-)  # fmt: skip
+    def to_json(self) -> str:
+        """The layer as JSON, for files."""
+        return json.dumps(dataclasses.asdict(self))
 
 
-def insert_layer(layer, scene):
+def insert_layer(layer: Layer, scene: Scene) -> State:
     """A State of grains at random in their strata, overlaps allowed, both at the plane void ratio.
 
     Discs lie wholly within their stratum: coarse ones that stood out into the fine stratum would make it the denser
@@ -85,28 +81,28 @@ def insert_layer(layer, scene):
     )
 
 
-def _draw_discs(diameter, spread, area, rng):
+def _draw_discs(diameter: float, spread: float, area: float, rng: np.random.Generator) -> np.ndarray:
     """Radii of as many discs, uniform about a mean diameter, as fill an area; scaled to fill it exactly, m."""
     mean = np.pi / 4.0 * diameter**2 * (1.0 + spread**2 / 3.0)
     radius = 0.5 * diameter * (1.0 + spread * rng.uniform(-1.0, 1.0, round(area / mean)))
     return radius * np.sqrt(area / np.sum(np.pi * radius**2))
 
 
-def make_layer(layer, engine="yade", threads=1, progress=lambda fraction, text: None):
-    """The State of the layer at rest under its stresses. Raises PhysicsError when it does not come to rest."""
+def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State:
+    """The State of the layer at rest under its stresses. Raises PhysicsError if it does not come to rest."""
     scene = Scene(planar=True)
     inserted = insert_layer(layer, scene.with_friction(layer.step1_friction, scene.rolling_friction))
-    state = relax(inserted, scene, engine, threads, lambda f, text: progress(0.6 * f, text))
+    state = relax(inserted, scene, start, lambda f, text: progress(0.6 * f, text))
     require_stable(state)
     for stage in range(STAGES):
         ratio = 1.0 + (layer.ratio - 1.0) * stage / (STAGES - 1)
-        path = Biaxial(layer.pressure, ratio * layer.pressure)
+        path = Biaxial(stress_x=layer.pressure, stress_z=ratio * layer.pressure)
 
-        def said(fraction, text, stage=stage):
+        def said(fraction: float, text: str, stage: int = stage) -> None:
             progress(0.6 + 0.4 * (stage + fraction) / STAGES, text)
 
-        state = bring_to(state, path, engine, threads, said)
-    return state
+        state = bring_to(state, path, start, said)
+    return state.replace(recipe=layer.to_json())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,12 +119,12 @@ class Stratum:
     strong_by_normalised_force: float
 
 
-def disc_volume(state):
+def disc_volume(state: State) -> np.ndarray:
     """pi D^2/4 times the thickness of the cell, shape (grain,), m3."""
     return np.pi * state.radius**2 * state.cell[1, 1]
 
 
-def stratum_of(state):
+def stratum_of(state: State) -> np.ndarray:
     """0 for grains of the lower, fine stratum, 1 for the upper, coarse one, shape (grain,).
 
     The size tells them apart: the widest gap between the diameters is the one between the strata.
@@ -138,7 +134,7 @@ def stratum_of(state):
     return (state.radius > 0.5 * (ascending[widest] + ascending[widest + 1])).astype(int)
 
 
-def strata(state):
+def strata(state: State) -> list[Stratum]:
     """The two strata, the coarse upper one first, a list of Stratum."""
     snapshot, group = state.snapshot(), stratum_of(state)
     contacts, volume = snapshot.contacts, disc_volume(state)

@@ -11,6 +11,7 @@ from labkit.dem.engine import Engine, Start
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.extensions import Registry
+from labkit.lazy import attach
 
 ENGINES: Registry = Registry(
     "engine", {"yade": "labkit.engines.yade:YadeEngine", "fused": "labkit.engines.fused:FusedEngine"}
@@ -24,14 +25,25 @@ def require_engine(name: str, scene: Scene) -> type[Engine]:
     return kind
 
 
-def start_engine(name: str, state: State, threads: int = 1) -> Engine:
-    """The engine of that name, holding `state`. Raises InputError for an unknown name or a scene it cannot take."""
-    return require_engine(name, state.scene)(state, threads)  # type: ignore[call-arg]
-
-
 def starter(name: str, threads: int = 1) -> Start:
-    """A function that starts the engine of that name with a state."""
-    return lambda state: start_engine(name, state, threads)
+    """What starts the engine of that name. Raises InputError for an unknown name; when it starts an engine, for a scene
+    that this engine cannot take."""
+    ENGINES.require(name)
+
+    def make(state: State, threads: int) -> Engine:
+        return require_engine(name, state.scene)(state, threads)  # type: ignore[call-arg]
+
+    return Start(name, threads, make)
 
 
-__all__ = ["ENGINES", "Engine", "require_engine", "start_engine", "starter"]
+def register_engine(kind: type[Engine]) -> type[Engine]:
+    """A decorator that makes a subclass of Engine known under its `name`."""
+    return ENGINES.register(kind)
+
+
+__getattr__, __dir__, __all__ = attach(
+    __name__,
+    {"FusedEngine": "fused", "YadeEngine": "yade", "die_with_parent": "yade_process", "find_yade": "yade_process",
+     "execute": "tasks", "RunTask": "tasks", "SpecimenTask": "tasks", "ConsolidationTask": "tasks"},
+)  # fmt: skip
+__all__ += ["ENGINES", "Engine", "register_engine", "require_engine", "starter"]

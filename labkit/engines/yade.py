@@ -39,7 +39,10 @@ class YadeEngine(Engine):
     """YADE holding a State. Raises InputError when `threads` is not that of the running YADE (`yade -jN`)."""
 
     name = "yade"
-    own_process = True
+
+    @classmethod
+    def here(cls) -> bool:
+        return yade is not None
 
     @classmethod
     def require(cls, scene: Scene) -> None:

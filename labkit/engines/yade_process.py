@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import collections
 import ctypes
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 from labkit.errors import InputError, Interrupted, PhysicsError
-from labkit.io.progress import PIPE, read_pipe
+from labkit.dem.engine import Progress
+from labkit.io.progress import ERROR, PIPE, read_pipe
 
 PACKAGE = Path(__file__).resolve().parents[1]
 NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC info", "Running script")
 
 
-def find_yade():
+def find_yade() -> str:
     """Path of the yade program. Raises InputError with the way to get it."""
     found = shutil.which("yade")
     if not found:
@@ -30,7 +34,7 @@ def find_yade():
     return found
 
 
-def find_script(name):
+def find_script(name: str) -> Path:
     """Path of a script of yade_scripts: beside the package in a checkout, inside it when installed."""
     for folder in (PACKAGE.parent / "yade_scripts", PACKAGE / "yade_scripts"):
         if (folder / name).is_file():
@@ -38,7 +42,7 @@ def find_script(name):
     raise InputError(f"yade_scripts/{name} is missing from this installation: install labkit again")
 
 
-def yade_environment():
+def yade_environment() -> dict[str, str]:
     """The environment of a YADE process: labkit on the path, nothing of a virtual environment.
 
     OpenMP's threads sleep while they wait: on a machine with other work, threads that spin halve YADE's speed.
@@ -49,7 +53,7 @@ def yade_environment():
     return environment
 
 
-def run_script(name, arguments, threads, progress):
+def run_script(name: str, arguments: Sequence[str], threads: int, progress: Progress) -> None:
     """Runs a script in YADE. Raises InputError or PhysicsError with the message of the child."""
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(name)), *arguments]
     environment = {**yade_environment(), PIPE: "1"}
@@ -73,21 +77,22 @@ def run_script(name, arguments, threads, progress):
         _raise(code, errors)
 
 
-def _raise(code, errors):
-    said = [line[len("labkit: ") :].strip() for line in errors if line.startswith("labkit: ")]
-    if code == 2 and said:
-        raise InputError(said[-1])
-    if code > 128 and said:
-        raise Interrupted(said[-1], code)
-    if said:
-        raise PhysicsError(said[-1])
+def _raise(code: int, errors: Iterable[str]) -> NoReturn:
+    told = [json.loads(line.removeprefix(ERROR)) for line in errors if line.startswith(ERROR)]
+    if told:
+        known = told[-1]
+        if known["kind"] == "InputError":
+            raise InputError(known["said"], field=known["field"], value=known["value"], allowed=known["allowed"])
+        if known["kind"] == "Interrupted":
+            raise Interrupted(known["said"], code)
+        raise PhysicsError(known["said"])
     if code in (-signal.SIGINT, -signal.SIGTERM):
         raise Interrupted(f"stopped by signal {-code}; nothing was written", 128 - code)
     sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))
     raise PhysicsError(f"YADE ended with exit status {code}")
 
 
-def die_with_parent():
+def die_with_parent() -> None:
     """On Linux the child is killed with its parent, so that no orphan goes on writing the run file."""
     try:
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
@@ -98,16 +103,16 @@ def die_with_parent():
 class _forwarded_signals:
     """While it lasts, SIGINT and SIGTERM go to the child, which decides what to do."""
 
-    def __init__(self, child):
+    def __init__(self, child: subprocess.Popen[str]) -> None:
         self.child = child
 
-    def __enter__(self):
+    def __enter__(self) -> None:
         if threading.current_thread() is not threading.main_thread():
             self.before = {}
             return
         forward = lambda number, frame: self.child.send_signal(number)  # noqa: E731
         self.before = {number: signal.signal(number, forward) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def __exit__(self, *exception):
+    def __exit__(self, *exception: Any) -> None:
         for number, handler in self.before.items():
             signal.signal(number, handler)

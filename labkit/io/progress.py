@@ -10,6 +10,7 @@ import numpy as np
 
 PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that shows the progress itself
 MARK = "\x1elabkit "
+ERROR = "labkit-error: "  # of a child process, before an error as JSON
 
 
 def reporter(title):

@@ -7,6 +7,8 @@ import dataclasses
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
+    """A variable of a file: dimensions and type as netCDF has them, units and long name as CF asks for them."""
+
     name: str
     dimensions: tuple[str, ...]
     dtype: str
@@ -14,7 +16,7 @@ class Variable:
     long_name: str
 
 
-def _table(*rows):
+def _table(*rows: tuple[str, str, str, str, str]) -> dict[str, Variable]:
     return {row[0]: Variable(row[0], tuple(row[1].split()), *row[2:]) for row in rows}
 
 
@@ -60,11 +62,8 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass without the mean field"),
 )
 
-# Records that came later: files of earlier versions and of other programs may lack them.
-LATER = (
-    "time", "elastic_energy", "cell_work", "friction_loss", "rolling_loss", "damping_loss", "energy_balance_error",
-    "drift_velocity",
-)  # fmt: skip
+# Without these nothing can be said of a run. What else a file lacks, of an earlier version or of another program, is NaN.
+ESSENTIAL = ("axial_strain", "strain", "cell", "volume", "stress")
 
 CONTACTS = _table(
     ("record", "snapshot", "i4", "1", "index of the snapshot along time"),

@@ -14,21 +14,18 @@
 Compression is positive, z axial, SI units.
 """
 
-_LAZY = {
-    "Model": "parameters", "Parameters": "parameters", "Readings": "parameters",
-    "ModelState": "state", "isotropic_state": "state",
-    "drive": "driver", "model_path": "controls", "Mixed": "controls", "Oedometer": "controls",
+from labkit.lazy import attach
+
+_NAMES = {
+    "Model": "parameters", "Parameters": "parameters", "Readings": "parameters", "ROOT_3_2": "parameters",
+    "ModelState": "state", "isotropic_state": "state", "with_inherent_anisotropy": "state",
+    "drive": "driver", "Result": "driver", "model_path": "controls", "Mixed": "controls", "Oedometer": "controls",
     "Adaptive": "integrators",
     "state_rate": "stiffness", "stress_rate": "stiffness", "rate_tangent": "stiffness", "hypoplastic_form": "stiffness",
     "states": "material_point", "update": "material_point",
-    "fit": "calibration", "observe": "calibration",
+    "calibrate": "calibration", "fit": "calibration", "observe": "calibration",
+    "read_model": "run_file", "as_run": "run_file", "records": "run_file", "write_result": "run_file",
+    "MODEL_ENGINE": "run_file:ENGINE",
 }  # fmt: skip
-__all__ = list(_LAZY)
 
-
-def __getattr__(name):
-    if name in _LAZY:
-        import importlib
-
-        return getattr(importlib.import_module(f"labkit.model.{_LAZY[name]}"), name)
-    raise AttributeError(f"module 'labkit.model' has no attribute {name!r}")
+__getattr__, __dir__, __all__ = attach(__name__, _NAMES)

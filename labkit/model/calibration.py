@@ -14,7 +14,9 @@ records is divided by the correlation length of the misfit (`thinning`), which t
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas
@@ -28,7 +30,8 @@ from labkit.model.equations import critical_coordination_number, critical_force
 from labkit.model.parameters import Model, Parameters
 from labkit.model.rates import FINE, SIZE, Control
 from labkit.model.tensors import to_six
-from labkit.runs.critical import SHEAR, at_end
+from labkit.dem.paths import PATHS
+from labkit.runs.critical import at_end
 
 VARIABLES = ("coordination_number", "mean_normalised_force", "contact_anisotropy", "normal_force_anisotropy",
              "mobilisation")  # fmt: skip
@@ -107,11 +110,11 @@ def critical_fit(observations: Sequence[Observation], model: Model = Model()) ->
     """
     ends = [
         (o.e[end].mean(), *o.values[end].mean(axis=0))
-        for o in observations if o.path in SHEAR and abs(o.strain_step[:, 2].sum()) >= ENOUGH_STRAIN
+        for o in observations if o.path in PATHS and PATHS[o.path].shear and abs(o.strain_step[:, 2].sum()) >= ENOUGH_STRAIN
         for end in [at_end(np.concatenate([[0.0], np.cumsum(o.strain_step[:, 2])]))]
     ]  # fmt: skip
     if not ends:
-        raise InputError(f"no shear test ({', '.join(SHEAR)}) among the runs goes to {ENOUGH_STRAIN:.0%} axial strain: "
+        raise InputError(f"no shear test (cv, cr, cp, ...) among the runs goes to {ENOUGH_STRAIN:.0%} axial strain: "
                          "the critical state needs one, give more runs")  # fmt: skip
     e, Z, Lam, A, F, Ft = np.array(ends).T
     norms = {name: abs(float(np.mean(zz))) * np.sqrt(1.5) for name, zz in zip(CRITICAL[4:], (A, F, Ft))}
@@ -157,6 +160,11 @@ class Fit:
             *(f"warning: {words}" for words in self.warnings),
         ]  # fmt: skip
         return "\n".join(lines).rstrip()
+
+
+def calibrate(runs: Mapping[str, Any], model: Model = Model()) -> Fit:
+    """The parameters of the model that follow runs best, name -> labkit.Run or Dataset of labkit.open_run; a Fit."""
+    return fit([observe(name, getattr(run, "data", run)) for name, run in runs.items()], model)
 
 
 def fit(

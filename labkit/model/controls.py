@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.model.rates import Control
 from labkit.model.tensors import require_symmetric, to_six
-from labkit.dem.paths import PATHS, ConstantVolume, IsotropicCompression, make_path
+from labkit.dem.paths import PATHS, Path, make_path
+from labkit.parameters import parameter, with_unit
 
 GAIN = 100.0  # 1 per unit of strain: drift of a held stress falls to 1/e within 1 % of strain
 
 
 @dataclasses.dataclass(frozen=True)
-class Oedometer(ConstantVolume):
+class Oedometer(Path):
     """One-dimensional compression: eps_x = eps_y = 0."""
 
-    strain: float = 0.1
+    strain: float = parameter(0.1, above=0.0, high=2.0, help="axial strain to reach, logarithmic")
 
     name = "oedometer"
     direction = (0.0, 0.0, 1.0)
@@ -45,6 +47,7 @@ class Mixed:
     rate: float = 1.0
 
     name = "mixed"
+    shear = False
     stops_early = False
 
     def __post_init__(self):
@@ -61,32 +64,39 @@ class Mixed:
         if not (np.isfinite(self.strain) and self.strain > 0.0 and self.record_strain > 0.0):
             raise InputError(f"strain {self.strain:g} is not possible: give a positive number")
 
-    def turning_points(self):
+    def turning_points(self) -> tuple[float, ...]:
         return (self.strain,)
+
+    def parameters(self) -> dict[str, Any]:
+        """Its fields as lists and numbers, for files."""
+        return {
+            name: np.asarray(value).tolist() if isinstance(value, np.ndarray) else value
+            for name, value in dataclasses.asdict(self).items()
+        }
 
     def stops(self, pressure):
         return False
 
 
-MODEL_PATHS = {**PATHS, Oedometer.name: Oedometer}
+def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: Any) -> Path:
+    """The path of that name for a state at `pressure`, Pa: one of labkit.dem.paths, or the oedometer.
 
-
-def model_path(name, pressure, stop_pressure=None, **parameters):
-    """The path of that name for a state at `pressure`, Pa; as labkit.dem.paths.make_path, with the oedometer.
-
-    Paths that hold a stress hold `pressure`; isoc and isod stop at `stop_pressure`. Raises InputError.
+    Paths that hold a stress hold `pressure`; paths that stop at a stress stop at `stop_pressure`. Raises InputError.
     """
-    if name not in MODEL_PATHS:
-        raise InputError(f"path {name!r} is unknown: use one of {', '.join(MODEL_PATHS)}")
-    kind = MODEL_PATHS[name]
-    if stop_pressure is not None and not issubclass(kind, IsotropicCompression):
-        raise InputError(f"--stop-pressure is not a parameter of {name}: leave it out")
-    if kind is Oedometer:
-        for key, value in parameters.items():
+    if name == Oedometer.name:
+        for key, value in {**parameters, "stop_pressure": stop_pressure}.items():
             if value is not None and key not in ("strain", "rate"):
-                raise InputError(f"--{key} is not a parameter of {name}: leave it out")
+                raise InputError(f"is not a parameter of {name}: leave it out", field=key)
         return Oedometer(**{key: value for key, value in parameters.items() if value is not None})
-    return make_path(name, pressure, pressure=stop_pressure, **parameters)
+    kind = PATHS.require(name) if name in PATHS else None
+    if kind is None:
+        names = ", ".join((*PATHS, Oedometer.name))
+        raise InputError("is unknown", field="path", value=repr(name), allowed=f"one of {names}")
+    if stop_pressure is not None:
+        if kind.stops is Path.stops:
+            raise InputError(f"is not a parameter of {name}: leave it out", field="stop_pressure")
+        parameters = {**parameters, "pressure": with_unit(stop_pressure, "Pa")}
+    return make_path(name, parameters).starting_at(pressure)
 
 
 def control_of(path, sign=1.0):

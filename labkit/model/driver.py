@@ -97,7 +97,7 @@ def drive(model, path, state, record_strain=None, integrator=None):
     integrator = integrator or Adaptive()
     interval = path.record_strain if record_strain is None else record_strain
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
-        raise InputError(f"--record-strain {interval:g} is not possible: give e.g. 1e-3")
+        raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
     _require_start(model, path, state)
     y, travelled, failure, stopped, calls = state.vector(), 0.0, None, False, 0
     vectors = [y]
@@ -173,5 +173,5 @@ def _require_start(model, path, state):
             )
     if path.stops_early and path.stops(float(mean_stress(stress))):
         raise InputError(f"{path.name} would stop at once: the start has {mean_stress(stress):g} Pa, "
-                         f"--stop-pressure is {path.pressure:g} Pa")  # fmt: skip
+                         f"it stops at {path.pressure:g} Pa")  # fmt: skip
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -16,6 +17,7 @@ import xarray as xr
 
 import labkit
 import labkit.runs.dataset  # gives the accessor .lab to as_run
+from labkit.errors import InputError
 from labkit.io.files import create_variables, whole_file
 from labkit.model.parameters import Model
 from labkit.dem.paths import travelled
@@ -75,7 +77,7 @@ def write_result(file, result, history="", wall_time=0.0, parameters=None):
         dataset.scene = dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json()
         dataset.model = result.model.to_json()
         dataset.setncattr("path", result.path.name)  # `dataset.path` is netCDF4's own
-        dataset.path_parameters = json.dumps(dataclasses.asdict(result.path) | (parameters or {}))
+        dataset.path_parameters = json.dumps(result.path.parameters() | (parameters or {}))
         dataset.complete = np.int32(result.failure is None)
         dataset.failure = result.failure or ""
         dataset.wall_time = float(wall_time)
@@ -95,3 +97,16 @@ def write_result(file, result, history="", wall_time=0.0, parameters=None):
 def model_of(run):
     """The Model that made a run file, or None for a simulation."""
     return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == ENGINE else None
+
+
+def read_model(file: str | None) -> Model:
+    """The Model of a JSON file of labkit calibrate, Table 2 without a file. Raises InputError."""
+    if file is None:
+        return Model()
+    try:
+        return Model.from_json(Path(file).read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file of "
+                         "labkit calibrate") from None  # fmt: skip
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None

@@ -80,19 +80,19 @@ def isotropic_state(model, void_ratio, pressure, Z=None, Lam=None):
     follows; the reading of beyond_e_cmax says what Z^com is there. Raises InputError.
     """
     if not (np.isfinite(void_ratio) and 0.0 < void_ratio):
-        raise InputError(f"--void-ratio {void_ratio:g} is not possible: give a positive number, e.g. 0.67")
+        raise InputError(field="void_ratio", value=void_ratio, allowed="a positive number, e.g. 0.67")
     if not (np.isfinite(pressure) and pressure > 0.0):
-        raise InputError(f"--pressure {pressure:g} is not possible: give a positive number in Pa, e.g. 0.5e6")
+        raise InputError(field="pressure", value=pressure, allowed="a positive number in Pa, e.g. 0.5e6")
     require_density(model, void_ratio)
     product = 3.0 * pressure * (1.0 + void_ratio) / model.young_modulus  # Z Lambda
-    for name, value in (("--coordination-number", Z), ("--mean-normalised-force", Lam)):
+    for name, value in (("coordination_number", Z), ("mean_normalised_force", Lam)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} {value:g} is not possible: give a positive number")
+            raise InputError(field=name, value=value, allowed="a positive number")
     if Z is not None and Lam is not None:
         if abs(Z * Lam / product - 1.0) > 1e-6:
             raise InputError(
                 f"Z Lambda = {Z * Lam:g} does not make {pressure:g} Pa at e = {void_ratio:g}, where C0 wants "
-                f"{product:g}: give --coordination-number or --mean-normalised-force, not both"
+                f"{product:g}: give the coordination number or the mean normalised force, not both"
             )
     elif Lam is not None:
         Z = product / Lam
@@ -108,7 +108,7 @@ def require_density(model, void_ratio):
     if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
         raise InputError(
             f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state has no value: give "
-            "a denser state, or --beyond-e-cmax flat, which goes on with Z^c = 4 and Lambda^c = 0 as Fig. 8 must"
+            "a denser state, or the reading beyond_e_cmax = flat (--beyond-e-cmax flat), which goes on with Z^c = 4 and Lambda^c = 0 as Fig. 8 must"
         )
 
 
@@ -116,6 +116,17 @@ def contact_anisotropy(a1, angle):
     """A0 = a1 (n1 n1 - n2 n2/2 - n3 n3/2), n1 at `angle` (rad) from z in the x-z plane (section 5.3); (3, 3)."""
     axis = np.array([np.sin(angle), 0.0, np.cos(angle)])
     return a1 * (1.5 * np.outer(axis, axis) - 0.5 * np.eye(3))
+
+
+def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: float) -> ModelState:
+    """The state with A0 of size `a1` at `angle` (rad from z), the F0 that keeps the stress isotropic, and Lambda
+    changed so that the mean stress stays (section 5.3)."""
+    if a1 == 0.0:
+        return state
+    pressure = np.trace(state.stress(model)) / 3
+    A = contact_anisotropy(a1, angle)
+    state = dataclasses.replace(state, A=A, F=isotropic_force_anisotropy(A))
+    return dataclasses.replace(state, Lam=state.Lam * pressure / (np.trace(state.stress(model)) / 3))
 
 
 def isotropic_force_anisotropy(A, exact=True):

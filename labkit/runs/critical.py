@@ -8,8 +8,17 @@ import numpy as np
 import pandas
 import xarray
 
+from labkit.dem.paths import PATHS
+
 WINDOW = 0.25  # the last quarter of the strain of a test
-SHEAR = ("cv", "cr", "cp")
+
+
+SHEAR = ("cv", "cr", "cp")  # the paper's shear tests
+
+
+def is_shear(run: xarray.Dataset) -> bool:
+    """Whether the path of a run ends, if long enough, in a critical state; False for a path unknown here."""
+    return run.attrs["path"] in PATHS and PATHS[run.attrs["path"]].shear
 
 
 def at_end(axial_strain: np.ndarray, window: float = WINDOW) -> np.ndarray:

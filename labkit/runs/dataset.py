@@ -15,6 +15,7 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io.files import labkit_kind, open_netcdf
+from labkit.io.schema import RECORD
 from labkit.micro.contacts import NO_CONTACTS, Contacts
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import follow, network_stress
@@ -34,8 +35,8 @@ def open_run(path: str | os.PathLike) -> xr.Dataset:
     `contact` (ragged: `row_size` contacts per snapshot), `grain`, `side`, `i`, `j`. Every variable of the
     groups `contacts` and `grains` is there under its own name with its units. Raises InputError.
     """
-    with open_netcdf(path, "run"):
-        pass
+    with open_netcdf(path, "run") as dataset:
+        _require_scene(path, dataset.scene)
     parts = [xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")]
     run = xr.merge(parts, compat="no_conflicts", join="exact", combine_attrs="override")
     starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
@@ -44,11 +45,23 @@ def open_run(path: str | os.PathLike) -> xr.Dataset:
         snapshot_cell=(("snapshot", "i", "j"), run["cell"].values[record], run["cell"].attrs),
         snapshot_strain=("snapshot", run["axial_strain"].values[record], run["axial_strain"].attrs),
     )
-    if "time" in run:  # a file of an earlier version may lack it
+    if "time" in run:
         run = run.assign_coords(snapshot_time=("snapshot", run["time"].values[record], run["time"].attrs))
-    run = run.set_coords([name for name in ("time", "axial_strain") if name in run])
+    for variable in RECORD.values():  # of an earlier version or another program: unknown, not an error
+        if variable.name not in run:
+            shape = [run.sizes[dimension] for dimension in variable.dimensions]
+            known = {"units": variable.units, "long_name": variable.long_name}
+            run[variable.name] = (variable.dimensions, np.full(shape, np.nan), known)
+    run = run.set_coords(["time", "axial_strain"])
     run.encoding["source"] = str(path)
     return run
+
+
+def _require_scene(path: str | os.PathLike, text: str) -> None:
+    try:
+        Scene.from_json(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequence[int], instead: str = "") -> None:
@@ -58,7 +71,7 @@ def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequenc
     """
     count = run.sizes["snapshot"]
     if not count:
-        raise InputError(f"{file} has no contacts: give a run with snapshots{instead}")
+        raise InputError(f"{file} holds no contacts: give a run with snapshots{instead}")
     for k in numbers:
         if not -count <= k < count:
             raise InputError(

@@ -1,1 +1,11 @@
-"""visuals."""
+"""Figures, pictures, files for ParaView, and the view in the terminal."""
+
+from labkit.lazy import attach
+
+_NAMES = {
+    "plots": "plots:", "micro_figures": "micro_figures:", "sff_figures": "sff_figures:",
+    "direction_figure": "direction_figure:", "layer_figure": "layer_figure:", "draw_grains": "picture:picture",
+    "save": "plots", "e_p_paths": "plots", "sff_against_love": "plots",
+}  # fmt: skip
+
+__getattr__, __dir__, __all__ = attach(__name__, _NAMES)

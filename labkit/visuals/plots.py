@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas
+import xarray
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-matplotlib.use("Agg")
+from labkit.dem.paths import PATHS, travelled
+from labkit.errors import InputError
+from labkit.io.files import whole_file
+from labkit.io.provenance import provenance, tell
 
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.lines import Line2D  # noqa: E402
-
-from labkit.io.files import whole_file  # noqa: E402
-from labkit.dem.paths import travelled  # noqa: E402
-from labkit.io.provenance import provenance, tell  # noqa: E402
+Runs = Mapping[str, xarray.Dataset]
 
 WIDTH = 10.0  # inches
 DPI = 150
@@ -22,7 +26,7 @@ FORMATS = (".png", ".pdf", ".svg", ".webp")
 STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
 
-def sff_against_love(runs):
+def sff_against_love(runs: Runs) -> Figure:
     """q and p against axial strain, and q against p, of runs opened with labkit.open_run; a Figure.
 
     `runs`: label -> run. A colour is a run, solid is Love, dashed is C0.
@@ -47,14 +51,54 @@ def sff_against_love(runs):
     return figure
 
 
-def e_p_paths(runs, critical=None, width=WIDTH):
+def test(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """q, p and the path of stress of one run, Love's stress and C0 (`sff_against_love`), and its table."""
+    columns = {"axial_strain": run["axial_strain"].values}
+    for who, (name, _) in STYLES.items():
+        columns |= {f"p_{who}_Pa": run.lab.mean_stress(name).values, f"q_{who}_Pa": run.lab.deviatoric_stress(name).values}
+    return sff_against_love({run.attrs["path"]: run}), pandas.DataFrame(columns)
+
+
+def records(
+    run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
+) -> tuple[Figure, pandas.DataFrame]:  # fmt: skip
+    """Any recorded variable over the axial strain, one of your own too: of a tensor its components. Raises InputError
+    for a variable that the run does not hold."""
+    names = [name for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
+    if variable not in names:
+        raise InputError("is not recorded" if variable else "is missing", field="variable", value=variable,
+                         allowed=f"one of {', '.join(map(str, names))}")  # fmt: skip
+    values = run[variable]
+    columns = {"axial_strain": run["axial_strain"].values}
+    if values.ndim == 3:
+        columns |= {f"{variable}_{'xyz'[i]}{'xyz'[j]}": values.values[:, i, j] for i in range(3) for j in range(i, 3)}
+    else:
+        flat = values.values.reshape(len(values), -1).T
+        columns |= {variable + (f"_{'xyz'[k]}" if len(flat) > 1 else ""): row for k, row in enumerate(flat)}
+    figure, axes = plt.subplots(figsize=(0.6 * WIDTH, 4.0), layout="constrained")
+    for color, (label, column) in zip(_colors(len(columns) - 1), list(columns.items())[1:]):
+        axes.plot(percent(run), column, color=color, label=label)
+    units = values.attrs.get("units", "1")
+    axes.set(xlabel="axial strain (%)", ylabel=f"{values.attrs.get('long_name', variable)}" + f" ({units})" * (units != "1"))
+    axes.grid(alpha=0.25)
+    if len(columns) > 2:
+        axes.legend(frameon=False, fontsize=8)
+    return figure, pandas.DataFrame(columns)
+
+
+test.of_records = records.of_records = True  # type: ignore[attr-defined]  # they need no snapshots
+
+
+def e_p_paths(
+    runs: Runs, critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None, width: float = WIDTH
+) -> Figure:  # fmt: skip
     """e against p of shear tests in one diagram (Fig. 1), and q against p beside it; a Figure.
 
     `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path. `critical`:
     label -> (p, e) of critical state lines, Pa.
     """
     figure, (left, right) = plt.subplots(1, 2, figsize=(width, 0.52 * width), layout="constrained")
-    styles = {"cv": "-", "cr": "--", "cp": ":"}
+    styles = {name: PATHS[name].line_style for name in dict.fromkeys(run.attrs["path"] for run in runs.values())}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale = plt.Normalize(start.min(), start.max() + 1e-9)
     for e, run in zip(start, runs.values()):
@@ -68,9 +112,8 @@ def e_p_paths(runs, critical=None, width=WIDTH):
     right.plot(top, 0.92 * top, color="0.5", lw=0.8)
     left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
     right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
-    present = {run.attrs["path"] for run in runs.values()}
-    shown = {name: style for name, style in styles.items() if name in present}
-    lines = [Line2D([], [], color="0.3", linestyle=style, label=name.upper()) for name, style in shown.items()]
+    order = [name for name in PATHS if name in styles]
+    lines = [Line2D([], [], color="0.3", linestyle=styles[name], label=name.upper()) for name in order]
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
     lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
     for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":")):
@@ -99,7 +142,7 @@ QUANTITIES = {
 }
 
 
-def diagram(name):
+def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.ndarray]]]:
     """(label of x, label of y, function of a run and the name of a stress that gives x and y) of a diagram.
 
     `name`: two of QUANTITIES, e.g. `q-strain` for q over the axial strain.
@@ -108,12 +151,12 @@ def diagram(name):
     return x_label, y_label, lambda run, stress="stress": (x(run, stress), y(run, stress))
 
 
-def percent(run):
+def percent(run: xarray.Dataset) -> np.ndarray:
     """Axial strain of the records, %."""
     return run["axial_strain"].values * 100
 
 
-def curves(rows, names):
+def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
     """Runs of simulations and of the model in the diagrams `names`, a row of panels for each group; a Figure.
 
     `rows`: title of the row -> (label -> run). Where a figure has both kinds, the model is dotted.
@@ -138,7 +181,7 @@ def curves(rows, names):
 STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 
 
-def calibration(observations, predicted):
+def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
     """The five statistics of runs against the model with fitted parameters, over the travelled strain; a Figure.
 
     `observations`: of labkit.model.calibration; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
@@ -162,7 +205,7 @@ def calibration(observations, predicted):
     return figure
 
 
-def work_precision(panels):
+def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float, float | None]]]]) -> Figure:
     """Time against error of integrators; a Figure. `panels`: title -> (label -> list of (setting, seconds, error)).
 
     Settings at which an integrator gave up have no error and no point.
@@ -182,11 +225,13 @@ def work_precision(panels):
     return figure
 
 
-def _colors(number):
+def _colors(number: int) -> Any:
     return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
 
 
-def save(figure, path, inputs=(), command=None, dpi=DPI):
+def save(
+    figure: Figure, path: str | Path, inputs: Sequence[str | Path] = (), command: str | None = None, dpi: int = DPI
+) -> None:  # fmt: skip
     """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
     provenance, beside another lies a file with it; `inputs`: the files that it shows, `command`: what made it
     (default: this process)."""

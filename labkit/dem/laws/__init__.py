@@ -18,4 +18,11 @@ LAWS: Registry = Registry(
     aliases={"yade": "rolling_resistance", "paper": "spring_dashpot"},  # names of version 0.1.0
 )
 
-__all__ = ["LAWS", "Contact", "ContactLaw", "Features", "Response"]
+
+
+def register_law(kind: type[ContactLaw]) -> type[ContactLaw]:
+    """A decorator that makes a subclass of ContactLaw known under its `name`."""
+    return LAWS.register(kind)
+
+
+__all__ = ["LAWS", "Contact", "ContactLaw", "Features", "Response", "register_law"]

@@ -1,0 +1,45 @@
+"""`labkit bench` and `bench-statistics`: speed on one scene, engine beside engine."""
+
+from __future__ import annotations
+
+import argparse
+
+from labkit.cli.arguments import positive_int
+from labkit.cli.registry import command
+from labkit.io.progress import reporter
+
+
+def bench_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("specimen", help="state file")
+    parser.add_argument("--what", choices=("engines", "features", "sizes"), default="engines", help="compare engines "
+                        "(default), what each feature of the engine fused costs, or sizes of specimens")  # fmt: skip
+    parser.add_argument("--steps", type=positive_int, default=500, help="steps of one measurement")
+    parser.add_argument("--rounds", type=positive_int, default=5, help="measurements of each, in turn")
+
+
+@command("bench", "speed on one scene: a stock YADE script, labkit's engines, LAMMPS", bench_options)
+def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
+    from labkit.dem.state import read_state
+
+    state = read_state(options.specimen)
+    progress = reporter("bench")
+    if options.what == "engines":
+        from labkit.bench.engines import bench, table
+        from labkit.dem.paths import ConstantVolume
+
+        found = bench(options.specimen, options.steps, options.rounds, progress)
+        print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+        return
+    from labkit.bench import kernel
+
+    if options.what == "features":
+        print(kernel.features(state, options.steps, options.rounds, progress))
+    else:
+        print(kernel.sizes(state, options.steps, progress))
+
+
+@command("bench-statistics", "speed and memory of the statistics of a run", lambda parser: parser.add_argument("run", help="run file"))
+def do_bench_statistics(options: argparse.Namespace, argv: list[str]) -> None:
+    from labkit.bench.statistics import bench_statistics
+
+    print(bench_statistics(options.run).to_string(index=False, float_format="%.2f", na_rep=""))

@@ -1,0 +1,242 @@
+"""Tasks: a specimen, a consolidation, a layer or a run, each a value that any engine can do.
+
+`execute` does a task in this process, or in YADE's own where the engine lives there: then the task travels as JSON and a
+state file, and what it makes comes back as a file.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import json
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path as File
+from typing import Any, ClassVar
+
+from labkit.dem import consolidation, simulation, specimen, stratified
+from labkit.dem.engine import Progress, silent
+from labkit.dem.limits import require_pressure
+from labkit.dem.paths import Path, path_of
+from labkit.dem.recorded import recorded
+from labkit.dem.scene import Scene
+from labkit.dem.servo import Servo
+from labkit.dem.simulation import Options
+from labkit.dem.specimen import Recipe
+from labkit.dem.state import State, read_state, write_state
+from labkit.dem.stratified import Layer
+from labkit.engines import require_engine, starter
+from labkit.errors import InputError
+from labkit.extensions import file_of, use, used
+from labkit.io.provenance import provenance
+from labkit.parameters import restored
+
+
+@dataclasses.dataclass(frozen=True)
+class Task(abc.ABC):
+    """What an engine is asked to do. engine: its name; threads; output: file to write; history: the command."""
+
+    engine: str = "fused"
+    threads: int = 1
+    output: str | None = None
+    history: str = ""
+
+    kind: ClassVar[str]
+
+    @property
+    @abc.abstractmethod
+    def scene(self) -> Scene:
+        """The Scene of the grains."""
+
+    @abc.abstractmethod
+    def do(self, progress: Progress) -> State | None:
+        """Does the task in this process: the State that it makes, None for a run."""
+
+    @abc.abstractmethod
+    def values(self, folder: File) -> dict[str, Any]:
+        """What decides the result, as JSON; a State as a file in `folder`."""
+
+    @classmethod
+    @abc.abstractmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> Task:
+        """The task of such values; `common`: engine, threads, output, history."""
+
+    def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
+        """The State with its origin, written to `output` if there is one."""
+        history = "\n".join(line for line in (state.history, self.history) if line)
+        made = provenance(self.history or None, inputs, self.output, state.seed)
+        state = state.replace(history=history, provenance=made)
+        if self.output is not None:
+            write_state(self.output, state)
+        return state
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SpecimenTask(Task):
+    """Makes a specimen."""
+
+    recipe: Recipe
+    material: Scene
+
+    kind = "specimen"
+
+    @property
+    def scene(self) -> Scene:
+        return self.material
+
+    def do(self, progress: Progress) -> State:
+        return self.finished(
+            specimen.make_specimen(self.material, self.recipe, starter(self.engine, self.threads), progress)
+        )
+
+    def values(self, folder: File) -> dict[str, Any]:
+        return {"recipe": dataclasses.asdict(self.recipe), "scene": dataclasses.asdict(self.material)}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> SpecimenTask:
+        return cls(recipe=restored(Recipe, values["recipe"]), material=restored(Scene, values["scene"]), **common)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LayerTask(Task):
+    """Makes the stratified layer of Fig. 3."""
+
+    layer: Layer
+
+    kind = "layer"
+
+    @property
+    def scene(self) -> Scene:
+        return Scene(planar=True)
+
+    def do(self, progress: Progress) -> State:
+        return self.finished(stratified.make_layer(self.layer, starter(self.engine, self.threads), progress))
+
+    def values(self, folder: File) -> dict[str, Any]:
+        return {"layer": dataclasses.asdict(self.layer)}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> LayerTask:
+        return cls(layer=restored(Layer, values["layer"]), **common)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _OfState(Task):
+    """A task that begins with a State. source: the file it came from, if any."""
+
+    state: State
+    source: str | None = None
+
+    @property
+    def scene(self) -> Scene:
+        return self.state.scene
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return () if self.source is None else (self.source,)
+
+    def values(self, folder: File) -> dict[str, Any]:
+        file = folder / "specimen.state.nc"
+        write_state(file, self.state)
+        return {"specimen": str(file), "source": self.source}
+
+    @staticmethod
+    def of(values: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields of this class from such values."""
+        return {"state": read_state(values["specimen"]), "source": values["source"]}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ConsolidationTask(_OfState):
+    """Brings a specimen to an isotropic pressure, Pa."""
+
+    pressure: float
+
+    kind = "consolidation"
+
+    def do(self, progress: Progress) -> State:
+        start = starter(self.engine, self.threads)
+        return self.finished(consolidation.consolidate(self.state, self.pressure, start, progress), self.inputs)
+
+    def values(self, folder: File) -> dict[str, Any]:
+        return {**super().values(folder), "pressure": self.pressure}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> ConsolidationTask:
+        return cls(**cls.of(values), pressure=values["pressure"], **common)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunTask(_OfState):
+    """Takes a specimen along a path into the run file `output`; goes on with one that is unfinished."""
+
+    path: Path
+    options: Options = Options()
+
+    kind = "run"
+
+    def do(self, progress: Progress) -> None:
+        if self.output is None:
+            raise InputError("a run needs a file: give its name")
+        require_pressure(self.path, self.scene)
+        made = provenance(self.history or None, self.inputs, self.output, self.state.seed)
+        history = "\n".join(line for line in (self.state.history, self.history) if line)
+        start = starter(self.engine, self.threads)
+        state = self.state.replace(history=history, provenance=made)
+        simulation.run(state, self.path, File(self.output), start, self.options, progress)
+
+    def values(self, folder: File) -> dict[str, Any]:
+        known = {"path": self.path.name, "parameters": self.path.parameters()}
+        return {**super().values(folder), **known, "options": dataclasses.asdict(self.options)}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> RunTask:
+        path = path_of(values["path"], values["parameters"])
+        if path is None:
+            raise InputError(f"path {values['path']!r} is unknown in this process: keep it in a file, see --use")
+        options = Options(**{**values["options"], "servo": Servo(**values["options"]["servo"])})
+        return cls(**cls.of(values), path=path, options=options, **common)
+
+
+KINDS: dict[str, type[Task]] = {kind.kind: kind for kind in (SpecimenTask, LayerTask, ConsolidationTask, RunTask)}
+
+
+def execute(task: Task, progress: Progress = silent) -> State | None:
+    """Does a task where its engine lives; the State that it makes, None for a run.
+
+    Raises InputError, PhysicsError or Interrupted as the task does.
+    """
+    if require_engine(task.engine, task.scene).here():
+        return task.do(progress)
+    from labkit.engines.yade_process import run_script
+
+    with tempfile.TemporaryDirectory(prefix="labkit-") as name:
+        folder = File(name)
+        output = task.output or str(folder / "made.state.nc")
+        job = folder / "task.json"
+        job.write_text(json.dumps(to_job(dataclasses.replace(task, output=output), folder)))
+        run_script("task.py", [str(job)], task.threads, progress)
+        return None if isinstance(task, RunTask) else read_state(output)
+
+
+def to_job(task: Task, folder: File) -> dict[str, Any]:
+    """A task as JSON, with the files of the extensions that it needs."""
+    common = {"engine": task.engine, "threads": task.threads, "output": task.output, "history": task.history}
+    return {"kind": task.kind, "common": common, "values": task.values(folder), "use": _extensions(task)}
+
+
+def from_job(job: Mapping[str, Any]) -> Task:
+    """The task of such JSON."""
+    for file in job["use"]:
+        use(file)
+    return KINDS[job["kind"]].from_values(job["values"], job["common"])
+
+
+def _extensions(task: Task) -> list[str]:
+    """Files that define what the task uses beyond labkit."""
+    needed: list[Any] = [type(task.scene.contact_law), *(statistic.function for statistic in recorded())]
+    needed += [type(task.path)] if isinstance(task, RunTask) else []
+    files = [file_of(one) for one in needed if not one.__module__.startswith("labkit.")]
+    if None in files or any("ipython" in str(file).lower() for file in files):
+        raise InputError("a path, law or statistic of a notebook is unknown to YADE: keep it in a file and load it with labkit.use")
+    return list(dict.fromkeys([*used(), *(file for file in files if file)]))

@@ -1,0 +1,37 @@
+"""The figures of a run by name, for `labkit figure` and Run.plot; drawn in labkit.visuals.
+
+A figure is a function of a run opened with labkit.open_run, the number of size groups and a snapshot; it returns a
+matplotlib Figure and the pandas.DataFrame behind it. One of your own: `labkit.register_figure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from labkit.extensions import Registry
+
+FIGURES: Registry = Registry(
+    "figure",
+    {
+        "test": "labkit.visuals.plots:test",
+        "records": "labkit.visuals.plots:records",
+        "groups": "labkit.visuals.micro_figures:groups",
+        "densities": "labkit.visuals.micro_figures:densities",
+        "directions": "labkit.visuals.directions:directions",
+        "shares": "labkit.visuals.micro_figures:shares",
+        "family": "labkit.visuals.micro_figures:family",
+        "budget": "labkit.visuals.micro_figures:budget",
+        "contacts": "labkit.visuals.micro_figures:contacts",
+    },
+)
+
+
+def register_figure(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """A decorator that makes a function known as a figure."""
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        function.name = name  # type: ignore[attr-defined]
+        return FIGURES.register(function)
+
+    return register

@@ -1,0 +1,102 @@
+"""The front door: specimens, consolidation and tests from Python, on any engine.
+
+    scene = labkit.Scene(friction=0.5)
+    state = labkit.make_specimen(labkit.Recipe(void_ratio=0.67, grains=1000), scene)
+    run = labkit.run(state, labkit.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05))
+
+The engine `fused` works in this process, `yade` in one of its own. Without a file the result lives in memory.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import tempfile
+from pathlib import Path as File
+from typing import Any
+
+from labkit.dem.engine import Progress, silent
+from labkit.dem.paths import Path, make_path
+from labkit.dem.scene import Scene
+from labkit.dem.simulation import Options
+from labkit.dem.specimen import Recipe
+from labkit.dem.state import State
+from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
+from labkit.io.files import require_writable
+from labkit.io.progress import reporter
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.runs.run import Run
+
+
+def make_specimen(
+    recipe: Recipe, scene: Scene | None = None, engine: str = "fused", threads: int = 1,
+    file: str | os.PathLike[str] | None = None, progress: bool | Progress = True,
+) -> State:  # fmt: skip
+    """A specimen at rest, and its state file if `file` is given.
+
+    progress: whether it is shown, or a function of the fraction done and a text. Raises InputError for values that are
+    not possible, PhysicsError if the specimen does not come to rest.
+    """
+    task = SpecimenTask(recipe=recipe, material=scene or Scene(), engine=engine, threads=threads, output=_output(file))
+    return _state(execute(task, _shown(progress, "specimen")))
+
+
+def consolidate(
+    state: State, pressure: float | str, engine: str = "fused", threads: int = 1,
+    file: str | os.PathLike[str] | None = None, progress: bool | Progress = True,
+) -> State:  # fmt: skip
+    """The specimen brought to the same normal stress in all directions, and its state file if `file` is given.
+
+    pressure: Pa, or text with a unit. Raises InputError, PhysicsError.
+    """
+    reached = make_path("cr", {"pressure": pressure}).start_pressure()
+    assert reached is not None
+    task = ConsolidationTask(state=state, pressure=reached, engine=engine, threads=threads, output=_output(file))
+    return _state(execute(task, _shown(progress, "consolidation")))
+
+
+def run(
+    state: State, path: Path, engine: str = "fused", file: str | os.PathLike[str] | None = None, threads: int = 1,
+    progress: bool | Progress = True, options: Options | None = None, **recording: Any,
+) -> Run:  # fmt: skip
+    """Takes a specimen along a loading path; the Run.
+
+    A path that holds a stress consolidates the specimen first where that is needed. `file`: a run file, with which an
+    unfinished run goes on; without one the Run lives in memory. recording: fields of labkit.Options (record_strain,
+    snapshots, save_every), in place of `options`. Raises InputError, PhysicsError if the simulation fails, Interrupted
+    after Ctrl-C or SIGTERM, with a checkpoint in the file.
+    """
+    options = dataclasses.replace(options or Options(), **recording)
+    path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    shown = _shown(progress, path.name)
+    if file is not None:
+        require_writable(file, "run")
+        execute(_task(state, path, engine, threads, str(file), options), shown)
+        return Run.open(file)
+    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
+        output = str(File(folder) / "memory.run.nc")
+        execute(_task(state, path, engine, threads, output, options), shown)
+        with Run.open(output).data as data:
+            return Run(data.load())
+
+
+def _task(state: State, path: Path, engine: str, threads: int, output: str, options: Options) -> RunTask:
+    return RunTask(state=state, path=path, engine=engine, threads=threads, output=output, options=options)
+
+
+def _output(file: str | os.PathLike[str] | None) -> str | None:
+    if file is None:
+        return None
+    require_writable(file, "state")
+    return str(file)
+
+
+def _shown(progress: bool | Progress, title: str) -> Progress:
+    if callable(progress):
+        return progress
+    return reporter(title) if progress else silent
+
+
+def _state(made: State | None) -> State:
+    assert made is not None
+    return made
