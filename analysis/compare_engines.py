@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 
-import labkit
+import labkit as lk
 from labkit.engines import ENGINES
 
 
@@ -31,7 +31,7 @@ def quantities(run):
 
 runs = {engine: [] for engine in ENGINES}
 for file in sys.argv[1:]:
-    run = labkit.open_run(file)
+    run = lk.open_run(file)
     runs[run.attrs["engine"]].append(quantities(run))
 if len(runs["yade"]) < 2 or len(runs["yade"]) != len(runs["fused"]):
     sys.exit("give the runs of at least two specimens, each on both engines")

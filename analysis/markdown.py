@@ -1,9 +1,10 @@
-"""Markdown for pages that commands write."""
+"""Markdown for the pages of the studies."""
 
 from __future__ import annotations
 
 import re
 import string
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 import pandas
@@ -12,14 +13,14 @@ WORDS = 40  # characters of a cell from which on it is a sentence
 BLANK = "\N{NO-BREAK SPACE}"
 
 
-def table(header, rows, right=()):
+def table(header: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = ()) -> str:
     """A table as text; cells are text. `right`: the columns, by number, that stand on the right."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
     rule = "".join("---:|" if k in right else "---|" for k in range(len(header)))
     return "\n".join([lines[0], "|" + rule, *lines[1:]])
 
 
-def frame_table(frame, marks=()):
+def frame_table(frame: pandas.DataFrame, marks: Sequence[str] = ()) -> str:
     """A pandas.DataFrame as a Markdown table for pandoc: numbers rounded and on the right, text taken literally.
 
     `marks`: for each row a class of the page's style, or "", that its cells get.
@@ -33,14 +34,14 @@ def frame_table(frame, marks=()):
     return table([literal(_heading(name)) for name in names], rows, numbers)
 
 
-def literal(text):
+def literal(text: object) -> str:
     """Text in which no character means anything to Markdown."""
     return re.sub(f"([{re.escape(string.punctuation)}])", r"\\\1", " ".join(str(text).split()))
 
 
-def number(value, digits=4):
-    """A number in so many digits, all that stand before its point, and a power of ten where it is very long; what is
-    no number is empty."""
+def number(value: float, digits: int = 4) -> str:
+    """A number in so many digits, all that stand before its point, and a power of ten where it is very long; NaN and
+    infinity are empty."""
     if not np.isfinite(value):
         return ""
     mantissa, power = f"{value:.{digits - 1}e}".split("e")

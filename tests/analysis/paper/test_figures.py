@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import analysis.paper
+import labkit
 from labkit.cli import main
 from labkit.model.parameters import Model
 from analysis.paper import figures, size_groups

@@ -11,7 +11,7 @@ from analysis.speed_error import collisions
 from analysis.speed_error.collisions import collide, collision_errors, orders, restitution
 
 FRACTIONS = (0.2, 0.1, 0.05, 0.025)
-FIRST_ORDER = {("restitution", "paper"), ("tangential impulse", "paper"), ("tangential restitution", "paper")}
+FIRST_ORDER = {(name, "spring_dashpot") for name in ("restitution", "tangential impulse", "tangential restitution")}
 
 
 @pytest.fixture(scope="module")

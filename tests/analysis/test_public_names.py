@@ -1,0 +1,50 @@
+"""The studies use what everybody may use: the public names of labkit and of its rooms."""
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+
+ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
+FILES = sorted(ANALYSIS.rglob("*.py"))
+FRAME = {"labkit.cli", "labkit.cli.arguments", "labkit.errors"}  # of commands: the parser, the exit codes, the errors
+ROOMS = {f"labkit.{name}" for name in ("bench", "campaign", "dem", "engines", "io", "micro", "model", "runs", "sff",
+                                       "visuals")}  # fmt: skip
+
+
+def imported(file):
+    """(module, name) of what a file takes from labkit, `labkit` itself for lk.name."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, None) for alias in node.names if alias.name.split(".")[0] == "labkit")
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "labkit":
+            yield from ((node.module, alias.name) for alias in node.names)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "lk":
+            yield "labkit", node.attr
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ANALYSIS)))
+def test_only_public_names_are_imported(file):
+    for module, name in imported(file):
+        if name is None:
+            assert module == "labkit", f"{module}: import names of a room"
+        elif module not in FRAME:
+            assert module in ROOMS | {"labkit"}, f"{module} is inside a room: import {name} from the room"
+            assert name in importlib.import_module(module).__all__, f"{name} is not public in {module}"
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ANALYSIS)))
+def test_labkit_is_called_lk(file):
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            assert all(alias.asname == "lk" for alias in node.names if alias.name == "labkit")
+
+
+def test_the_library_does_not_know_the_studies():
+    library = ANALYSIS.parent / "labkit"
+    for file in library.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            module = node.module if isinstance(node, ast.ImportFrom) else None
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [module or ""]
+            assert not any(name.split(".")[0] == "analysis" for name in names), file
