@@ -42,7 +42,8 @@ class Laboratory:
         scene, grains = self.scene, grains or self.grains
         file = self.shared / f"e{scene.void_ratio:g}_f{scene.step1_friction:g}_n{grains}.state.nc"
         if not file.exists():
-            lk.make_specimen(lk.Recipe(scene.void_ratio, scene.step1_friction, grains=grains), lk.Scene(), file=file)
+            recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=grains)
+            lk.make_specimen(recipe, file=file, progress=False)
         return file
 
     def specimen(self, grains: int | None = None) -> State:
@@ -57,7 +58,8 @@ class Laboratory:
         self, state: State, path: Loading | None = None, name: str = "run", record_strain: float | None = None
     ) -> xr.Dataset:
         """Takes a specimen along the scene's path, or along another; the run, as labkit.open_run gives it."""
-        done = lk.run(state, path or self.loading(), self.engine, self.file(name), record_strain=record_strain)
+        file = self.file(name)
+        done = lk.run(state, path or self.loading(), self.engine, file, progress=False, record_strain=record_strain)
         self.keep(name, done.exceeded)
         return done.data
 
@@ -74,7 +76,7 @@ class Laboratory:
     def half_step(self, state: State) -> xr.Dataset:
         """The scene's run on the engine fused with half the time step: what a converged run gives."""
         file = self.shared / f"{self.scene.name}_n{state.number_of_grains}.run.nc"
-        return lk.run(with_step(state, 0.5), self.loading(), file=file).data
+        return lk.run(with_step(state, 0.5), self.loading(), file=file, progress=False).data
 
     def refused(self, attempt: Callable[[], object]) -> InputError | PhysicsError | None:
         """The error with which labkit gives up what it is asked for, or None if it does not."""
@@ -84,6 +86,12 @@ class Laboratory:
             self.said.append(str(error))
             return error
         return None
+
+    def refused_run(self, state: State, name: str, path: Loading | None = None) -> str:
+        """What labkit says of a run that it refuses or stops; empty if it does not."""
+        file = self.file(name)
+        error = self.refused(lambda: lk.run(state, path or self.loading(), self.engine, file, progress=False))
+        return "" if error is None else str(error)
 
     def names_exceeded(self) -> set[str]:
         """The names of the limits that the runs say they have exceeded."""

@@ -43,7 +43,7 @@ class HardScene:
         `extent` shortens a test, 1 being the whole: its strains, or the number of its cycles. A path that ends at a
         pressure goes all the way.
         """
-        given = {"rate": self.rate, "pressure": self.pressure}
+        given = {"rate": self.rate, "pressure": None if self.pressure is None else f"{self.pressure:g} Pa"}
         if self.cycles:
             turns = (1.0, -1.0) * max(4, round(self.cycles * extent)) + (1.0,)
             given["reversals"] = tuple(_rounded(x * self.strain) for x in turns)

@@ -100,7 +100,7 @@ def make(work: str | Path, case: Case, seed: int) -> None:
     scene = lk.Scene(**dict(case.material))
     side = case.side or side_for(case.grains, VOID_RATIO, scene)
     recipe = lk.Recipe(VOID_RATIO, STEP1_FRICTION, side=side, seed=seed)
-    lk.consolidate(lk.make_specimen(recipe, scene), PRESSURE, file=file)
+    lk.consolidate(lk.make_specimen(recipe, scene, progress=False), PRESSURE, file=file, progress=False)
 
 
 def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
@@ -125,10 +125,9 @@ def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
 def _run(state, case, file):
     if case.engine == "fused":  # compiles for the scene
         FusedEngine(state.replace(time_step=state.scene.time_step)).advance(1, np.zeros((3, 3)))
-    options = {} if case.engine == "yade" else {"servo": case.servo, "guarded": case.guarded}
     return lk.run(
-        state, case.loading(), case.engine, file, threads=case.threads, record_strain=case.record_strain,
-        snapshots=case.snapshots, **options,
+        state, case.loading(), case.engine, file, case.threads, progress=False, record_strain=case.record_strain,
+        snapshots=case.snapshots, servo=case.servo, guarded=case.guarded,
     )  # fmt: skip
 
 

@@ -18,8 +18,7 @@ def deep_overlaps(lab: Laboratory) -> Judged:
     grains = insert_grains(lk.Scene(), recipe)
     listed = FusedEngine(grains).state()
     said = [
-        str(lab.refused(lambda: lk.run(state, lab.loading(), lab.engine, lab.file(name))))  # noqa: B023
-        for name, state in (("unlisted", grains), ("listed", without_ledger(listed)))
+        lab.refused_run(state, name) for name, state in (("unlisted", grains), ("listed", without_ledger(listed)))
     ]
     return said[0], [
         true("a state lists no contacts", len(grains.contact_grain) == 0 < len(listed.contact_grain)),
@@ -34,10 +33,9 @@ def size_ratio_5(lab: Laboratory) -> Judged:
     small_step = dataclasses.replace(usual, time_step_factor=0.06)
     if not made.exists():
         recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
-        lk.make_specimen(recipe, small_step, file=made)
+        lk.make_specimen(recipe, small_step, file=made, progress=False)
     state = read_state(made)
-    too_long = state.replace(scene=usual)
-    said = str(lab.refused(lambda: lk.run(too_long, lab.loading(), lab.engine, lab.file("usual"))))
+    said = lab.refused_run(state.replace(scene=usual), "usual")
     run, reference = lab.run(state), lab.half_step(state)
     failed = [finding for finding in findings(run) if finding.decides and not finding.holds]
     lab.said += [f"labkit verify: {finding}" for finding in failed]

@@ -32,9 +32,9 @@ def step_over(lab: Laboratory) -> Judged:
     specimen = lab.specimen()
     limit = _limit_over_step(specimen)
     over, apart = with_step(specimen, 1.03 * limit), _blown_up(with_step(specimen, 3.0 * limit), 1.08)
-    said = str(lab.refused(lambda: lk.run(over, lab.loading(), lab.engine, lab.file("over"))))
+    said = lab.refused_run(over, "over")
     isoc = IsotropicCompression(rate=20.0, strain=0.2, pressure=1e6)
-    stopped = str(lab.refused(lambda: lk.run(apart, isoc, lab.engine, lab.file("unseen"))))
+    stopped = lab.refused_run(apart, "unseen", isoc)
     return f"{said} | {stopped}", [
         true("refused with the step that is stable", "beyond the stable" in said),
         true("nothing is written", not lab.file("over").exists()),
@@ -54,7 +54,7 @@ def _blown_up(state, factor):
 
 def step_outgrown(lab: Laboratory) -> Judged:
     """See the scene of this name."""
-    lk.run(lab.specimen(), IsotropicDilation(pressure=5e3), file=lab.file("loose"))
+    lk.run(lab.specimen(), IsotropicDilation(pressure=5e3), file=lab.file("loose"), progress=False)
     start = without_ledger(read_checkpoint(lab.file("loose")).at_rest())
     state = with_step(start, 0.99 * _limit_over_step(start))
     run, reference = lab.run(state), lab.half_step(state)
@@ -72,7 +72,7 @@ def fast(lab: Laboratory) -> Judged:
     run = lab.run(state)
     file = lab.shared / f"quasi_static_n{lab.grains}.run.nc"
     path = dataclasses.replace(lab.scene, rate=QUASI_STATIC).loading(lab.extent)
-    slow, found = later_half(lk.run(state, path, file=file).data)["q/p"], later_half(run)["q/p"]
+    slow, found = later_half(lk.run(state, path, file=file, progress=False).data)["q/p"], later_half(run)["q/p"]
     inertial = float(run["inertial_number"].values.max())
     return f"I up to {inertial:.2g}; q/p {found:.3f}, quasi-static {slow:.3f}", [
         true("the run says: inertial number", "inertial number" in lab.names_exceeded()),
