@@ -49,6 +49,11 @@ class Parameter:
     option: bool
 
     @property
+    def example(self) -> str:
+        """A value that a person could write."""
+        return EXAMPLES.get(self.unit, f"1 {self.unit}")
+
+    @property
     def allowed(self) -> str:
         """What to give, in words for an error."""
         if self.choices is not None:
@@ -60,7 +65,7 @@ class Parameter:
             return f"{what} above {self.above:g}{most}{unit}"
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"{self.low:g} to {self.high:g}{unit}"
-        return f"{what}, e.g. {EXAMPLES[self.unit]}"
+        return f"{what}, e.g. {self.example}"
 
     def error(self, value: Any, problem: str = "is not possible", allowed: str | None = None) -> InputError:
         """The InputError for a value of this field."""
@@ -80,6 +85,9 @@ class Parameter:
         return self.check(self._number(value, unit_needed))
 
     def _flag(self, value: Any) -> bool:
+        words = {"true": True, "false": False}
+        if isinstance(value, str):
+            value = words.get(value.lower(), value)
         if not isinstance(value, bool):
             raise self.error(value, allowed="True or False")
         return value
@@ -107,17 +115,17 @@ class Parameter:
         if not match:
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
                 raise self.error(text, "is not possible")
-            example = "20" if self.kind is int else EXAMPLES[self.unit]
+            example = "20" if self.kind is int else self.example
             raise self.error(repr(text), "is not a number", f"e.g. {example}")
         value, unit = float(match[1]), match[2]
-        if unit and unit not in UNITS.get(self.unit, {}):
-            known = ", ".join(UNITS.get(self.unit, {})) or "no unit"
-            raise self.error(text, f"has an unknown unit {unit!r}", f"it in {known}")
+        units = UNITS.get(self.unit, {self.unit: 1.0})  # a path of one's own may have any
+        if unit and unit not in units:
+            raise self.error(text, f"has an unknown unit {unit!r}", f"it in {', '.join(units)}")
         if not unit and unit_needed and self.unit != "1":
-            raise self.error(text, "has no unit", f"e.g. {EXAMPLES[self.unit]}")
+            raise self.error(text, "has no unit", f"e.g. {self.example}")
         if not unit and self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
             self._suspect(value)
-        return value * UNITS[self.unit][unit] if unit else value
+        return value * units[unit] if unit else value
 
     def _suspect(self, value: float) -> None:
         raise self.error(value, "is less than 100 Pa: did you mean MPa?", f"{value:g} MPa, or {value:g} Pa with the unit")
