@@ -8,6 +8,6 @@ import sys
 
 sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
 
-from labkit.bench.speed import print_speed  # noqa: E402
+from labkit.engines.speed import print_speed  # noqa: E402
 
 print_speed("yade", sys.argv[1], int(sys.argv[2]), O.numThreads)  # noqa: F821

@@ -5,12 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import statistics
-import subprocess
-import sys
 
 from labkit.bench import lammps as bench_lammps
-from labkit.engines.yade_process import find_script, find_yade, yade_environment
-from labkit.errors import PhysicsError
+from labkit.engines.speed import in_yade, speed
 from labkit.dem.paths import ConstantVolume
 from labkit.dem.servo import STANDARD, velocity_gradient
 from labkit.dem.state import read_state
@@ -20,14 +17,14 @@ def variants(scene):
     """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has and
     what knows the contact law of the scene."""
     found = {}
-    if shutil.which("yade") and scene.law == "yade":
-        found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", 1, file, steps)
-        found["labkit on YADE, 1 thread"] = lambda file, steps: in_yade("speed.py", 1, file, steps)
-        found["labkit on YADE, 2 threads"] = lambda file, steps: in_yade("speed.py", 2, file, steps)
+    if shutil.which("yade") and scene.law == "rolling_resistance":
+        found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
+        found["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)
+        found["labkit on YADE, 2 threads"] = lambda file, steps: speed("yade", file, steps, 2)
     if shutil.which("lmp"):
         found["LAMMPS, 1 process"] = _in_lammps
-    found["fused, 1 thread"] = lambda file, steps: in_fused(1, file, FASTER * steps)
-    found["fused, 2 threads"] = lambda file, steps: in_fused(2, file, FASTER * steps)
+    found["fused, 1 thread"] = lambda file, steps: speed("fused", file, FASTER * steps, 1)
+    found["fused, 2 threads"] = lambda file, steps: speed("fused", file, FASTER * steps, 2)
     return found
 
 
@@ -44,26 +41,6 @@ def bench(specimen, steps, rounds, progress):
             found[name].append(run(os.path.abspath(specimen), steps))
     progress(1.0, "done")
     return found
-
-
-def in_yade(script, threads, specimen, steps):
-    """What a script of yade_scripts measures in a YADE of its own, quantity -> value."""
-    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), specimen, str(steps)]
-    return _quantities(command, yade_environment())
-
-
-def in_fused(threads, specimen, steps):
-    """What labkit.bench.speed measures of the engine fused in a process of its own, quantity -> value."""
-    command = [sys.executable, "-m", "labkit.bench.speed", specimen, str(steps), str(threads)]
-    return _quantities(command, None)
-
-
-def _quantities(command, environment):
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    words = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
-    if done.returncode or not words:
-        raise PhysicsError(f"{command[-3]} ended with exit status {done.returncode}: {done.stderr.strip()[-300:]}")
-    return {name: float(value) for name, value in words}
 
 
 def _in_lammps(specimen, steps):
