@@ -1,7 +1,8 @@
 """The command line: `labkit COMMAND`.
 
     main       reads a command line, runs its command, says what went wrong
-    registry   commands register themselves there, with their options
+    registry   where the commands are; they register themselves there, with their options
+    parser     of command lines
     arguments  options made of the table of parameters
     simulate   specimen, consolidate, run, stratified; also inside YADE
     look       verify, critical, figure, picture, paraview, watch, info

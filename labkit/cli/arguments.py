@@ -6,30 +6,13 @@ import argparse
 import os
 import sys
 from collections.abc import Iterable
-from typing import Any, NoReturn
+from typing import Any
 
+from labkit.cli.parser import Parser
 from labkit.dem.settings import SETTINGS
 from labkit.engines import ENGINES
 from labkit.errors import InputError, option_name
 from labkit.parameters import Parameter, help_of, parameters_of
-
-POSITIONAL = {"path": "path", "specimen": "specimen", "engine": "engine", "figure": "figure"}
-
-
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line: InputError instead of usage and exit. No abbreviations of options."""
-
-    def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        super().__init__(*arguments, allow_abbrev=False, **keywords)
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
-
-
-def named(field: str) -> str:
-    """How the command line calls a parameter."""
-    return POSITIONAL.get(field) or option_name(field)
-
 
 def add_parameters(
     parser: argparse.ArgumentParser, kind: type, leave_out: Iterable[str] = (), unset: bool = False

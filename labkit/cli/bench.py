@@ -17,7 +17,7 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=positive_int, default=5, help="measurements of each, in turn")
 
 
-@command("bench", "speed on one scene: a stock YADE script, labkit's engines, LAMMPS", bench_options)
+@command("bench", bench_options)
 def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.dem.state import read_state
 
@@ -38,7 +38,11 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
         print(kernel.sizes(state, options.steps, progress))
 
 
-@command("bench-statistics", "speed and memory of the statistics of a run", lambda parser: parser.add_argument("run", help="run file"))
+def statistics_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run", help="run file")
+
+
+@command("bench-statistics", statistics_options)
 def do_bench_statistics(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.bench.statistics import bench_statistics
 

@@ -21,7 +21,7 @@ def demo_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
 
 
-@command("demo", "specimen, CV test and verification in a few minutes", demo_options)
+@command("demo", demo_options)
 def do_demo(options: argparse.Namespace, argv: list[str]) -> int:
     """Makes specimen, run and verification in a folder, with the commands that a user would type."""
     find_yade()

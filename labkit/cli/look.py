@@ -26,7 +26,7 @@ def verify_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", help="file for the checks and limits as CSV")
 
 
-@command("verify", "compare C0 with Love's stress and check what a path holds: a table and a figure", verify_options)
+@command("verify", verify_options)
 def do_verify(options: argparse.Namespace, argv: list[str]) -> int:
     """Returns 1 when a check fails."""
     from labkit.runs import verify
@@ -55,7 +55,7 @@ def critical_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", help="file for the table as CSV")
 
 
-@command("critical", "critical state of shear tests: a table, and their e-p paths", critical_options)
+@command("critical", critical_options)
 def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.runs.critical import critical_states, is_shear
     from labkit.visuals import plots
@@ -85,7 +85,7 @@ def figure_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", help="file for the table as CSV")
 
 
-@command("figure", "grains, contacts, forces and records of a run: a figure and its table", figure_options)
+@command("figure", figure_options)
 def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
     import labkit
     from labkit.runs.dataset import require_snapshots
@@ -115,7 +115,7 @@ def picture_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", help="picture (default: beside the file)")
 
 
-@command("picture", "grains and contact forces in three dimensions: a picture", picture_options)
+@command("picture", picture_options)
 def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.runs.dataset import snapshots
     from labkit.visuals import plots
@@ -135,7 +135,7 @@ def paraview_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", help="folder (default: beside the file)")
 
 
-@command("paraview", "grains, contacts and cell as files that ParaView opens", paraview_options)
+@command("paraview", paraview_options)
 def do_paraview(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.runs.dataset import snapshots
     from labkit.visuals import paraview
@@ -152,7 +152,7 @@ def stratified_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", help="file for the table as CSV")
 
 
-@command("stratified", "Fig. 3: coarse grains above fine ones, forces and strata", stratified_options)
+@command("stratified", stratified_options)
 def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
     import dataclasses
 
@@ -161,14 +161,14 @@ def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.cli.simulate import history_of
     from labkit.dem.state import read_state
     from labkit.dem.stratified import strata
-    from labkit.visuals import layer, plots
+    from labkit.visuals import layer_figure, plots
 
     figure = options.figure or options.output.removesuffix(".state.nc") + ".png"
     require_outputs(figure, options.csv)
     stratified(options, history_of(argv))
     state = read_state(options.output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in strata(state)])
-    plots.save(layer.stratified_layer(state), figure, [options.output])
+    plots.save(layer_figure.stratified_layer(state), figure, [options.output])
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
@@ -181,7 +181,7 @@ def watch_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--once", action="store_true", help="draw once")
 
 
-@command("watch", "draw runs in the terminal while they go on", watch_options)
+@command("watch", watch_options)
 def do_watch(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.visuals.watch import watch
 
@@ -193,7 +193,7 @@ def info_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="recompute the hashes of its data and of its inputs")
 
 
-@command("info", "what is in a state or run file", info_options)
+@command("info", info_options)
 def do_info(options: argparse.Namespace, argv: list[str]) -> int:
     """Returns 1 when a hash is not that of the data."""
     from labkit.runs.info import check_file, describe_file

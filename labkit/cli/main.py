@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 
 import labkit
 from labkit import extensions
-from labkit.cli.arguments import Parser, named
-from labkit.cli.registry import COMMANDS
+from labkit.cli.parser import Parser, named
+from labkit.cli.registry import Command, find, helps
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
-
-MODULES = ("simulate", "look", "model", "bench", "campaign", "demo")
-
 
 def main(argv: list[str] | None = None) -> int:
     """Runs a command; returns 0 done, 1 the physics or a check failed, 2 bad input, 128 + the number of a signal."""
@@ -34,12 +30,13 @@ def main(argv: list[str] | None = None) -> int:
 def call(argv: list[str]) -> int:
     """Runs a command and returns its exit code. Raises InputError, PhysicsError or Interrupted where it gives up."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # commands draw into files
-    for name in MODULES:
-        importlib.import_module(f"labkit.cli.{name}")
     for file in files_to_use(argv):
         extensions.use(file)
-    options = parser_for(argv).parse_args(argv)
-    return COMMANDS[options.command].execute(options, argv) or 0
+    command = find(argv[0]) if argv else None
+    options = parser_for(command).parse_args(argv)
+    if command is None:  # --help and --version have ended, and what is unknown was refused
+        raise InputError("a command is missing: give one (see labkit --help)")
+    return command.execute(options, argv) or 0
 
 
 def files_to_use(argv: list[str]) -> list[str]:
@@ -48,14 +45,14 @@ def files_to_use(argv: list[str]) -> list[str]:
     return after + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]
 
 
-def parser_for(argv: list[str]) -> Parser:
-    """The parser, with the options of the command that this line asks for; of all others only the names."""
+def parser_for(command: Command | None) -> Parser:
+    """The parser, with the options of this command; of all others it knows the names."""
     parser = Parser(prog="labkit", description="A virtual laboratory for granular soil.")
     parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, dest="command")
-    for command in COMMANDS.values():
-        one = commands.add_parser(command.name, help=command.help, description=f"{command.help}.")
-        if argv[:1] == [command.name]:
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for name, said in helps().items():
+        one = commands.add_parser(name, help=said, description=f"{said[0].upper()}{said[1:]}.")
+        if command is not None and name == command.name:
             command.options(one)
             one.add_argument("--use", action="append", metavar="FILE", help="Python file of your own that registers "
                              "paths, contact laws, statistics, engines or figures")  # fmt: skip

@@ -57,7 +57,7 @@ def model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", help="run file to write")
 
 
-@command("model", "C0 to C5 along a loading path, no grains: a run file", model_options)
+@command("model", model_options)
 def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     """Runs the model and writes its run file, up to the failure if it fails. Raises InputError, PhysicsError."""
     from labkit.dem.limits import exceeded
@@ -101,7 +101,7 @@ def calibrate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--figure", help="figure of the runs and of the fitted model")
 
 
-@command("calibrate", "parameters of the model from run files", calibrate_options)
+@command("calibrate", calibrate_options)
 def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
     """Fits the parameters to runs, prints the report and writes what was asked for. Raises InputError."""
     from labkit.cli.look import open_runs
@@ -143,7 +143,7 @@ def speed_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", default="results", help="folder that is there (default: results)")
 
 
-@command("model-speed", "speed against error of the model's integrators: a table and a figure", speed_options)
+@command("model-speed", speed_options)
 def do_model_speed(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.bench.model import measure_all
 

@@ -86,7 +86,7 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
     return "_".join(words) + ".state.nc"
 
 
-@command("specimen", "make a specimen: a state file", specimen_options)
+@command("specimen", specimen_options)
 def do_specimen(options: argparse.Namespace, argv: list[str]) -> None:
     """Makes a specimen and writes its state file, unless the file is there and holds just that specimen."""
     specimen(options, history_of(argv))
@@ -129,7 +129,7 @@ def consolidation_task(options: argparse.Namespace, history: str) -> Consolidati
     )  # fmt: skip
 
 
-@command("consolidate", "bring a specimen to a pressure: a state file", consolidation_options)
+@command("consolidate", consolidation_options)
 def do_consolidate(options: argparse.Namespace, argv: list[str]) -> None:
     """Brings a specimen to a pressure and writes its state file."""
     consolidation(options, history_of(argv))
@@ -212,7 +212,7 @@ def _joined(value: object) -> str:
     return "_".join(f"{x:g}" for x in value) if isinstance(value, tuple) else shown(value)
 
 
-@command("run", "take a specimen along a loading path: a run file", run_options)
+@command("run", run_options)
 def do_run(options: argparse.Namespace, argv: list[str]) -> None:
     """Takes a specimen along a path into a run file; says so when that is done already."""
     run(options, history_of(argv))

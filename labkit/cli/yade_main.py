@@ -11,7 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from labkit.cli.arguments import Parser, named, parse_in_yade
+from labkit.cli.arguments import parse_in_yade
+from labkit.cli.parser import Parser, named
 from labkit.engines.tasks import from_job
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 from labkit.io.progress import ERROR, reporter

@@ -18,7 +18,7 @@ from labkit.engines.kernel.packing import Grains, History, pack
 from labkit.engines.kernel.steps import Motion
 from labkit.errors import InputError, PhysicsError
 from labkit.io.memory import return_large_arrays
-from labkit.micro.indicators import kinetic_energy
+from labkit.dem.energy import kinetic_energy
 
 # Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough
 # for a thousand steps. Where they fly about the gap doubles until a search lasts for SEARCH_STEPS[0].

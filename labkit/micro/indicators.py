@@ -53,12 +53,3 @@ def unbalanced_force(snapshot: Snapshot) -> float:
 def elastic_energy(snapshot: Snapshot) -> float:
     """Energy of the contact springs, J, after the contact law of the scene."""
     return snapshot.scene.contact_law.elastic_energy(snapshot)
-
-
-def __getattr__(name: str) -> object:
-    """`kinetic_energy` lives in labkit.dem.energy; this line goes when the engine fused imports it from there."""
-    if name == "kinetic_energy":
-        from labkit.dem.energy import kinetic_energy
-
-        return kinetic_energy
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

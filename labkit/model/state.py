@@ -10,7 +10,7 @@ from labkit.errors import InputError
 from labkit.model.equations import compression_coordination_number
 from labkit.model.parameters import Model
 from labkit.model.tensors import require_symmetric, to_six, to_tensor
-from labkit.sff.c0 import sff_stress, symmetric_product
+from labkit.sff.c0 import c0_stress, symmetric_product
 
 
 def _zero():
@@ -58,7 +58,7 @@ class ModelState:
 
     def stress(self, model=Model()):
         """C0, shape (3, 3), Pa, compression positive. Zero without contacts or without forces."""
-        return sff_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
+        return c0_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
 
     def rotated(self, Q):
         """The state seen in axes turned by the orthogonal Q (3, 3): T -> Q T Q^T."""

@@ -52,13 +52,11 @@ def c0_stress(
     return np.where(scale == 0.0, 0.0, scale * bracket(IDENTITY, A, F, trace, FA, Ft))
 
 
-def sff_stress(snapshot: Snapshot, *arrays: np.ndarray) -> np.ndarray:
+def sff_stress(snapshot: Snapshot) -> np.ndarray:
     """The stress that C0 predicts from the five statistics of a snapshot, shape (3, 3), Pa, compression positive.
 
     Zero without contacts. Love's stress of the same contacts is labkit.micro.stress.love_stress.
     """
-    if arrays:  # goes when labkit.model.state calls c0_stress
-        return c0_stress(snapshot, *arrays)
     if len(snapshot.contacts) == 0:
         return np.zeros((3, 3))
     found = statistics(snapshot)

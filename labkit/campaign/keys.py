@@ -1,0 +1,77 @@
+"""The keys of a campaign file, name -> Parameter: made of the one table of parameters (labkit.parameters)."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from labkit.dem.paths import PATHS, Consolidation, Path
+from labkit.dem.scene import Scene
+from labkit.dem.settings import SETTINGS
+from labkit.dem.simulation import Options
+from labkit.dem.specimen import Recipe
+from labkit.engines import ENGINES
+from labkit.parameters import Parameter, parameter, parameters_of
+
+MOST_GRAINS = 100_000  # of one specimen: hours on one core already
+MADE_WITH = ("mean_diameter", "diameter_spread")  # of a Scene: a run cannot change them
+MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
+
+Keys = dict[str, Parameter]
+
+
+@dataclasses.dataclass(frozen=True)
+class Common:
+    """What any entry may say, or the file for all that say nothing."""
+
+    settings: str = parameter("standard", choices=SETTINGS, help="how fast and how accurate")
+    engine: str = parameter("yade", choices=ENGINES, help="what moves the grains")
+    threads: int = parameter(1, low=1, high=256, help="threads of the engine")
+
+
+def _word(name: str, help: str, choices: object = None) -> Parameter:
+    return Parameter(
+        name, dataclasses.MISSING, help, "1", str, -math.inf, math.inf, -math.inf, choices, False, True
+    )  # fmt: skip
+
+
+NAME = _word("name", "name of the campaign and of its folder")
+PATH = _word("path", "loading path", PATHS)
+SPECIMEN = _word("specimen", "specimen to start from")
+FROM = _word("from", "specimen to consolidate")
+
+
+def options_of(kind: type) -> Keys:
+    """The parameters of a dataclass that a user may set."""
+    return {name: known for name, known in parameters_of(kind).items() if known.option}
+
+
+def file_keys() -> Keys:
+    """Keys of the file itself, for all entries that say nothing: `Scene` for specimens, `Options` for runs."""
+    return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
+
+
+def specimen_keys() -> Keys:
+    """Keys of a specimen to make."""
+    known = {**options_of(Recipe), **options_of(Scene), **options_of(Common)}
+    return {**known, "grains": dataclasses.replace(known["grains"], high=MOST_GRAINS)}
+
+
+def consolidated_keys() -> Keys:
+    """Keys of a specimen that is made of another one."""
+    common = options_of(Common)
+    pressure = parameters_of(Consolidation)["pressure"]
+    return {FROM.name: FROM, "pressure": pressure, "engine": common["engine"], "threads": common["threads"]}
+
+
+def changes_of_runs() -> Keys:
+    """The parameters of the Scene that a run may change."""
+    return {name: known for name, known in options_of(Scene).items() if name not in MADE_WITH}
+
+
+def run_keys(path: type[Path] | None) -> Keys:
+    """Keys of a run along a path; None for a path that is unknown. Those of other paths are there too."""
+    others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
+    own = {} if path is None else options_of(path)
+    common = {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **options_of(Common)}
+    return {**others, **common, **own}
