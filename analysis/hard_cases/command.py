@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas
@@ -17,10 +17,10 @@ from analysis.hard_cases.page import page, table
 from analysis.hard_cases.scenes import GRAINS, SCENES, SILENT_WRONG
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
-from labkit.dem import side_for
+from labkit.dem import Progress, side_for
 from labkit.engines import find_yade
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text, write_told
+from labkit.io import make_folder, reporter, write_text, write_with_provenance
 from labkit.visuals import plots
 
 ENGINES = ("yade", "fused")
@@ -49,7 +49,7 @@ def main(options: argparse.Namespace, command: str) -> int:
 
 def study(
     names: Sequence[str], engines: Sequence[str], grains: int, output: str | Path, work: str | Path,
-    progress: Callable[[float, str], None], history: str,
+    progress: Progress, history: str,
 ) -> int:  # fmt: skip
     """Runs the named scenes on the engines and writes hard_cases.csv, hard_cases.png and README.md to `output`.
 
@@ -71,11 +71,11 @@ def study(
     outcomes.sort(key=lambda outcome: names.index(outcome.case))
     print(table(outcomes))
     frame = pandas.DataFrame([dataclasses.asdict(outcome) for outcome in outcomes])
-    write_told(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"), command=history)
+    write_with_provenance(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"), command=history)
     drawn = draw(folder, engines, names)
     if drawn is not None:
         plots.save(drawn, output / "hard_cases.png", command=history)
-    write_told(output / "README.md", page(outcomes, grains, history, drawn is not None), command=history)
+    write_with_provenance(output / "README.md", page(outcomes, grains, history, drawn is not None), command=history)
     print(f"page: {output / 'README.md'}")
     return int(any(outcome.verdict == SILENT_WRONG for outcome in outcomes))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas
@@ -20,11 +20,12 @@ from analysis.paper.tables import write_tables
 from analysis.places import STUDIES, results_folder
 from labkit.campaign import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
+from labkit.dem import Progress
 from labkit.engines import find_yade
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_told
+from labkit.io import make_folder, reporter, write_with_provenance
 from labkit.runs import snapshots
-from labkit.visuals import picture, plots
+from labkit.visuals import draw_grains, plots
 
 TESTS = Path(__file__).with_name("paper.yaml")
 PICTURED = "cv-dense"  # at its start and end
@@ -52,7 +53,7 @@ def main(options: argparse.Namespace, command: str) -> int:
     return int(code != 0)
 
 
-def simulate(folder: str | Path, cores: int, progress: Callable[[float, str], None]) -> int:
+def simulate(folder: str | Path, cores: int, progress: Progress) -> int:
     """Brings the campaign in `folder` up to date: its own file there, or the paper's; the exit code of a campaign."""
     folder = Path(folder)
     file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else TESTS
@@ -62,7 +63,7 @@ def simulate(folder: str | Path, cores: int, progress: Callable[[float, str], No
 
 
 def paper(
-    campaign: str | Path | None, output: str | Path, command: str, progress: Callable[[float, str], None]
+    campaign: str | Path | None, output: str | Path, command: str, progress: Progress
 ) -> Iterator[Path]:
     """Condenses the finished runs of the folder `campaign`, if one is given, and makes all tables, figures and the
     report of the thin files in `output`; yields the files that were written."""
@@ -75,13 +76,13 @@ def paper(
         progress(1.0, "runs condensed")
     found = runs(output)
     text = cost_table(found).to_csv(index=False, float_format="%.6g")
-    write_told(output / "campaign.csv", text, sources(found), command)
+    write_with_provenance(output / "campaign.csv", text, sources(found), command)
     yield output / "campaign.csv"
     study = output.parent / "speed_error" / "study.nc"
     yield from write_tables(found, output, study if study.exists() else None, command)
     if PICTURED in found and found[PICTURED].sizes["snapshot"]:
         file = found[PICTURED].encoding["source"]
-        plots.save(picture(snapshots(file, [0, -1])), output / "gallery.png", [file], command)
+        plots.save(draw_grains(snapshots(file, [0, -1])), output / "gallery.png", [file], command)
         yield output / "gallery.png"
     for notebook in notebook_files(STUDIES):
         execute(notebook, output, output)

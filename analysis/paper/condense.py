@@ -18,7 +18,7 @@ import xarray as xr
 import labkit as lk
 from analysis.netcdf import characters
 from analysis.paper.size_groups import write_size_groups
-from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, data_sha256, open_netcdf, provenance, whole_file
+from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, data_sha256, open_netcdf, provenance_json, whole_file
 
 PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> the snapshots whose contacts are kept
 FIG_2 = "cv-dense"
@@ -39,7 +39,7 @@ def condense(file: str | Path, output: str | Path, command: str) -> bool:
                 _copy(source, thin, chosen)
                 thin.source_sha256 = digest
                 thin.source_provenance = re.sub(r"/\S*/yade_scripts/", "yade_scripts/", source.provenance)
-                thin.provenance = provenance(command, output=output)  # its input is told by the hash of its data
+                thin.provenance = provenance_json(command, output=output)  # its input is told by the hash of its data
             with lk.open_run(file) as run:
                 if Path(file).name == f"{FIG_2}.run.nc":
                     write_size_groups(run, Path(output).parent.parent, command)

@@ -17,8 +17,8 @@ from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
 from labkit.dem import travelled
 from labkit.errors import InputError
-from labkit.io import RECORD, provenance, whole_file
-from labkit.model import ENGINE, Fit, Model, fit, observe, records
+from labkit.io import RECORD, provenance_json, whole_file
+from labkit.model import MODEL_ENGINE, Fit, Model, fit, observe, records
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
 WORDS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
@@ -174,7 +174,7 @@ def write_model(
 ) -> None:
     """Writes the Dataset of compare(), whole or not at all."""
     with whole_file(file) as temporary:
-        data = data.assign_attrs(provenance=provenance(command, inputs, file))
+        data = data.assign_attrs(provenance=provenance_json(command, inputs, file))
         coding = {key: {"zlib": True, "complevel": 4} for key in STORED}
         data.to_netcdf(temporary, encoding=coding | characters(data))
 
@@ -198,7 +198,7 @@ def _as_run(test):
     path = str(test["path"].values)
     run = test.drop_vars(["run", "parameters", "path"]).rename(record="time").dropna("time", subset=["axial_strain"])
     run = run.assign(stress_sff=run["stress"], void_ratio_nominal=run["void_ratio"])
-    return run.assign_attrs(engine=ENGINE, path=path).set_coords("axial_strain")
+    return run.assign_attrs(engine=MODEL_ENGINE, path=path).set_coords("axial_strain")
 
 
 def summary(errors: pandas.DataFrame, table: Callable[..., str] = markdown.table) -> str:

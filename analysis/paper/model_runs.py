@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path as File
 
 import xarray as xr
 
 from labkit.dem import Path
-from labkit.dem import path_of as known_path
 from labkit.errors import InputError
-from labkit.model import Model, ModelState, Result, as_run, drive, isotropic_state
+from labkit.model import Model, ModelState, Result, as_run, drive, isotropic_state, read_model
+from labkit.runs import Run
 
 TABLE_2, CALIBRATED = "Table 2", "calibrated"
 
@@ -23,13 +22,13 @@ def models(folder: str | File) -> dict[str, Model]:
     found = {TABLE_2: Model()}
     file = File(folder) / "calibrated.json"
     if file.exists():
-        found[CALIBRATED] = Model.from_json(file.read_text())
+        found[CALIBRATED] = read_model(file)
     return {name: model.reading(beyond_e_cmax="flat") for name, model in found.items()}
 
 
 def path_of(run: xr.Dataset) -> Path:
     """The loading path along which a run went. Raises InputError if nobody here knows it."""
-    found = known_path(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
+    found = Run(run).path
     if found is None:
         raise InputError(f"path {run.attrs['path']!r} is unknown here: labkit.use() the file that registers it")
     return found

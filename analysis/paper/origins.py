@@ -15,7 +15,7 @@ import netCDF4
 import pandas
 
 from analysis.paper.pieces import join, missing, table
-from labkit.io import file_sha256, of_file, provenance, rows
+from labkit.io import file_sha256, provenance_json, provenance_of, provenance_rows
 
 DIGITS = 12  # of a hash, enough to tell files apart
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
@@ -25,7 +25,7 @@ def origins(
     folder: Path, files: Iterable[Path], output: str | Path, command: str, runs_command: str
 ) -> str:
     """The last section of the report. `files`: what the page shows; `runs_command`: what makes the run files."""
-    here = rows(json.loads(provenance(command, output=output)))
+    here = provenance_rows(json.loads(provenance_json(command, output=output)))
     page = pandas.DataFrame([row for row in here.items() if row[0] != "inputs"], columns=["", " "])
     runs = run_origins(folder)
     return join(
@@ -67,7 +67,7 @@ def file_origins(folder: Path, files: Iterable[Path]) -> pandas.DataFrame:
     """A row per file that the page shows; a pandas.DataFrame."""
     return pandas.DataFrame([
         {"file": os.path.relpath(file, folder.parent), "hash": file_sha256(file)[:DIGITS],
-         "made by": (of_file(file) or {}).get("command", "")}
+         "made by": (provenance_of(file) or {}).get("command", "")}
         for file in files
     ])  # fmt: skip
 

@@ -23,7 +23,7 @@ from analysis.speed_error.errors import errors
 from analysis.speed_error.page import settings
 from analysis.speed_error.table import open_study
 from labkit.errors import InputError
-from labkit.io import require_writable, tell
+from labkit.io import require_writable, write_provenance
 
 TABLES = "./lab paper"  # commands that make what is missing
 FIGURES = "./lab notebooks"
@@ -60,7 +60,7 @@ def report(folder: str | Path, output: str | Path, command: str) -> None:
     text = join(HEAD, SUBJECT, *(section(folder) for section in sections))
     files = shown_files(folder)
     write_page(join(text, origins(folder, files, output, command, TABLES)), folder, output)
-    tell(output, files, command)
+    write_provenance(output, files, command)
 
 
 HEAD = """---

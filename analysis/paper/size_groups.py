@@ -7,7 +7,7 @@ from pathlib import Path
 import xarray as xr
 
 from labkit.errors import InputError
-from labkit.io import provenance, whole_file
+from labkit.io import provenance_json, whole_file
 
 FILE = "size_groups.nc"
 GROUPS = 5  # as the paper has
@@ -22,7 +22,7 @@ def write_size_groups(run: xr.Dataset, folder: str | Path, command: str | None =
     if not run.sizes["snapshot"]:
         raise InputError(f"{source} holds no contacts: give a run with snapshots")
     found = run.lab.size_groups(GROUPS).assign(love=run.lab.love_stress())
-    found.attrs = {"path": run.attrs["path"], "provenance": provenance(command, [source], file)}
+    found.attrs = {"path": run.attrs["path"], "provenance": provenance_json(command, [source], file)}
     with whole_file(file) as temporary:
         found.to_netcdf(temporary, encoding={name: {"zlib": True} for name in found.data_vars})
 

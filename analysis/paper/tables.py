@@ -10,7 +10,7 @@ from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, shear
 from analysis.paper.engines import engine_table
 from analysis.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from analysis.paper.sff_errors import sff_errors
-from labkit.io import make_folder, write_told
+from labkit.io import make_folder, write_with_provenance
 
 
 def write_tables(
@@ -43,6 +43,6 @@ def write_tables(
     if found:
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():
-        write_told(output / name, text, sources(runs), command)
+        write_with_provenance(output / name, text, sources(runs), command)
     model_comparison.write_model(output / "model.nc", data, command)
     return [*(output / name for name in texts), output / "model.nc"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas
@@ -20,8 +20,9 @@ from analysis.speed_error.measures import measure_others
 from analysis.speed_error.page import page
 from analysis.speed_error.table import collect, open_study, restore
 from labkit.cli.arguments import positive_int
+from labkit.dem import Progress
 from labkit.engines import find_yade
-from labkit.io import make_folder, reporter, tell, whole_file, write_told
+from labkit.io import make_folder, reporter, whole_file, write_provenance, write_with_provenance
 from labkit.visuals import plots
 
 
@@ -47,7 +48,7 @@ def main(options: argparse.Namespace, command: str) -> None:
 
 
 def speed_error(
-    design_name: str, work: str | Path, output: str | Path, jobs: int, progress: Callable[[float, str], None],
+    design_name: str, work: str | Path, output: str | Path, jobs: int, progress: Progress,
     earlier: str | Path | None = None,
 ) -> list[Path]:  # fmt: skip
     """Runs the design in the folder `work`, writes the folder `output`; returns the files. `earlier`: the study.nc of a
@@ -70,17 +71,18 @@ def write(
     table = errors(data, measures["settings"])
     with whole_file(output / "study.nc") as temporary:
         data.to_netcdf(temporary, encoding=characters(data))
-    tell(output / "study.nc", command=command)
-    write_told(output / "errors.csv", table.to_csv(index=False, float_format="%.5g"), [output / "study.nc"], command)
+    write_provenance(output / "study.nc", command=command)
+    text = table.to_csv(index=False, float_format="%.5g")
+    write_with_provenance(output / "errors.csv", text, [output / "study.nc"], command)
     for file in sorted((Path(work) / "measures").iterdir()):
         if file.name != "model.csv":  # the lines of model_speed.txt
             shutil.copyfile(file, output / file.name)
             if file.suffix != ".png":
-                tell(output / file.name, command=command)
+                write_provenance(output / file.name, command=command)
     drawn = {"pareto_cp.png": figures.pareto(table), "pareto_cv.png": figures.pareto(table, "cv"),
              "changes.png": figures.changes(table), "sizes.png": figures.sizes(table)}  # fmt: skip
     for name, figure in drawn.items():
         plots.save(figure, output / name)
     made_of = [output / "study.nc", output / "errors.csv"]
-    write_told(output / "README.md", page(data, table, measures, command), made_of, command)
+    write_with_provenance(output / "README.md", page(data, table, measures, command), made_of, command)
     return sorted(output.iterdir())

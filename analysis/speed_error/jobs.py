@@ -11,7 +11,6 @@ import json
 import multiprocessing
 import statistics
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 import labkit as lk
 from analysis.speed_error.design import PRESSURE, STEP1_FRICTION, VOID_RATIO, Case, Design
 from analysis.speed_error.observables import observables
-from labkit.dem import ConstantVolume, critical_time_step, read_state, side_for, velocity_gradient
+from labkit.dem import ConstantVolume, Progress, critical_time_step, read_state, side_for, velocity_gradient
 from labkit.engines import FusedEngine, die_with_parent
 from labkit.errors import PhysicsError
 from labkit.io import write_text
@@ -28,7 +27,7 @@ SPECIMEN_COST = 0.05  # of that of a test with the specimen, about
 YARDSTICK_STEPS, YARDSTICK_ROUNDS = 1500, 5
 
 
-def run_study(design: Design, work: str | Path, jobs: int, progress: Callable[[float, str], None]) -> None:
+def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -> None:
     """Runs what is not there yet, `jobs` processes at a time. Raises PhysicsError if a job itself broke down."""
     work = Path(work)
     for folder in ("specimens", "runs", "results"):

@@ -7,7 +7,6 @@ import dataclasses
 import shutil
 import statistics
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from analysis.speed_error.jobs import run_case, run_file, specimen_file
 from analysis.speed_error.lammps import shear_in_lammps
 from analysis.speed_error.observables import strength
 from labkit.bench import bench, measure_all
-from labkit.dem import ConstantVolume, read_state, velocity_gradient
+from labkit.dem import ConstantVolume, Progress, read_state, velocity_gradient
 from labkit.engines import FusedEngine
 from labkit.io import whole_file
 from labkit.micro import deviatoric_stress, mean_stress
@@ -34,7 +33,7 @@ SETTINGS_STEPS, SETTINGS_ROUNDS = 5000, 3
 
 
 def measure_others(
-    design: Design, work: str | Path, progress: Callable[[float, str], None]
+    design: Design, work: str | Path, progress: Progress
 ) -> dict[str, pandas.DataFrame]:
     """name -> table of the design's measures; those that are in the folder already are read."""
     folder = Path(work) / "measures"

@@ -42,7 +42,8 @@ def restart_in_reversal(lab: Laboratory) -> Judged:
 def _command(lab, file):
     """The command line of the scene's run, which saves every record."""
     path = lab.loading()
-    given = {"rate": path.rate, "pressure": f"{path.pressure:g} Pa", "reversals": ",".join(f"{x:g}" for x in path.reversals),
+    turns = ",".join(f"{x:g}" for x in path.reversals)
+    given = {"rate": path.rate, "pressure": f"{path.pressure:g} Pa", "reversals": turns,
              "record-strain": f"{lab.scene.strain * lab.extent / 10:.4g}", "save-every": 1,
              "engine": lab.engine, "output": file}  # fmt: skip
     options = [f"--{name}={value}" for name, value in given.items()]

@@ -5,8 +5,7 @@ import dataclasses
 
 import pytest
 
-from labkit.cli import arguments
-from labkit.cli import commands
+from labkit.cli import simulate
 from labkit.errors import InputError
 from labkit.dem.settings import SETTINGS, settings
 from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, full
@@ -45,33 +44,32 @@ def test_rates_and_sizes_cover_the_range():
     assert min(steps) < 0.1 and max(steps) > 1.0
 
 
+def specimen_task(*words):
+    return simulate.specimen_task(parsed(simulate.specimen_options, ["--void-ratio", "0.67", *words]), "")
+
+
+def run_task(path, file, *words):
+    words = [path, str(file), "-o", "x.run.nc", *words]
+    return simulate.run_task(parsed(simulate.run_options, words), "")
+
+
 def test_standard_is_what_the_commands_do_without_options(specimen_file):
-    words = ["--void-ratio", "0.67"]
-    plain, standard = (
-        commands.check_specimen(parsed(arguments.add_specimen_options, words + more))
-        for more in ([], ["--settings", "standard"])
-    )
-    assert plain == standard
-    assert (plain[0].side, plain[1].time_step_factor) == (SETTINGS["standard"].side, 0.2)
-    plain, standard = (
-        commands.check_run(parsed(arguments.add_run_options, ["cv", str(specimen_file), "-o", "x.run.nc", *more]))
-        for more in ([], ["--settings", "standard"])
-    )
-    assert plain[0] == standard[0] and plain[1].scene == standard[1].scene
+    plain, standard = specimen_task(), specimen_task("--settings", "standard")
+    assert (plain.recipe, plain.material) == (standard.recipe, standard.material)
+    side = plain.recipe.side_of(plain.material)
+    assert (side, plain.material.time_step_factor) == (SETTINGS["standard"].side, 0.2)
+    plain, standard = run_task("cv", specimen_file), run_task("cv", specimen_file, "--settings", "standard")
+    assert plain.path == standard.path and plain.scene == standard.scene
 
 
 def test_settings_change_size_rate_and_time_step(specimen_file):
-    quick = SETTINGS["quick"]
-    recipe, scene = commands.check_specimen(
-        parsed(arguments.add_specimen_options, ["--void-ratio", "0.67", "--settings", "quick"])
-    )
-    assert recipe.side < SETTINGS["standard"].side and scene.time_step_factor == quick.time_step_factor
-    words = ["isoc", str(specimen_file), "-o", "x.run.nc", "--settings", "quick"]
-    path, state = commands.check_run(parsed(arguments.add_run_options, words))
-    assert path.rate == pytest.approx(5.0 * quick.rate_factor) and state.scene.time_step_factor == 0.3
-    path, state = commands.check_run(parsed(arguments.add_run_options, [*words, "--rate", "7", "--time-step-factor",
-                                                                        "0.1"]))  # fmt: skip
-    assert path.rate == 7.0 and state.scene.time_step_factor == 0.1
+    quick, task = SETTINGS["quick"], specimen_task("--settings", "quick")
+    assert task.recipe.side_of(task.material) < SETTINGS["standard"].side
+    assert task.material.time_step_factor == quick.time_step_factor
+    task = run_task("isoc", specimen_file, "--settings", "quick")
+    assert task.path.rate == pytest.approx(5.0 * quick.rate_factor) and task.scene.time_step_factor == 0.3
+    task = run_task("isoc", specimen_file, "--settings", "quick", "--rate", "7", "--time-step-factor", "0.1")
+    assert task.path.rate == 7.0 and task.scene.time_step_factor == 0.1
 
 
 def test_unknown_settings():
