@@ -19,7 +19,7 @@ _NAMES = {
     # what is modelled
     "Scene": "dem.scene", "Recipe": "dem.specimen", "State": "dem.state", "Options": "dem.simulation",
     "paths": "dem.paths:", "Path": "dem.paths", "StressPath": "dem.paths", "Control": "dem.paths", "Held": "dem.paths",
-    "ContactLaw": "dem.laws", "Engine": "dem.engine", "Servo": "dem.servo",
+    "laws": "dem.laws:", "ContactLaw": "dem.laws", "Engine": "dem.engine", "Servo": "dem.servo",
     # what is done
     "make_specimen": "runs.laboratory", "consolidate": "runs.laboratory", "run": "runs.laboratory",
     "read_state": "dem.state", "write_state": "dem.state",

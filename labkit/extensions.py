@@ -76,8 +76,12 @@ class Registry(Mapping[str, Any]):
         try:
             return self[name]
         except KeyError:
-            names = ", ".join(self)
-            raise InputError("is unknown", field=field or self.kind, value=repr(name), allowed=f"one of {names}") from None
+            raise InputError("is unknown", field=field or self.kind, value=repr(name), allowed=self.allowed) from None
+
+    @property
+    def allowed(self) -> str:
+        """What to give, for an error."""
+        return f"one of {', '.join(self)}, or load the file that registers it (--use FILE, labkit.use)"
 
     def name(self, name: str) -> str:
         """The name proper of an entry that may be called by an earlier one."""

@@ -57,7 +57,7 @@ class Parameter:
     def allowed(self) -> str:
         """What to give, in words for an error."""
         if self.choices is not None:
-            return f"one of {', '.join(self.choices)}"
+            return getattr(self.choices, "allowed", None) or f"one of {', '.join(self.choices)}"
         unit = "" if self.unit == "1" else f" {self.unit}"
         what = "a whole number" if self.kind is int else "a number"
         if math.isfinite(self.above):
