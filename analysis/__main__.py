@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -23,6 +24,7 @@ COMMANDS = {  # name -> (module with add_options(parser) and main(options, comma
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a study; returns 0 done, 1 the physics or a check failed, 2 bad input."""
     argv = sys.argv[1:] if argv is None else list(argv)
+    os.environ.setdefault("MPLBACKEND", "Agg")  # studies draw into files
     return run_command(build_parser(argv), argv)
 
 

@@ -8,6 +8,7 @@ of any start: the pressures here are a choice, Z is on the compression line and 
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def run_of(
     parameters: of labkit.model.model_path.
     """
     state = isotropic_state(FLAT, void_ratio, pressure * MPA, Z)
-    state = with_inherent_anisotropy(FLAT, state, a1, angle)
+    state = with_inherent_anisotropy(FLAT, state, a1, math.radians(angle))
     result = drive(FLAT, model_path(name, pressure * MPA, **parameters), state).require()
     label = f"$e_0$ {state.e:g}, $p_0$ {pressure:g} MPa,\n$Z_0$ {state.Z:.2f}, $\\Lambda_0$ {state.Lam:.5f}"
     return label, as_run(result)
