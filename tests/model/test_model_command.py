@@ -127,10 +127,3 @@ def test_inherent_anisotropy_starts_isotropic_at_the_pressure(tmp_path):
     np.testing.assert_allclose(run["stress"][0], 0.5e6 * np.eye(3), atol=1.0)
     assert abs(float(run["contact_anisotropy"][0, 0, 2])) > 0.2
     np.testing.assert_allclose(run["stress"].values[:, 0, 0], 0.5e6, rtol=1e-4)
-
-
-def test_figures_are_drawn(refused, tmp_path):
-    assert main(["model-figures", "-o", str(tmp_path)]) == 0
-    for number in range(4, 11):
-        assert (tmp_path / f"model_fig{number}.png").stat().st_size > 20_000
-    assert "nowhere" in refused("model-figures", "-o", tmp_path / "nowhere")
