@@ -10,12 +10,13 @@ specimens of YADE.
 import sys
 
 import numpy as np
+import xarray as xr
 
 import labkit as lk
 from labkit.engines import ENGINES
 
 
-def quantities(run):
+def quantities(run: xr.Dataset) -> dict[str, np.ndarray]:
     """Name -> values along the records."""
     p, q = run.lab.mean_stress(), run.lab.deviatoric_stress()
     return {

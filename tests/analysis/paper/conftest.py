@@ -13,10 +13,10 @@ import pytest
 
 import analysis.paper
 import labkit
+from analysis.paper.ends import in_memory
 from labkit.campaign.file import read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
-from analysis.paper.ends import in_memory
 from labkit.sff.c0 import c0_stress
 
 CAMPAIGN = Path(analysis.paper.__file__).with_name("paper.yaml")

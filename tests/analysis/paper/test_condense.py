@@ -6,10 +6,10 @@ import xarray as xr
 
 import labkit
 from analysis import paper
-from labkit.errors import InputError
-from labkit.io.provenance import check
 from analysis.paper.condense import PICTURES, condense
 from analysis.paper.size_groups import read_size_groups
+from labkit.errors import InputError
+from labkit.io.provenance import check
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from labkit.runs.critical import critical_states
 from analysis.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
 from labkit.dem.paths import travelled
+from labkit.runs.critical import critical_states
 
 
 def relaxing(run, relaxation):

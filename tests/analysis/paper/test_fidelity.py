@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from labkit.model.parameters import Parameters
 from analysis.paper import lines
 from analysis.paper.causes import end_comparisons
 from analysis.paper.ends import ends, main, sheared
 from analysis.paper.fidelity import NO_RUNS, fidelity, page
+from labkit.model.parameters import Parameters
 
 TABLE_2 = Parameters()
 CRITICAL = ("M CV", "A_zz", "F_zz", "Ft_zz", "Z residual", "Lambda residual", "e residual", "c_cZ", "c_cLambda",

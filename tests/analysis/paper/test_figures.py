@@ -6,14 +6,14 @@ import pytest
 
 import analysis.paper
 import labkit
-from labkit.cli import main
-from labkit.model.parameters import Model
 from analysis.paper import figures, size_groups
 from analysis.paper.ends import ends, sheared
 from analysis.paper.ends import main as papers_tests
 from analysis.paper.lines import critical_lines
 from analysis.paper.model_runs import CALIBRATED, models
+from labkit.cli import main
 from labkit.io.provenance import of_file
+from labkit.model.parameters import Model
 
 RUNS = {
     "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4], "cv-loose": ["cv", 0.724, 3e5, "--strain", 0.4],

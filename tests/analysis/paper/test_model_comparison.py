@@ -7,11 +7,11 @@ import pandas
 import pytest
 
 import labkit
-from labkit.visuals import plots
-from labkit.model import Model
 from analysis.paper import model_comparison as comparison
 from analysis.paper.ends import in_memory
 from analysis.paper.tables import write_tables
+from labkit.model import Model
+from labkit.visuals import plots
 from tests.analysis.paper.conftest import make
 
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}

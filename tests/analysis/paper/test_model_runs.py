@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import labkit
+from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run, models, path_of, start_of
 from labkit.cli import main
 from labkit.errors import InputError
 from labkit.micro.stress import relative_error
 from labkit.model.parameters import Model
-from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run, models, path_of, start_of
 
 PATHS = {
     "cv": ["cv", "--void-ratio", 0.67, "--pressure", 3e5, "--strain", 0.1],

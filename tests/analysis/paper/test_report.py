@@ -11,13 +11,13 @@ import pytest
 from PIL import Image
 
 import labkit
-from labkit.errors import InputError
 from analysis.markdown import number
 from analysis.paper import runs, web_page
 from analysis.paper.command import cost_table
 from analysis.paper.condense import condense
 from analysis.paper.pieces import CAPTIONS
 from analysis.paper.report import costs, report, stock_speed
+from labkit.errors import InputError
 
 RESULTS = Path(labkit.__file__).parents[1] / "results"
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")

@@ -5,10 +5,10 @@ import dataclasses
 
 import pytest
 
-from labkit.cli import simulate
-from labkit.errors import InputError
-from labkit.dem.settings import SETTINGS, settings
 from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, full
+from labkit.cli import simulate
+from labkit.dem.settings import SETTINGS, settings
+from labkit.errors import InputError
 
 
 def parsed(add_options, words):

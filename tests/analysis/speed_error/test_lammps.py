@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import labkit
+from analysis.speed_error.lammps import shear_in_lammps
 from labkit.bench.lammps import size_classes, steps_per_second
-from labkit.engines.fused import FusedEngine
-from labkit.errors import InputError, PhysicsError
 from labkit.dem.paths import ConstantVolume
 from labkit.dem.scene import Scene
 from labkit.dem.servo import velocity_gradient
-from analysis.speed_error.lammps import shear_in_lammps
+from labkit.engines.fused import FusedEngine
+from labkit.errors import InputError, PhysicsError
 
 LAMMPS = shutil.which("lmp")
 needs_lammps = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")

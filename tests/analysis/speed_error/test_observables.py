@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.runs.critical import critical_states
 from analysis.speed_error.observables import CHECKS, OBSERVABLES, PEAK, max_of_means, observables
+from labkit.runs.critical import critical_states
 
 
 def test_those_of_the_critical_state_are_those_of_labkit_critical(run_file):
