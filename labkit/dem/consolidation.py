@@ -15,6 +15,7 @@ from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress
+from labkit.parameters import with_unit
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
 UNBALANCED = 1e-3
@@ -24,12 +25,16 @@ STEP_LIMIT = 200_000
 
 def pressure_error(snapshot: Snapshot, pressure: float) -> float:
     """Largest deviation of the three normal stresses from `pressure` (Pa), over it."""
-    return stress_error(snapshot, Consolidation(pressure=pressure).control())
+    return stress_error(snapshot, _path_to(pressure).control())
 
 
 def consolidate(specimen: State, pressure: float, start: Start, progress: Progress = silent) -> State:
     """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit."""
-    return bring_to(specimen, Consolidation(pressure=pressure), start, progress)
+    return bring_to(specimen, _path_to(pressure), start, progress)
+
+
+def _path_to(pressure: float) -> Consolidation:
+    return Consolidation(pressure=with_unit(pressure, "Pa"))  # type: ignore[arg-type]  # a small one is meant
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:

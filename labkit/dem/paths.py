@@ -114,6 +114,13 @@ class StressPath(Path):
 
     pressure: float | None = parameter(None, unit="Pa", above=0.0, high=1e12, help="stress that the path holds")
 
+    @property
+    def held_pressure(self) -> float:
+        """The stress that it holds, Pa. Raises InputError while it has none, see `starting_at`."""
+        if self.pressure is None:
+            raise InputError("is missing: give the stress to hold, or the path `starting_at` one", field="pressure")
+        return self.pressure
+
     def start_pressure(self) -> float | None:
         return self.pressure
 
@@ -144,7 +151,7 @@ class ConstantRadialStress(StressPath):
 
     def control(self) -> Control:
         radial = np.eye(3)[:2]
-        return Control(radial, radial.T, np.full(2, self.pressure))
+        return Control(radial, radial.T, np.full(2, self.held_pressure))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,7 +164,7 @@ class ConstantMeanStress(StressPath):
     line_style = ":"
 
     def control(self) -> Control:
-        return Control(np.full((1, 3), 1 / 3), np.array([[1.0], [1.0], [0.0]]), np.array([self.pressure]))
+        return Control(np.full((1, 3), 1 / 3), np.array([[1.0], [1.0], [0.0]]), np.array([self.held_pressure]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -241,7 +248,7 @@ class Consolidation(StressPath):
     direction = (0.0, 0.0, 0.0)
 
     def control(self) -> Control:
-        return Control(np.eye(3), np.eye(3), np.full(3, self.pressure))
+        return Control(np.eye(3), np.eye(3), np.full(3, self.held_pressure))
 
 
 @dataclasses.dataclass(frozen=True)
