@@ -58,7 +58,7 @@ def require_pressure(path: Path, scene: Scene) -> None:
     pressure, limit = path.parameters().get("pressure"), pressure_limit(scene)
     if pressure is not None and pressure > limit * (1.0 + 1e-12):
         said = f"Pa is not possible for grains of E = {scene.young_modulus:g} Pa"
-        allowed = f"at most {limit:g}, where the mean overlap reaches its limit of {OVERLAP_LIMIT:.0%}"
+        allowed = f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %"
         raise InputError(said, field="pressure", value=pressure, allowed=allowed)
 
 

@@ -125,7 +125,10 @@ class Scene:
     def from_json(cls, text: str) -> Scene:
         """The scene of a file. Raises InputError when the text is not a scene."""
         try:
-            return restored(cls, json.loads(text))
+            values = json.loads(text)
+            if not isinstance(values, dict):
+                raise TypeError(f"{text} holds no fields")
+            return restored(cls, values)
         except (TypeError, ValueError) as error:
             raise InputError(f"not a labkit scene: {error}") from None
 

@@ -55,7 +55,7 @@ class Recipe:
         if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
             low, high = (side_for(n, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
             said = f"m would hold {grains:.3g} grains"
-            raise InputError(said, field="side", value=side, allowed=f"{low:.2g} to {high:.2g} m")
+            raise InputError(said, field="side", value=side, allowed=f"{1.01 * low:.3g} to {0.99 * high:.3g} m")
         return side
 
     def expected_grains(self, scene: Scene) -> int:
