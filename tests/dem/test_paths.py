@@ -1,15 +1,17 @@
 import numpy as np
 import pytest
 
-from labkit.errors import InputError
-from labkit.dem.paths import PATHS, make_path
+from labkit.dem.limits import pressure_limit, require_pressure
+from labkit.dem.paths import PATHS, Consolidation, make_path, path_of
+from labkit.dem.scene import Scene
 from labkit.dem.servo import velocity_gradient
+from labkit.errors import InputError
 
 
 def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():
     """300,000 steps to 40 % strain, as an engine moves the cell: H += dt L H."""
     dt = 1.2e-7
-    path = make_path("cv", rate=10.0, strain=0.4)
+    path = make_path("cv", {"rate": 10.0, "strain": 0.4})
     increment = dt * np.diag(velocity_gradient(path, 1.0, dt))
     cell = np.full(3, 4e-3)
     volume = cell.prod()
@@ -20,23 +22,62 @@ def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters"),
-    [("cx", {}), ("cv", {"strain": 0.0}), ("cv", {"strain": -0.1}), ("cv", {"strain": float("nan")}),
-     ("cv", {"rate": 0.0}), ("cv", {"rate": -10.0}), ("cv", {"strain": 5.0}), ("cr", {}), ("cr", {"pressure": 4e6}),
-     ("cp", {"pressure": 0.0}), ("cp", {"pressure": -1e5}), ("isoc", {"pressure": 3.1e6}), ("isod", {"strain": 0.1}),
-     ("isoc", {"strain": -0.1}), ("cyclic_cp", {"pressure": 1e5, "reversals": ()}),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.02)}), ("cyclic_cp", {"pressure": 1e5, "strain": 0.1}),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.01)}), ("cv", {"pressure": 1e5}),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, float("nan"))}), ("cr", {"reversals": (0.1,)})],
+    ("name", "parameters", "field"),
+    [("cx", {}, "path"), ("cv", {"strain": 0.0}, "strain"), ("cv", {"strain": -0.1}, "strain"),
+     ("cv", {"strain": float("nan")}, "strain"), ("cv", {"rate": 0.0}, "rate"), ("cv", {"rate": -10.0}, "rate"),
+     ("cv", {"strain": 5.0}, "strain"), ("cp", {"pressure": 0.0}, "pressure"), ("cp", {"pressure": -1e5}, "pressure"),
+     ("isod", {"strain": 0.1}, "strain"), ("isoc", {"strain": -0.1}, "strain"),
+     ("cyclic_cp", {"pressure": 1e5, "reversals": ()}, "reversals"),
+     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.02)}, "reversals"),
+     ("cyclic_cp", {"pressure": 1e5, "strain": 0.1}, "strain"),
+     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.01)}, "reversals"), ("cv", {"pressure": 1e5}, "pressure"),
+     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, float("nan"))}, "reversals"),
+     ("cr", {"reversals": (0.1,)}, "reversals")],
 )  # fmt: skip
-def test_impossible_paths_are_refused(name, parameters):
+def test_impossible_paths_are_refused(name, parameters, field):
+    with pytest.raises(InputError) as refused:
+        make_path(name, parameters)
+    assert refused.value.field == field
+
+
+@pytest.mark.parametrize(("name", "pressure"), [("cr", 4e6), ("isoc", 3.1e6), ("isoc", 3.0001e6)])
+def test_a_pressure_at_which_grains_overlap_too_much_is_refused(name, pressure):
+    """0.02 E: 3 MPa for Table 1's grains, and in proportion for others."""
+    path = make_path(name, {"pressure": pressure})
+    said = "Pa is not possible for grains of E = 1.5e.08 Pa: give at most 3e.06 Pa, where the mean overlap .* 2 %"
+    with pytest.raises(InputError, match=said) as refused:
+        require_pressure(path, Scene())
+    assert (refused.value.field, refused.value.value) == ("pressure", pressure)
+    require_pressure(path, Scene(young_modulus=0.3e9))
+    require_pressure(make_path(name, {"pressure": 3e6}), Scene())
+    assert pressure_limit(Scene()) == 3e6 and pressure_limit(Scene(young_modulus=70e9)) == 1.4e9
     with pytest.raises(InputError):
-        make_path(name, **parameters)
+        require_pressure(make_path(name, {"pressure": 3e6}), Scene(young_modulus=0.1e9))
+
+
+@pytest.mark.parametrize("name", ["cr", "cp", "cyclic_cp"])
+def test_a_path_that_holds_a_stress_must_know_it(name):
+    """Without a pressure it takes that of its specimen; before it has one it holds nothing."""
+    with pytest.raises(InputError, match="pressure") as refused:
+        make_path(name).control()
+    assert refused.value.field == "pressure"
+    assert make_path(name).starting_at(2e5).control().target[0] == 2e5
+    assert make_path(name, {"pressure": 1e5}).starting_at(2e5).pressure == 1e5
+
+
+@pytest.mark.parametrize("pressure", [50.0, 1e-3])
+def test_a_small_pressure_that_is_meant_is_held(pressure):
+    """A bare number below 100 Pa is asked about; what was given with its unit must not be asked about again."""
+    path = make_path("cp", {"pressure": f"{pressure!r} Pa"})
+    assert path.pressure == pressure
+    assert path_of("cp", path.parameters()) == path
+    assert make_path("cp").starting_at(pressure) == path
+    assert Consolidation(pressure=f"{pressure!r} Pa").control().target[0] == pressure
 
 
 def test_every_path_of_the_paper_is_there_under_its_name():
     assert list(PATHS) == ["cv", "cr", "cp", "isoc", "isod", "cyclic_cp"]
-    assert make_path("cyclic_cp", pressure=0.5e6).turning_points() == (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
-    assert make_path("cr", pressure_now=2e5).pressure == 2e5
+    assert make_path("cyclic_cp", {"pressure": 0.5e6}).turning_points() == (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
+    assert make_path("cr").starting_at(2e5).pressure == 2e5
     assert make_path("isoc").stops(3e6) and not make_path("isoc").stops(2.9e6)
     assert make_path("isod").stops(19e3) and not make_path("isod").stops(21e3)

@@ -31,7 +31,7 @@ def test_the_loop_is_stable_and_its_lag_is_what_the_derivation_says(name, softer
     """An elastic cell, `softer` than the bound that the servo knows, sheared at 10 1/s."""
     dt, interval = 1.2e-7, servo.STANDARD.interval
     stiffness = np.array([[6.0, 2.0, 2.0], [2.0, 6.0, 2.0], [2.0, 2.0, 6.0]]) * 1e7
-    path = make_path(name, pressure=0.5e6)
+    path = make_path(name, {"pressure": 0.5e6})
     stress, L = np.eye(3) * 0.499e6, np.zeros((3, 3))
     held = []
     for _ in range(600):
@@ -47,13 +47,13 @@ def test_the_loop_is_stable_and_its_lag_is_what_the_derivation_says(name, softer
 
 
 def test_rates_are_limited():
-    path = make_path("cp", pressure=0.5e6)
+    path = make_path("cp", {"pressure": 0.5e6})
     L = servo.velocity_gradient(path, 1.0, 1e-7, np.zeros((3, 3)), np.eye(3) * 1e5, np.zeros((3, 3)))
     assert np.abs(np.diag(L)[:2]).max() <= servo.LOW_PASS * servo.RATE_LIMIT * path.rate * (1 + 1e-12)
 
 
 def test_the_axial_rate_is_not_the_servos():
-    path = make_path("cr", pressure=0.5e6)
+    path = make_path("cr", {"pressure": 0.5e6})
     for sign in (1.0, -1.0):
         L = servo.velocity_gradient(path, sign, 1e-7, np.zeros((3, 3)), np.eye(3) * 1e7, np.zeros((3, 3)))
         assert np.isclose(-np.log1p(L[2, 2] * 1e-7) / 1e-7, sign * path.rate)

@@ -44,12 +44,23 @@ def test_neighbours_in_memory_are_neighbours_in_space():
      {"step1_rolling_friction": -1.0}, {"seed": -1}],
 )  # fmt: skip
 def test_impossible_recipes_are_refused(values):
-    with pytest.raises(InputError):
+    with pytest.raises(InputError) as refused:
         Recipe(**{"void_ratio": 0.67, **values})
-    with pytest.raises(InputError):
-        side_for(3, 0.67, Scene())
-    with pytest.raises(InputError):
+    assert refused.value.field == next(iter(values))
+    with pytest.raises(InputError, match="grains 3 is not possible: give 100 to 1e.06"):
+        Recipe(0.67, grains=3)
+    with pytest.raises(InputError, match="side 0.0002 m would hold 1.79 grains: give 0.000772 to 0.0163 m"):
         insert_grains(Scene(), Recipe(0.67, side=2e-4))
+
+
+def test_a_size_is_a_side_or_a_number_of_grains():
+    with pytest.raises(InputError, match="grains and side are both given: leave one out"):
+        Recipe(0.67, side=2e-3, grains=1000)
+    scene = Scene()
+    assert Recipe(0.67).side_of(scene) == 4e-3 and Recipe(0.67, side="2 mm").side_of(scene) == 2e-3
+    assert Recipe(0.67, grains=1100).side_of(scene) == side_for(1100, 0.67, scene)
+    assert Recipe(0.67, grains=1100).expected_grains(scene) == 1100
+    assert abs(insert_grains(scene, Recipe(0.67, grains=1100)).number_of_grains / 1100 - 1) < 0.02
 
 
 def test_a_specimen_is_at_rest_with_table_1_and_its_void_ratio(specimen_file):

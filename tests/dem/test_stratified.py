@@ -62,5 +62,6 @@ def test_strata_fill_their_halves_at_the_plane_void_ratio():
 
 @pytest.mark.parametrize("name", ["size_ratio", "width", "pressure", "ratio"])
 def test_values_that_cannot_be(name):
-    with pytest.raises(InputError, match=name.replace("_", "-")):
+    with pytest.raises(InputError, match=f"^{name} -1 is not possible: give ") as refused:
         Layer(**{name: -1.0})
+    assert (refused.value.field, refused.value.value) == (name, -1.0)
