@@ -14,9 +14,11 @@ import pytest
 import analysis.paper
 import labkit
 from analysis.paper.ends import in_memory
-from labkit.campaign.file import read_campaign
+from labkit.campaign import Specimen, read_campaign
+from labkit.dem import StressPath
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
+from labkit.runs import SHEAR
 from labkit.sff.c0 import c0_stress
 
 CAMPAIGN = Path(analysis.paper.__file__).with_name("paper.yaml")
@@ -27,21 +29,23 @@ SCATTER = 0.004  # of Z, Lambda, A, F and F^t of a test, relative
 def make(folder, model, tests=None, strain=1.6):
     """Run files of the model in a folder: name -> file. `tests`: names of the campaign, all without."""
     rng = np.random.default_rng(1)
-    specimens = {s.name: s for s in read_campaign(CAMPAIGN).specimens}
+    campaign = read_campaign(CAMPAIGN)
+    specimens = {s.name: s for s in campaign.specimens if isinstance(s, Specimen)}
     made = {}
-    for run in read_campaign(CAMPAIGN).runs:
+    for run in campaign.runs:
         factors = 1.0 + SCATTER * rng.normal(size=5)  # of each test, whichever are made
         if tests is not None and run.name not in tests:
             continue
-        specimen = specimens.get(run.specimen)
-        e = specimen.void_ratio if specimen else 0.64
-        p = run.pressure or STARTS.get(run.specimen, 0.4e6)
-        p = {"isoc": 0.2e6, "isod": 1e6}.get(run.path, p)
-        given = {"reversals": run.reversals} if run.path == "cyclic_cp" else {}
-        given |= {"strain": run.strain or strain} if run.path in ("cv", "cr", "cp") else {}
+        specimen, path = specimens.get(run.specimen), run.path
+        e = specimen.recipe.void_ratio if specimen else 0.64
+        held = path.pressure if isinstance(path, StressPath) else None
+        p = {"isoc": 0.2e6, "isod": 1e6}.get(path.name) or held or STARTS.get(run.specimen, 0.4e6)
+        given = {"reversals": path.reversals} if path.name == "cyclic_cp" else {}
+        if path.name in SHEAR:
+            given["strain"] = strain if path.strain == type(path).strain else path.strain
         reading = model.reading(beyond_e_cmax="flat")
-        result = drive(reading, model_path(run.path, p, **given), isotropic_state(reading, e, p),
-                       record_strain=5e-3 if run.path in ("cv", "cr", "cp") else None)  # fmt: skip
+        result = drive(reading, model_path(path.name, p, **given), isotropic_state(reading, e, p),
+                       record_strain=5e-3 if path.name in SHEAR else None)  # fmt: skip
         file = folder / f"{run.name}.run.nc"
         write_result(file, scattered(result, factors))
         with netCDF4.Dataset(file, "a") as dataset:

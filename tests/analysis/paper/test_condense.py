@@ -63,5 +63,5 @@ def test_a_run_is_condensed_once(thin, run_file):
 
 
 def test_a_folder_without_runs_is_refused(tmp_path):
-    with pytest.raises(InputError, match="labkit paper"):
+    with pytest.raises(InputError, match="lab paper"):
         paper.runs(tmp_path)

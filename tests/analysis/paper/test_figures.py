@@ -53,7 +53,7 @@ def test_figure_of_what_is_there(name, runs, folder, tmp_path):
     assert any(line.get_xdata().size > 10 for axes in figure.axes for line in axes.lines)
     file = figures.save(figure, tmp_path / "f.png", runs)
     known = of_file(file)
-    assert known["command"] == "labkit notebooks" and len(known["inputs"]) == len(RUNS)
+    assert known["command"] == "./lab notebooks" and len(known["inputs"]) == len(RUNS)
 
 
 @pytest.mark.parametrize("name", DRAW)

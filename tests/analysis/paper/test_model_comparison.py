@@ -63,7 +63,7 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
     longest = run.assign(axial_strain=run["axial_strain"] * 40.0)
     errors = comparison.compare({"isod-loose": longest}, comparison.models(None))[0]
     assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(errors["p_error"][0])  # no error, not a small one
-    assert "| isod-loose | ended | ended | ended |" in comparison.summary(errors, None)
+    assert "| isod-loose | ended | ended | ended |" in comparison.summary(errors)
 
 
 def test_chance_is_that_of_another_seed(known):
