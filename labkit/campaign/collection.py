@@ -10,7 +10,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import netCDF4
 import numpy as np
@@ -19,53 +21,62 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from labkit.campaign.plan import RECIPES
-from labkit.campaign.products import numbers
-from labkit.runs.dataset import open_run
+from labkit.campaign.products import Numbers, numbers
+from labkit.dem.paths import PATHS
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe
 from labkit.errors import InputError
 from labkit.io.files import open_netcdf
-from labkit.io.schema import RECORD, SIZES
+from labkit.io.schema import RECORD, SIZES, Variable
+from labkit.parameters import Parameter, parameters_of
+from labkit.runs.dataset import open_run
 
-PARAMETERS = {  # coordinate -> units, words
-    "path": ("", "loading path"),
-    "engine": ("", "engine"),
-    "specimen": ("", "state file that the run started from"),
-    "seed": ("1", "seed of the specimen"),
-    "specimen_void_ratio": ("1", "nominal void ratio of the specimen as made"),
-    "step1_friction": ("1", "friction of the first relaxation step"),
-    "pressure": ("Pa", "stress that the path holds or stops at"),
-    "strain": ("1", "axial strain to reach"),
-    "rate": ("s-1", "axial strain rate"),
-    "time_step_factor": ("1", "time step over sqrt(m/kn)"),
-    "grains": ("1", "number of grains"),
-    "records": ("1", "number of records; beyond it the arrays are NaN"),
-    "complete": ("", "whether the run is finished"),
-    "file": ("", "run file"),
+OF_FILES = {  # coordinate -> long name; what else is a coordinate is a parameter of path, scene or recipe
+    "path": "loading path",
+    "engine": "engine",
+    "specimen": "state file that the run started from",
+    "seed": "seed of the specimen",
+    "grains": "number of grains",
+    "records": "number of records; beyond it the arrays are NaN",
+    "complete": "whether the run is finished",
+    "file": "run file",
 }
+PREFIX = {"path": "target_", "recipe": "specimen_"}  # of a parameter that is also the name of a record
 
 
-def open_campaign(*places):
+class _File(NamedTuple):
+    """A run file: its coordinates, name -> (value, attributes), and its recorded variables."""
+
+    coordinates: dict[str, tuple[Any, dict[str, str]]]
+    variables: dict[str, Variable]
+    records: int
+
+
+def open_campaign(*places: str | Path) -> xr.Dataset:
     """The runs of campaigns, of folders or run files, as one lazy xarray.Dataset.
 
     Dimensions `run` (coordinate: the name) and `time` (records; shorter runs end in NaN), `i`, `j`. Variables are those
-    of labkit.io.schema.RECORD that any run has; the parameters of the runs are coordinates along `run`. Raises InputError
-    for a place without run files.
+    of labkit.io.schema.RECORD that any run has, and own statistics. Coordinates along `run` are the parameters of the
+    paths, scenes and specimens; one whose name is that of a record has a prefix: `target_strain` is the strain to reach,
+    `specimen_void_ratio` that of the recipe. Raises InputError for a place without run files.
     """
     files = run_files(places)
-    rows = [_parameters(file) for file in files]
-    columns = {name: [row[name] for row in rows] for name in PARAMETERS}
-    names = _names(files)
-    shape = len(files), max(columns["records"])
-    present = [name for name in RECORD if any(name in row["variables"] for row in rows)]
-    found = xr.Dataset({name: _variable(name, files, columns["records"], shape) for name in present})
-    coordinates = {name: ("run", columns[name], _attributes(*words)) for name, words in PARAMETERS.items()}
-    return found.assign_coords(run=("run", names), **coordinates).assign_attrs(labkit_file="campaign")
+    known = [_read(file) for file in files]
+    variables = {name: variable for one in known for name, variable in one.variables.items()}
+    present = [name for name in (*RECORD, *sorted(set(variables) - set(RECORD))) if name in variables]
+    records = [one.records for one in known]
+    data = {name: _variable(variables[name], files, records) for name in present}
+    names = dict.fromkeys(name for one in known for name in one.coordinates)
+    coordinates = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
+    found = xr.Dataset(data).assign_coords(run=("run", _names(files)), **coordinates)
+    return found.assign_attrs(labkit_file="campaign")
 
 
-def run_files(places):
+def run_files(places: Sequence[str | Path]) -> list[Path]:
     """The run files of folders of campaigns, of folders of run files, and those that are named."""
     if not places:
         raise InputError("open_campaign() needs a place: give the folder of a campaign, or run files")
-    files = []
+    files: list[Path] = []
     for place in map(Path, places):
         folder = place / "runs" if (place / "runs").is_dir() else place
         found = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
@@ -77,56 +88,87 @@ def run_files(places):
     return files
 
 
-def recipe_of(file):
+def recipe_of(file: Path) -> str:
+    """The recipe of a run file, relative to the folder of its campaign."""
     return f"{RECIPES}/run.{file.name.removesuffix('.run.nc')}.json"
 
 
-def _names(files):
+def _names(files: Sequence[Path]) -> list[str]:
     short = [file.name.removesuffix(".run.nc") for file in files]
     return short if len(set(short)) == len(short) else [str(file) for file in files]
 
 
-def _attributes(units, words):
-    return {"long_name": words, **({"units": units} if units else {})}
+def _attributes(units: str, long_name: str) -> dict[str, str]:
+    return {"long_name": long_name, **({"units": units} if units else {})}
 
 
-def _parameters(file):
-    """The value of every one of PARAMETERS of a run file, and its variables."""
+def _column(cells: Sequence[tuple[Any, dict[str, str]] | None]) -> tuple[str, list[Any], dict[str, str]]:
+    """A coordinate along `run`; a run that lacks it has NaN, or an empty text."""
+    first = next(cell for cell in cells if cell is not None)
+    is_text = any(isinstance(cell[0], str) for cell in cells if cell is not None)
+    values = [("" if is_text else np.nan) if cell is None or cell[0] is None else cell[0] for cell in cells]
+    return "run", values, first[1]
+
+
+def _read(file: Path) -> _File:
     with open_netcdf(file, "run") as run:
-        known = {name: getattr(run, name, "") for name in ("recipe", "provenance")}
-        known = {name: json.loads(text) if text else {} for name, text in known.items()}
-        path, scene = json.loads(run.path_parameters), json.loads(run.scene)
-        inputs = known["provenance"].get("inputs", [])
-        given = {name: path.get(name) for name in ("pressure", "strain", "rate")}
-        given |= {"specimen_void_ratio": known["recipe"].get("void_ratio"),
-                  "step1_friction": known["recipe"].get("step1_friction"),
-                  "time_step_factor": scene.get("time_step_factor")}  # fmt: skip
-        return {
-            **{name: np.nan if value is None else float(value) for name, value in given.items()},
-            "path": run.getncattr("path"), "engine": str(run.engine), "seed": int(getattr(run, "seed", 0)),
-            "specimen": Path(inputs[0]["file"]).name if inputs else "",
-            "grains": len(run["grains"].dimensions["grain"]), "records": len(run.dimensions["time"]),
-            "complete": bool(run.complete), "file": str(file), "variables": set(run.variables),
+        texts = {name: getattr(run, name, "") for name in ("recipe", "provenance", "path_parameters", "scene")}
+        known = {name: json.loads(text) if text else {} for name, text in texts.items()}
+        inputs, name = known["provenance"].get("inputs", []), run.getncattr("path")
+        records = len(run.dimensions["time"])
+        of_file = {
+            "path": name, "engine": str(run.engine), "specimen": Path(inputs[0]["file"]).name if inputs else "",
+            "seed": int(getattr(run, "seed", 0)), "grains": len(run["grains"].dimensions["grain"]),
+            "records": records, "complete": bool(run.complete), "file": str(file),
         }  # fmt: skip
+        coordinates = {key: (value, _attributes("", OF_FILES[key])) for key, value in of_file.items()}
+        kind = PATHS[name] if name in PATHS else None
+        coordinates = {
+            **_parameters("recipe", known["recipe"], parameters_of(Recipe)),
+            **_parameters("scene", known["scene"], parameters_of(Scene)),
+            **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}), **coordinates,
+        }  # fmt: skip
+        return _File(coordinates, {name: _described(run[name]) for name in run.variables}, records)
+
+
+def _parameters(
+    of: str, values: Mapping[str, Any], known: Mapping[str, Parameter]
+) -> dict[str, tuple[Any, dict[str, str]]]:
+    """Coordinates of the parameters of a path, a scene or a recipe: all that the file has, told what they are if they
+    are known here."""
+    found = {}
+    for name, value in values.items():
+        if isinstance(value, (list, tuple)):
+            value = ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in value)
+        units, help = (known[name].unit, known[name].help) if name in known else ("", name)
+        found[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
+    return found
+
+
+def _described(variable: netCDF4.Variable) -> Variable:
+    """A recorded variable as labkit knows it, or as the file does."""
+    attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
+    own = Variable(variable.name, variable.dimensions, "f8", *attributes)
+    return RECORD.get(variable.name, own)
 
 
 class _Records(BackendArray):
     """A recorded variable of all runs, (run, time, ...); reads the files of the runs that are asked for."""
 
-    def __init__(self, name, files, records, shape):
+    def __init__(self, name: str, files: Sequence[Path], records: Sequence[int], shape: tuple[int, ...]) -> None:
         self.name, self.files, self.records = name, files, records
         self.shape, self.dtype = shape, np.dtype(float)
 
-    def __getitem__(self, key):
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> np.ndarray:
         return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._read)
 
-    def _read(self, key):
+    def _read(self, key: tuple[Any, ...]) -> np.ndarray:
         chosen = np.arange(self.shape[0])[key[0]]
         rest = tuple(key[1:])
         values = [self._read_one(int(run))[rest] for run in np.atleast_1d(chosen)]
         return np.array(values) if np.ndim(chosen) else values[0]
 
-    def _read_one(self, run):
+    def _read_one(self, run: int) -> np.ndarray:
         values = np.full(self.shape[1:], np.nan)
         with netCDF4.Dataset(self.files[run]) as dataset:
             if self.name in dataset.variables:
@@ -134,29 +176,28 @@ class _Records(BackendArray):
         return values
 
 
-def _variable(name, files, records, shape):
-    row = RECORD[name]
-    full = (*shape, *(SIZES[dimension] for dimension in row.dimensions[1:]))
-    data = indexing.LazilyIndexedArray(_Records(name, files, records, full))
-    return xr.Variable(("run", *row.dimensions), data, _attributes(row.units, row.long_name))
+def _variable(known: Variable, files: Sequence[Path], records: Sequence[int]) -> xr.Variable:
+    shape = (len(files), max(records), *(SIZES[dimension] for dimension in known.dimensions[1:]))
+    data = indexing.LazilyIndexedArray(_Records(known.name, files, records, shape))
+    return xr.Variable(("run", *known.dimensions), data, _attributes(known.units, known.long_name))
 
 
 @xr.register_dataset_accessor("runs")
 class Runs:
     """What can be done with a campaign, or with a selection of its runs, as `campaign.runs`."""
 
-    def __init__(self, campaign):
+    def __init__(self, campaign: xr.Dataset) -> None:
         self._campaign = campaign
 
-    def open(self, name):
+    def open(self, name: str) -> xr.Dataset:
         """One run with its contacts, as labkit.open_run gives it."""
         return open_run(str(self._campaign["file"].sel(run=name).values))
 
-    def over(self, function):
+    def over(self, function: Callable[[xr.Dataset], Numbers]) -> xr.Dataset:
         """`function(records)` of every run, a Dataset along `run` with the parameters. One run in memory at a time.
 
         `records`: the records of one run as a Dataset along `time`, with the accessor `.lab` but without contacts;
-        the function returns name -> (value, units, words).
+        the function returns name -> (value, units, long name).
         """
         files = np.atleast_1d(self._campaign["file"].values)
         rows = []
@@ -171,6 +212,6 @@ class Runs:
         }  # fmt: skip
         return xr.Dataset(columns, coords={name: c for name, c in self._campaign.coords.items() if c.dims == ("run",)})
 
-    def summary(self):
+    def summary(self) -> xr.Dataset:
         """The numbers that the report has of every run: ends, peaks, the critical state, the error of C0."""
         return self.over(numbers)

@@ -127,34 +127,30 @@ class Fields:
         """Whether it is given, rightly or wrongly."""
         return name in self.values or name in self.broken
 
-    def of(self, known: Collection[str]) -> dict[str, Any]:
-        """The values of these names that are given."""
-        return {name: value for name, value in self.values.items() if name in known}
-
     def listed(self, name: str) -> list[Any]:
         """The values of a name that may have several; none if it is not given."""
         value = self.values.get(name, [])
         return value if isinstance(value, list) else [value]
 
-    def mistake(self, text: str, name: str | None = None) -> None:
-        """Adds a mistake in the line of a field, or of the whole."""
-        self.mistakes.add(self.lines.get(name or "", self.line), f"{self.where}: {text}")
+    def mistake(self, text: str, name: str | None = None, where: str | None = None) -> None:
+        """Adds a mistake in the line of a field, or of the whole. where: in place of the mapping's own."""
+        self.mistakes.add(self.lines.get(name or "", self.line), f"{where or self.where}: {text}")
 
-    def require(self, known: Iterable[Parameter]) -> bool:
-        """Whether all of these are given; those that are not are mistakes."""
+    def require(self, known: Iterable[Parameter], example: str | None = None) -> bool:
+        """Whether all of these are given; those that are not are mistakes. example: of a value."""
         missing = [one for one in known if not self.has(one.name)]
         for one in missing:
-            self.mistake(f"{one.name} is missing: give it, e.g. {one.example}")
+            self.mistake(f"{one.name} is missing: give it, e.g. {example or one.example}")
         return not missing
 
-    def attempt(self, make: Callable[[], Made], what: str = "") -> Made | None:
-        """What `make` returns; None after its error became a mistake. what: of which part of this it is."""
+    def attempt(self, make: Callable[[], Made], where: str | None = None) -> Made | None:
+        """What `make` returns; None after its error became a mistake. where: in place of the mapping's own."""
         try:
             return make()
         except InputError as error:
-            self.mistake(f"{what}{error.said()}", error.field)
+            self.mistake(error.said(), error.field, where)
         except ValueError as error:  # of a path of one's own
-            self.mistake(f"{what}{error}")
+            self.mistake(str(error), None, where)
         return None
 
 
@@ -181,23 +177,25 @@ def read_fields(
 def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
     """Reads one field, a value or several."""
     name, listed = known.name, node.id == "sequence" and (several or known.kind is tuple)
-    where = f"{fields.where}: {name}"
+    where, mistakes = f"{fields.where}: {name}", fields.mistakes
     nodes = node.value if listed else [node]
     if not nodes:
-        fields.mistakes.add(line_of(node), f"{where} is an empty list: give a value, or leave it out")
-    texts = [text for one in nodes if (text := scalar(one, where, fields.mistakes)) is not None]
+        mistakes.add(line_of(node), f"{where} is an empty list: give a value, or leave it out")
+    texts = [scalar(one, where, mistakes) for one in nodes]
     fields.broken.add(name)  # until it is known to be right
-    if not nodes or len(texts) < len(nodes):
+    if not nodes or None in texts:
         return
-    values = [texts] if known.kind is tuple else texts
-    read = [fields.attempt(lambda one=one: known.read(one, unit_needed=True)) for one in values]
-    if None in read:
-        return
-    if len(set(read)) < len(read):
-        fields.mistakes.add(line_of(node), f"{where} has the same value twice: leave one out")
-        return
-    fields.broken.discard(name)
-    fields.values[name] = read if listed and several else read[0]
+    read = []
+    for line, value in [(line_of(node), texts)] if known.kind is tuple else zip(map(line_of, nodes), texts):
+        try:
+            read.append(known.read(value, unit_needed=True))
+        except InputError as error:
+            mistakes.add(line, f"{fields.where}: {error.said()}")
+    if known.kind is not tuple and len(read) == len(texts) > len(set(read)):
+        mistakes.add(line_of(node), f"{where} has the same value twice: leave one out")
+    elif len(read) == (1 if known.kind is tuple else len(texts)):
+        fields.broken.discard(name)
+        fields.values[name] = read if listed and several else read[0]
 
 
 def scalar(node: Node, where: str, mistakes: Mistakes) -> str | None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from labkit.dem.paths import PATHS, Consolidation, Path
 from labkit.dem.scene import Scene
@@ -46,6 +48,12 @@ def options_of(kind: type) -> Keys:
     return {name: known for name, known in parameters_of(kind).items() if known.option}
 
 
+def given(values: Mapping[str, Any], kind: type) -> dict[str, Any]:
+    """The parameters of a dataclass among some values."""
+    known = options_of(kind)
+    return {name: value for name, value in values.items() if name in known}
+
+
 def file_keys() -> Keys:
     """Keys of the file itself, for all entries that say nothing: `Scene` for specimens, `Options` for runs."""
     return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
@@ -69,9 +77,12 @@ def changes_of_runs() -> Keys:
     return {name: known for name, known in options_of(Scene).items() if name not in MADE_WITH}
 
 
+def any_run_keys() -> Keys:
+    """Keys of a run, whatever its path is."""
+    return {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **options_of(Common)}
+
+
 def run_keys(path: type[Path] | None) -> Keys:
-    """Keys of a run along a path; None for a path that is unknown. Those of other paths are there too."""
+    """Keys of a run along a path, None for one that is unknown; with those of all other paths, to say more of them."""
     others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
-    own = {} if path is None else options_of(path)
-    common = {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **options_of(Common)}
-    return {**others, **common, **own}
+    return {**others, **any_run_keys(), **({} if path is None else options_of(path))}

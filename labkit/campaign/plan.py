@@ -4,6 +4,7 @@
     unfinished/   what a run has so far                  statistics/   a netCDF file with a row per run
     figures/      of each run                            recipes/      a JSON file per job: what decides its result
     logs/         what each job said                     report.md     all runs in one page, with provenance
+    extensions/   the user's own files (own_files.py)
 
 A recipe is written only when it changes, so that whoever compares times of files repeats what depends on it alone.
 """
@@ -13,54 +14,69 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from labkit.campaign.file import Campaign, Consolidated, Run, Specimen
+from labkit.campaign.items import Campaign, Consolidated, Run, Specimen
+from labkit.campaign.keys import changes_of_runs, options_of
+from labkit.dem.scene import Scene
+from labkit.dem.simulation import Options
+from labkit.dem.specimen import Recipe
+from labkit.engines import ENGINES
+from labkit.errors import option_name
+from labkit.io.provenance import file_sha256
+from labkit.parameters import Parameter, with_unit
 
 STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
 OUTDATED = "outdated"  # what was made with other parameters
 RECIPES, LOGS, REPORT = "recipes", "logs", "report.md"
-CAMPAIGN = "campaign.yaml"  # a copy of the file
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Job:
-    """One command. `kind`: specimen, consolidation or run. `words`: the command without its files; `source`: the
-    state file that it starts from. Files are relative to the folder of the campaign."""
+    """One command. kind: specimen, consolidation or run; arguments: of the command, without its files; source: the state
+    file that it starts from; extensions: hashes of the user's own files that its result depends on; digest: of all that
+    decides its result, the jobs before it among them. Files are relative to the folder of the campaign."""
 
     kind: str
     name: str
-    words: tuple[str, ...]
+    arguments: tuple[str, ...]
     output: str
     source: str | None
     threads: int
     item: Specimen | Consolidated | Run
-    digest: str  # of all that decides the result, the jobs before it among them
+    extensions: tuple[str, ...]
+    digest: str
 
     @property
-    def recipe(self):
+    def recipe(self) -> str:
+        """Where it is written down."""
         return f"{RECIPES}/{self.kind}.{self.name}.json"
 
     @property
-    def log(self):
+    def log(self) -> str:
+        """Where its messages are."""
         return f"{LOGS}/{self.kind}.{self.name}.log"
 
     @property
-    def unfinished(self):
+    def unfinished(self) -> str:
         """Where it writes until it is finished: a name of its own for other parameters."""
         return f"{UNFINISHED}/{self.name}.{self.digest[:12]}.{self.ending}"
 
     @property
-    def ending(self):
+    def ending(self) -> str:
+        """Of the file that it makes."""
         return "run.nc" if self.kind == "run" else "state.nc"
 
     @property
-    def command(self):
-        """The words of labkit, as a person would type them in the folder."""
-        first, *rest = self.words
+    def command(self) -> list[str]:
+        """The command line after `labkit`, as a person would type it in the folder."""
+        first, *rest = self.arguments
         if self.kind == "run":
-            return [first, rest[0], self.source, *rest[1:], "-o", self.unfinished]
+            return [first, rest[0], str(self.source), *rest[1:], "-o", self.unfinished]
         return [first, *([self.source] if self.source else []), *rest, "-o", self.unfinished]
 
 
@@ -74,60 +90,97 @@ class Plan:
     runs: tuple[Job, ...]
 
     @property
-    def jobs(self):
+    def jobs(self) -> tuple[Job, ...]:
+        """All of them."""
         return (*self.specimens, *self.consolidations, *self.runs)
 
+    @property
+    def engines(self) -> list[str]:
+        """Names of the engines that it needs."""
+        return sorted({job.item.engine for job in self.jobs})
 
-def plan_of(campaign):
+
+def plan_of(campaign: Campaign) -> Plan:
     """The Plan of a Campaign. Runs that hold the same stress share one consolidation of their specimen."""
-    made = {item.name: _specimen_job(item) for item in campaign.specimens}
-    consolidated = {}
+    hashes = tuple(map(file_sha256, campaign.use))
+    made = {item.name: _specimen_job(item, hashes) for item in campaign.specimens}
+    consolidated: dict[str, Job] = {}
     for item in campaign.consolidated:
-        consolidated[item.name] = _consolidation_job(item, {**made, **consolidated}[item.source])
+        scene = campaign.origin(item.source).scene
+        consolidated[item.name] = _consolidation_job(item, {**made, **consolidated}[item.source], scene, hashes)
     runs = []
     for run in campaign.runs:
-        start = {**made, **consolidated}[run.specimen]
-        if name := campaign.consolidation(run):
-            item = Consolidated(name, run.specimen, run.pressure, run.engine, run.threads)
-            start = consolidated.setdefault(name, _consolidation_job(item, start))
-        runs.append(_run_job(run, start))
+        start, origin = {**made, **consolidated}[run.specimen], campaign.origin(run.specimen)
+        name, pressure = campaign.consolidation(run), run.path.start_pressure()
+        if name is not None and pressure is not None:
+            item = Consolidated(name, run.specimen, pressure, run.engine, run.threads)
+            start = consolidated.setdefault(name, _consolidation_job(item, start, origin.scene, hashes))
+        runs.append(_run_job(run, start, origin, hashes))
     return Plan(campaign, tuple(made.values()), tuple(consolidated.values()), tuple(runs))
 
 
-def _specimen_job(item):
-    words = ["specimen", f"--void-ratio={item.void_ratio!r}", f"--step1-friction={item.step1_friction!r}",
-             f"--step1-rolling-friction={item.step1_rolling_friction!r}", f"--seed={item.seed}", f"--law={item.law}",
-             *_options(item, "side", "grains", "time_step_factor", "settings", "engine", "threads")]  # fmt: skip
-    return _job("specimen", item, words, None)
+def _specimen_job(item: Specimen, hashes: tuple[str, ...]) -> Job:
+    recipe = _options(options_of(Recipe), vars(item.recipe))
+    arguments = ["specimen", *recipe, *_options(options_of(Scene), vars(item.scene), vars(Scene()))]
+    return _job("specimen", item, arguments, None, _needed(item, item.scene, hashes))
 
 
-def _consolidation_job(item, source):
-    words = ["consolidate", f"--pressure={item.pressure!r}", *_options(item, "engine", "threads")]
-    return _job("consolidation", item, words, source)
+def _consolidation_job(item: Consolidated, source: Job, scene: Scene, hashes: tuple[str, ...]) -> Job:
+    arguments = ["consolidate", f"--pressure={_text(item.pressure, 'Pa')}"]
+    return _job("consolidation", item, arguments, source, _needed(item, scene, hashes))
 
 
-def _run_job(item, source):
-    words = ["run", item.path, *_options(item, "pressure", "strain", "rate", "record_strain", "snapshots",
-             "law", "time_step_factor", "settings", "engine", "threads")]  # fmt: skip
-    if item.reversals:
-        words.append("--reversals=" + ",".join(repr(value) for value in item.reversals))
-    return _job("run", item, words, source)
+def _run_job(item: Run, source: Job, origin: Specimen, hashes: tuple[str, ...]) -> Job:
+    known = options_of(type(item.path))
+    arguments = [
+        "run", item.path.name,
+        *_options(known, item.path.parameters(), {name: one.default for name, one in known.items()}),
+        *_options(options_of(Options), vars(item.options)),
+        *_options(changes_of_runs(), vars(item.scene(origin)), vars(origin.scene)),
+    ]  # fmt: skip
+    return _job("run", item, arguments, source, hashes)  # statistics of one's own are recorded by all runs
 
 
-def _options(item, *names):
-    values = {name: getattr(item, name) for name in names}
-    return [f"--{name.replace('_', '-')}={value}" for name, value in values.items() if value is not None]
+def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]) -> tuple[str, ...]:
+    """The hashes of the user's own files, if a contact law or an engine is the user's own."""
+    kinds = (type(scene.contact_law), ENGINES[item.engine])
+    return () if all(kind.__module__.startswith("labkit.") for kind in kinds) else hashes
 
 
-def _job(kind, item, words, source):
-    # The engine fused gives the same bits on any number of threads.
-    decides = [word for word in words if not word.startswith("--threads=") or item.engine == "yade"]
-    digest = hashlib.sha256(json.dumps([decides, source.digest if source else None]).encode()).hexdigest()
+def _options(known: Mapping[str, Parameter], values: Mapping[str, Any], usual: Mapping[str, Any] = {}) -> list:
+    """Options of the command line for the values that are not the usual ones, nor None."""
+    return [
+        f"{option_name(name)}={_text(values[name], one.unit)}" for name, one in known.items()
+        if values[name] is not None and (name not in usual or values[name] != usual[name])
+    ]  # fmt: skip
+
+
+def _text(value: Any, unit: str) -> str:
+    """A value as an option says it, to the last digit, in a form that labkit.parameters takes without a question."""
+    if isinstance(value, tuple):
+        return ",".join(_text(one, unit) for one in value)
+    if unit == "Pa" and isinstance(value, float):
+        return with_unit(value, unit).replace(" ", "")
+    return value if isinstance(value, str) else repr(value)
+
+
+def _job(
+    kind: str, item: Specimen | Consolidated | Run, arguments: list[str], source: Job | None, extensions: tuple[str, ...]
+) -> Job:
+    arguments = [*arguments, f"--engine={item.engine}", f"--threads={item.threads}"]
+    decides = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
+    digest = hashlib.sha256(json.dumps(decides).encode()).hexdigest()
     output = f"{RUNS}/{item.name}.run.nc" if kind == "run" else f"{STATES}/{item.name}.state.nc"
-    return Job(kind, item.name, tuple(words), output, source.output if source else None, item.threads, item, digest)
+    before = source.output if source else None
+    return Job(kind, item.name, tuple(arguments), output, before, item.threads, item, extensions, digest)
 
 
-def write_recipes(plan, folder):
+def deciding(arguments: list[str], engine: str) -> list[str]:
+    """The arguments that decide the result: the engine fused gives the same bits on any number of threads."""
+    return [one for one in arguments if engine != "fused" or not one.startswith("--threads=")]
+
+
+def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
     """Makes the folders and writes the recipes that are not there or differ; removes those of jobs that are gone."""
     folder = Path(folder)
     for name in FOLDERS:
@@ -143,7 +196,7 @@ def write_recipes(plan, folder):
             file.unlink()
 
 
-def _set_aside(folder, job):
+def _set_aside(folder: Path, job: Job) -> None:
     """Moves what a job of that name made with other parameters into the folder OUTDATED: it is no result any more."""
     products = [f"{STATISTICS}/{job.name}.nc", f"{FIGURES}/{job.name}.png"] if job.kind == "run" else []
     for name in [job.output, *products]:
@@ -152,7 +205,9 @@ def _set_aside(folder, job):
             (folder / name).replace(folder / OUTDATED / Path(name).name)
 
 
-def recipe_text(job):
-    words = [word for word in job.command if not word.startswith("--threads=") or job.item.engine == "yade"]
-    known = {"command": ["labkit", *words], "digest": job.digest}
+def recipe_text(job: Job) -> str:
+    """What decides the result of a job, as JSON."""
+    known: dict[str, Any] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
+    if job.extensions:
+        known["extensions"] = list(job.extensions)
     return json.dumps(known, indent=1) + "\n"

@@ -1,45 +1,42 @@
-"""Statistics, figure and report: what comes after the runs.
-
-`python -m labkit.campaign.products statistics NAME`, `figure NAME` or `report`, in the folder of a campaign.
-"""
+"""Statistics of a run, and the report of all: what comes after the runs. In the folder of a campaign."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
-import pandas
 import xarray as xr
 
 import labkit
-from labkit.visuals import markdown
-from labkit.visuals import plots
-from labkit.campaign.file import read_campaign
-from labkit.campaign.plan import CAMPAIGN, FIGURES, REPORT, RUNS, STATISTICS, plan_of
+from labkit.campaign.own_files import CAMPAIGN
+from labkit.campaign.plan import FIGURES, REPORT, RUNS, STATISTICS, Job, Plan
 from labkit.campaign.workflow import failures
-from labkit.runs.critical import SHEAR, critical_states
-from labkit.engines.yade_process import die_with_parent
-from labkit.errors import InputError, PhysicsError, fail
-from labkit.io.files import whole_file
 from labkit.dem.limits import RECORDED, exceeded
+from labkit.io.files import whole_file
 from labkit.io.provenance import commit, data_sha256, libraries, machine, of_file, provenance, write_told
+from labkit.io.schema import RECORD
+from labkit.runs.critical import critical_states, is_shear
+from labkit.runs.dataset import open_run
 from labkit.runs.verify import SFF_PRESSURE
 
+Numbers = dict[str, tuple[float, str, str]]  # name -> (value, units, long name)
 
-def statistics(name):
+
+def write_statistics(name: str) -> None:
     """Writes the numbers of a run: one value each, with units, and its parameters as attributes."""
     file = Path(RUNS) / f"{name}.run.nc"
     output = Path(STATISTICS) / f"{name}.nc"
-    run = labkit.open_run(file)
-    found = xr.Dataset({key: ((), value, {"units": units, "long_name": words})
-                        for key, (value, units, words) in numbers(run).items()})  # fmt: skip
+    run = open_run(file)
+    found = xr.Dataset({key: ((), value, {"units": units, "long_name": long_name})
+                        for key, (value, units, long_name) in numbers(run).items()})  # fmt: skip
     found["grains"] = (), run.sizes["grain"], {"units": "1", "long_name": "number of grains"}
     found.attrs = {
         "labkit_file": "statistics", "run": name, "run_data_sha256": run.attrs.get("data_sha256", ""),
         "path": run.attrs["path"], "engine": run.attrs["engine"],
-        "outside_limits": " ".join(exceeded({name: run[name].values for name in RECORDED})),
+        "outside_limits": "; ".join(map(str, exceeded({name: run[name].values for name in RECORDED}, run.lab.scene))),
         "provenance": provenance(inputs=[file], output=output, seed=run.attrs.get("seed")),
     }  # fmt: skip
     run.close()
@@ -49,8 +46,11 @@ def statistics(name):
             written.data_sha256 = data_sha256(written)
 
 
-def numbers(run):
-    """name -> (value, units, words) of a run opened with labkit.open_run; its records are enough."""
+def numbers(run: xr.Dataset) -> Numbers:
+    """name -> (value, units, long name) of a run opened with labkit.open_run; its records are enough.
+
+    What a run records beside labkit's own variables, a registered statistic, is there as its value at the end.
+    """
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
@@ -67,11 +67,21 @@ def numbers(run):
         "steps": (float(run.attrs["steps"]), "1", "time steps"),
         "wall_time": (float(run.attrs["wall_time"]), "s", "time that the run took"),
     }
-    if run.attrs["path"] in SHEAR:
+    if is_shear(run):
         end = critical_states({"run": run}).iloc[0]
-        for key, words in CRITICAL.items():
-            known[f"critical_{key}"] = float(end[key]), "1", words
-    return known
+        for key, long_name in CRITICAL.items():
+            known[f"critical_{key}"] = float(end[key]), "1", long_name
+    return {**known, **{f"final_{name}": _at_end(run[name]) for name in run.data_vars if _is_own(run[name])}}
+
+
+def _is_own(variable: xr.DataArray) -> bool:
+    """Whether it is a number of each record that labkit itself does not know."""
+    return variable.dims == ("time",) and variable.name not in RECORD
+
+
+def _at_end(variable: xr.DataArray) -> tuple[float, str, str]:
+    known = variable.attrs
+    return float(variable[-1]), known.get("units", "1"), f"{known.get('long_name', variable.name)}, at the end"
 
 
 CRITICAL = {
@@ -80,41 +90,44 @@ CRITICAL = {
 }  # fmt: skip
 
 
-def figure(name):
-    """Draws Love's stress and C0 along a run."""
-    file = Path(RUNS) / f"{name}.run.nc"
-    plots.save(plots.sff_against_love({name: labkit.open_run(file)}), Path(FIGURES) / f"{name}.png", [file])
-
-
-def report():
+def write_report(plan: Plan) -> None:
     """Writes the page of the campaign: a row per run, what failed and why, and where it comes from."""
-    plan = plan_of(read_campaign(CAMPAIGN))
-    folder = Path.cwd().name
     rows = [row for job in plan.runs if (row := _row(job))]
     failed, waiting = failures(plan, ".")
-    lines = [f"# Campaign {folder}", "", f"{len(rows)} of {len(plan.runs)} runs are finished.", ""]
+    lines = [f"# Campaign {Path.cwd().name}", "", f"{len(rows)} of {len(plan.runs)} runs are finished.", ""]
     if failed:
         lines += ["## Failed", "", *(f"- {kind} `{name}`: {reason}" for kind, name, reason in failed), ""]
     if waiting:
         lines += [f"Not begun: {', '.join(waiting)}.", ""]
     if rows:
-        table = pandas.DataFrame(rows)
-        lines += ["## Runs", "", markdown.table(table.columns, _cells(table)), ""]
-        left = [f"- `{row['run']}`: {words}" for row in rows if (words := _attribute(row["run"], "outside_limits"))]
+        lines += ["## Runs", "", *table(rows), ""]
+        left = [f"- `{row['run']}`: {said}" for row in rows if (said := _attribute(row["run"], "outside_limits"))]
         lines += ["## Outside the limits", "", *left, ""] * bool(left)
         lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
     lines += ["## Provenance", "", *_origin(rows)]
     write_told(REPORT, "\n".join(lines) + "\n", [Path(STATISTICS) / f"{row['run']}.nc" for row in rows])
 
 
-def _row(job):
+def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The lines of a Markdown table, with columns for the names of the first row."""
+    cells = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
+    return [f"| {' | '.join(line)} |" for line in cells]
+
+
+def _cell(value: Any) -> str:
+    """NaN is empty."""
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return "" if text == "nan" else text
+
+
+def _row(job: Job) -> dict[str, Any] | None:
     file = Path(STATISTICS) / f"{job.name}.nc"
     if not (file.exists() and Path(job.output).exists()):
         return None
     with xr.open_dataset(file) as found:
         value = {name: float(found[name]) for name in found}
     return {
-        "run": job.name, "path": job.item.path, "engine": job.item.engine, "specimen": job.item.specimen,
+        "run": job.name, "path": job.item.path.name, "engine": job.item.engine, "specimen": job.item.specimen,
         "grains": int(value["grains"]), "p0, kPa": value["initial_mean_stress"] / 1e3,
         "p, kPa": value["final_mean_stress"] / 1e3, "e0": value["initial_void_ratio"], "e": value["final_void_ratio"],
         "Z": value["final_coordination_number"], "peak q/p": value["peak_stress_ratio"],
@@ -123,18 +136,12 @@ def _row(job):
     }  # fmt: skip
 
 
-def _attribute(name, attribute):
+def _attribute(name: str, attribute: str) -> str:
     with xr.open_dataset(Path(STATISTICS) / f"{name}.nc") as found:
         return found.attrs[attribute]
 
 
-def _cells(table):
-    """The rows of a table as text; what is no number is empty."""
-    cells = [[f"{x:.4g}" if isinstance(x, float) else str(x) for x in row] for row in table.itertuples(index=False)]
-    return [["" if x == "nan" else x for x in row] for row in cells]
-
-
-def _origin(rows):
+def _origin(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     here = machine()
     made = {(known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])
             for row in rows if (known := of_file(Path(RUNS) / f"{row['run']}.run.nc"))}  # fmt: skip
@@ -144,18 +151,3 @@ def _origin(rows):
     code = commit() or "installed"
     yield f"- this page by labkit {labkit.__version__}, {code}, on {here['name']} ({here['processor']})"
     yield f"- {', '.join(f'{name} {version}' for name, version in libraries().items())}"
-
-
-def main(what, *names):
-    die_with_parent()
-    try:
-        {"statistics": statistics, "figure": figure, "report": report}[what](*names)
-    except InputError as error:
-        return fail(error, 2)
-    except PhysicsError as error:
-        return fail(error, 1)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
+from labkit.campaign.plan import Job, Plan
 from labkit.errors import InputError
 from labkit.io.files import require_writable, write_text
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 
 
-def write_tables(plan, folder):
-    """Writes a table per kind of job into the folder; returns the files. Raises InputError for law paper or a run
-    that needs the engine fused, which yade-batch cannot start."""
-    fused = [job.name for job in plan.jobs if job.item.engine != "yade"]
-    if fused:
-        raise InputError(f"yade-batch runs the engine yade alone, {fused[0]} has the engine fused: give `engine: yade`")
+def write_tables(plan: Plan, folder: Path) -> list[Path]:
+    """Writes a table per kind of job into the folder; returns the files. Raises InputError for a job on another engine
+    than yade, which yade-batch cannot start."""
+    others = [job for job in plan.jobs if job.item.engine != "yade"]
+    if others:
+        has = f"{others[0].name} has the engine {others[0].item.engine}"
+        raise InputError(f"yade-batch runs the engine yade alone, {has}: give `engine: yade`")
     folder.mkdir(parents=True, exist_ok=True)
     groups = {"specimen": plan.specimens, "consolidation": plan.consolidations, "run": plan.runs}
     written = []
@@ -27,7 +32,7 @@ def write_tables(plan, folder):
     return written
 
 
-def table_text(kind, jobs):
+def table_text(kind: str, jobs: Sequence[Job]) -> str:
     """A table: a line of columns, a row per job. `*` is the default of an option."""
     rows = [_row(job) for job in jobs]
     columns = list(dict.fromkeys(name for row in rows for name in row))
@@ -37,18 +42,18 @@ def table_text(kind, jobs):
     return "\n".join(lines) + "\n"
 
 
-def _row(job):
-    row = {"path": f"'{job.item.path}'"} if job.kind == "run" else {}
+def _row(job: Job) -> dict[str, str]:
+    row = {"path": f"'{job.arguments[1]}'"} if job.kind == "run" else {}
     if job.source:
         row["specimen"] = f"'{job.source.rpartition('/')[2]}'"
-    for word in job.words:
-        if word.startswith("--"):
-            name, _, value = word[2:].partition("=")
+    for argument in job.arguments:
+        if argument.startswith("--"):
+            name, _, value = argument[2:].partition("=")
             row[name.replace("-", "_")] = value if _is_number(value) else f"'{value}'"
     return {**row, "output": f"'{job.output.rpartition('/')[2]}'"}
 
 
-def _is_number(text):
+def _is_number(text: str) -> bool:
     try:
         float(text)
     except ValueError:

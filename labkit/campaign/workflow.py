@@ -7,12 +7,14 @@ import importlib.util
 import re
 import subprocess
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from labkit.campaign.plan import CAMPAIGN, FIGURES, LOGS, STATISTICS, write_recipes
-from labkit.engines.yade_process import die_with_parent
+from labkit.campaign.own_files import copy_campaign
+from labkit.campaign.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, write_recipes
+from labkit.dem.engine import Progress, silent
+from labkit.engines import die_with_parent
 from labkit.errors import InputError, Interrupted
-from labkit.io.files import write_text
 from labkit.io.interruption import only_writer
 
 HERE = Path(__file__).resolve().parent
@@ -21,7 +23,7 @@ PROFILES = HERE / "profiles"
 LOG = f"{LOGS}/snakemake.log"
 
 
-def require_snakemake(profile=None):
+def require_snakemake(profile: str | None = None) -> None:
     """Raises InputError with the way to get Snakemake, and SLURM's executor, unless they are there."""
     needed = ["snakemake"] + ["snakemake_executor_plugin_slurm"] * (profile == "slurm")
     if any(importlib.util.find_spec(name) is None for name in needed):
@@ -30,18 +32,19 @@ def require_snakemake(profile=None):
         profile_folder(profile)
 
 
-def run_workflow(plan, text, folder, cores, profile=None, progress=lambda fraction, text: None):
+def run_workflow(
+    plan: Plan, text: str, folder: Path, cores: int, profile: str | None = None, progress: Progress = silent
+) -> int:
     """Brings the campaign of that text up to date in its folder; returns Snakemake's exit code.
 
-    `profile`: None for this machine, `slurm`, or the folder of a profile of Snakemake. Raises InputError when another
+    `profile`: None for this computer, `slurm`, or the folder of a profile of Snakemake. Raises InputError when another
     process works in the folder.
     """
     require_snakemake(profile)
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
         write_recipes(plan, folder)
-        if not (folder / CAMPAIGN).exists() or (folder / CAMPAIGN).read_text() != text:
-            write_text(folder / CAMPAIGN, text)
+        copy_campaign(plan.campaign, text, folder)
         for job in plan.jobs:  # what is said of a failure must be of this time
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
@@ -49,7 +52,7 @@ def run_workflow(plan, text, folder, cores, profile=None, progress=lambda fracti
 
 
 @contextlib.contextmanager
-def alone_in(folder):
+def alone_in(folder: Path) -> Iterator[None]:
     """Raises InputError when another campaign is under way in the folder."""
     with contextlib.ExitStack() as held:
         try:
@@ -60,7 +63,7 @@ def alone_in(folder):
         yield
 
 
-def _watched(words, folder, progress):
+def _watched(words: Sequence[str], folder: Path, progress: Progress) -> int:
     """Runs Snakemake, tells `progress` how far it is and keeps what it says in its log; its exit code."""
     with open(folder / LOG, "w") as log:
         child = subprocess.Popen(
@@ -68,7 +71,7 @@ def _watched(words, folder, progress):
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
         try:
-            for line in child.stdout:
+            for line in child.stdout or ():
                 log.write(line)
                 log.flush()
                 done = re.match(r"(\d+) of (\d+) steps", line)
@@ -80,31 +83,45 @@ def _watched(words, folder, progress):
             raise Interrupted(f"interrupted; the same command goes on from there ({folder})", 130) from None
 
 
-def command(cores, profile):
+def command(cores: int, profile: str | None) -> list[str]:
     """Snakemake's command line, for the folder of the campaign.
 
     Our own lock keeps a second one out and is gone with a killed process, as Snakemake's is not. A job moves its output
     into place as a whole, so that what Snakemake takes for incomplete after a kill is not.
     """
-    words = ["--snakefile", str(SNAKEFILE), "--nolock", "--ignore-incomplete", "--keep-going", "--rerun-triggers",
-             "mtime", "--quiet", "rules"]  # fmt: skip
+    arguments = ["--snakefile", str(SNAKEFILE), "--nolock", "--ignore-incomplete", "--keep-going", "--rerun-triggers",
+                 "mtime", "--quiet", "rules"]  # fmt: skip
     if profile is None:
-        words += ["--cores", str(cores)]
+        arguments += ["--cores", str(cores)]
     else:
-        words += ["--profile", str(profile_folder(profile))]
-    return [sys.executable, "-m", "snakemake", *words]
+        arguments += ["--profile", str(profile_folder(profile))]
+    return [sys.executable, "-m", "snakemake", *arguments]
 
 
-def profile_folder(profile):
+def profile_folder(profile: str) -> Path:
     """The folder of a profile of Snakemake: one of labkit's by its name, or the user's own. Raises InputError."""
     for folder in (PROFILES / profile, Path(profile).resolve()):
         if (folder / "config.yaml").is_file():
             return folder
     known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
-    raise InputError(f"--profile {profile} is no folder with a config.yaml: give one, or {known}")
+    raise InputError("is not a folder with a config.yaml", field="profile", value=profile, allowed=f"one, or {known}")
 
 
-def failures(plan, folder):
+def tell(plan: Plan, folder: Path, code: int) -> int:
+    """Says how the campaign stands after Snakemake's exit code; the exit code of the command."""
+    failed, waiting = failures(plan, folder)
+    for kind, name, reason in failed:
+        print(f"labkit: {kind} {name} failed: {reason}", file=sys.stderr)
+    if waiting:
+        print(f"labkit: not begun{' because of these' * bool(failed)}: {', '.join(waiting)}", file=sys.stderr)
+    there = sum((folder / job.output).exists() for job in plan.runs)
+    print(f"{folder}: {there} of {len(plan.runs)} runs are finished; see {folder / REPORT}")
+    if code and not failed:
+        print(f"labkit: Snakemake ended with exit status {code}: see {folder / LOG}", file=sys.stderr)
+    return 1 if failed or code else 0
+
+
+def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]], list[str]]:
     """What is not there: (kind, name, reason) of the jobs that failed, names of those that were not begun."""
     folder = Path(folder)
     failed, waiting = [], []
@@ -122,10 +139,10 @@ def failures(plan, folder):
     return failed, waiting
 
 
-def reason(log):
+def reason(log: Path) -> str:
     """What a job said last, without labkit's name."""
     lines = log.read_text(errors="replace").strip().splitlines()
     said = [line for line in lines if line.startswith("labkit: ")]
     if said:
         return said[-1].removeprefix("labkit: ")
-    return f"ended without a word, killed perhaps: see {log.name} in {LOGS}/"
+    return f"ended without a message, killed perhaps: see {log.name} in {LOGS}/"

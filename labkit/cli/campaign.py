@@ -30,18 +30,18 @@ def campaign_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--snakefile", action="store_true", help="only say where the Snakefile is")
 
 
-@command("campaign", "many specimens and runs from one file, with Snakemake, here or on a cluster", campaign_options)
+@command("campaign", campaign_options)
 def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
     """Returns 1 when something failed."""
     from labkit.campaign import cost, tables, workflow
-    from labkit.campaign.file import read_campaign
+    from labkit.campaign.file import campaign_file, read_campaign
     from labkit.campaign.plan import plan_of
 
     if options.snakefile:
         print(workflow.SNAKEFILE)
         return 0
     require(options.file, "file", "a campaign file, or `quick`, which comes with labkit")
-    file = workflow.campaign_file(options.file)
+    file = campaign_file(options.file)
     campaign = read_campaign(file)
     plan = plan_of(campaign)
     if options.tables:

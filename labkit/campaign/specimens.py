@@ -1,0 +1,168 @@
+"""The section `specimens` of a campaign file: specimens to make, and specimens that are made of others."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from labkit.campaign.document import Entry, Fields, Mistakes, read_fields, similar
+from labkit.campaign.items import Consolidated, Specimen
+from labkit.campaign.keys import (
+    FROM,
+    MOST_GRAINS,
+    MULTIPLIED,
+    Common,
+    consolidated_keys,
+    given,
+    specimen_keys,
+)
+from labkit.dem.limits import require_pressure
+from labkit.dem.paths import Consolidation
+from labkit.dem.scene import Scene
+from labkit.dem.settings import Settings, settings
+from labkit.dem.specimen import Recipe, side_for
+from labkit.engines import ENGINES, require_engine
+from labkit.parameters import restored
+
+
+@dataclasses.dataclass(frozen=True)
+class Specimens:
+    """What the section says. groups: name in the file -> names of the specimens that it makes, none after a mistake;
+    origins: name of any specimen -> the Specimen that it goes back to."""
+
+    made: tuple[Specimen, ...]
+    consolidated: tuple[Consolidated, ...]
+    groups: Mapping[str, Sequence[str]]
+    origins: Mapping[str, Specimen]
+
+
+def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], mistakes: Mistakes) -> Specimens:
+    """The Specimens of the section; `top`: what the file says for all that say nothing."""
+    groups: dict[str, list[str]] = {}
+    made: list[Specimen] = []
+    lines, others = {}, {}
+    for name, line, node in section:
+        groups[name], lines[name] = [], line
+        where = f"specimen {name}"
+        if node.id == "mapping" and any(key.value == FROM.name for key, _ in node.value):
+            others[name] = read_fields(node, consolidated_keys(), where, mistakes, line=line)
+            continue
+        fields = read_fields(node, specimen_keys(), where, mistakes, MULTIPLIED["specimens"], line=line)
+        items = _made(name, fields, top)
+        groups[name] = [item.name for item in items]
+        made += items
+    origins = {item.name: item for item in made}
+    consolidated = _all_consolidated(others, groups, origins, lines, top, mistakes)
+    named = [(one, lines[name]) for name, ones in groups.items() for one in ones]
+    reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({'|'.join(map(re.escape, ENGINES))})")  # Campaign.consolidation
+    for one, line in named:
+        if reserved.fullmatch(one):
+            mistakes.add(line, f"specimen {one}: labkit names consolidations of its own so: give another name")
+    require_unique(named, "specimen", mistakes)
+    return Specimens(tuple(made), tuple(consolidated), groups, origins)
+
+
+def chosen_settings(values: Mapping[str, Any], top: Mapping[str, Any]) -> Settings:
+    """The Settings of an entry, or else of the file."""
+    return settings(values.get("settings", top.get("settings", Common.settings)))
+
+
+def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Engine and threads of an entry, or else of the file."""
+    return {name: value for name in ("engine", "threads") if (value := values.get(name, top.get(name))) is not None}
+
+
+def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
+    """The Specimens of one entry, one for each seed; none when something is wrong with it."""
+    before = fields.mistakes.count
+    chosen = chosen_settings(fields.values, top)
+    fields.require(known for known in specimen_keys().values() if known.default is dataclasses.MISSING)
+    size, material = given(fields.values, Recipe), {**given(top, Scene), **given(fields.values, Scene)}
+    seeds = size.pop("seed", Recipe.seed)
+    if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
+        size["grains"] = chosen.grains
+    scene = restored(Scene, {"time_step_factor": chosen.time_step_factor, **material})
+    recipe = fields.attempt(lambda: restored(Recipe, size)) if "void_ratio" in size else None
+    if recipe is None or fields.broken:
+        return []
+    specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
+    fields.attempt(lambda: require_engine(specimen.engine, scene))
+    if fields.attempt(lambda: recipe.side_of(scene)) and specimen.expected_grains > MOST_GRAINS:
+        most = side_for(MOST_GRAINS, recipe.void_ratio, scene) * 1e3
+        fields.mistake(f"side for {specimen.expected_grains} grains: give at most {most:.2g} mm, or grains", "side")
+    if fields.mistakes.count > before:
+        return []
+    several = isinstance(seeds, list)
+    named = [(f"{name}-s{seed}" if several else name, seed) for seed in (seeds if several else [seeds])]
+    return [
+        dataclasses.replace(specimen, name=one, recipe=dataclasses.replace(recipe, seed=seed)) for one, seed in named
+    ]  # fmt: skip
+
+
+def _all_consolidated(
+    others: Mapping[str, Fields], groups: dict[str, list[str]], origins: dict[str, Specimen], lines: Mapping[str, int],
+    top: Mapping[str, Any], mistakes: Mistakes,
+) -> list[Consolidated]:  # fmt: skip
+    """The Consolidated of these entries, a source before what is made of it; adds to the groups and the origins."""
+    for fields in others.values():
+        fields.require([consolidated_keys()["pressure"]])
+        source = fields.values.get(FROM.name)
+        if source is not None and source not in groups:
+            fields.mistake(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
+    sources = {name: fields.values.get(FROM.name) for name, fields in others.items()}
+    cyclic = _cycles(sources, lines, mistakes)
+    waiting = [name for name in sources if name not in cyclic]
+    found = []
+    while waiting:
+        name = next(one for one in waiting if sources[one] not in waiting)
+        waiting.remove(name)
+        fields = others[name]
+        for item in _consolidated(name, fields, groups, top):
+            origins[item.name] = origin = origins[item.source]
+            fields.attempt(lambda: require_engine(item.engine, origin.scene))
+            path = restored(Consolidation, {"pressure": item.pressure})
+            fields.attempt(lambda: require_pressure(path, origin.scene))
+            groups[name].append(item.name)
+            found.append(item)
+    return found
+
+
+def _consolidated(
+    name: str, fields: Fields, groups: Mapping[str, Sequence[str]], top: Mapping[str, Any]
+) -> list[Consolidated]:
+    """The Consolidated of one entry: as many as its source has names; none when something is wrong with it."""
+    source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
+    if fields.broken or pressure is None:
+        return []
+    chosen, several = worked(fields.values, top), list(groups.get(source, ())) != [source]
+    return [
+        Consolidated(name + one.removeprefix(source) if several else name, one, pressure, **chosen)
+        for one in groups.get(source, ())
+    ]  # fmt: skip
+
+
+def _cycles(sources: Mapping[str, str | None], lines: Mapping[str, int], mistakes: Mistakes) -> set[str]:
+    """Names of specimens that are made of themselves, or of such. `sources`: name -> name."""
+    cyclic = set()
+    for name in sources:
+        way = [name]
+        while sources.get(way[-1]) in sources and sources[way[-1]] not in way:
+            way.append(sources[way[-1]])
+        if sources.get(way[-1]) in way:
+            cyclic.add(name)
+            loop = way[way.index(sources[way[-1]]) :]
+            if name == min(loop, key=lambda one: lines[one]):
+                said = " from ".join([*loop, loop[0]])
+                mistakes.add(lines[name], f"specimen {name} is made of itself ({said}): begin with a void ratio")
+    return cyclic
+
+
+def require_unique(named: Iterable[tuple[str, int]], what: str, mistakes: Mistakes) -> None:
+    """Names that are made twice are mistakes; `named`: (name, line)."""
+    first: dict[str, int] = {}
+    for name, line in named:
+        if name in first:
+            mistakes.add(line, f"{what} {name} is made twice, also in line {first[name]}: give another name")
+        first.setdefault(name, line)
