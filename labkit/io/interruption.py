@@ -5,6 +5,10 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import signal
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
 
 from labkit.errors import InputError
 
@@ -16,14 +20,18 @@ class Signals:
 
 
 @contextlib.contextmanager
-def stop_on_signals():
-    """While it lasts, SIGINT and SIGTERM only leave their number in the Signals that it gives."""
+def stop_on_signals() -> Iterator[Signals]:
+    """While it lasts, SIGINT and SIGTERM only leave their number in the Signals that it gives.
+
+    Python lets the main thread alone handle signals: in another thread nothing is caught.
+    """
     signals = Signals()
 
-    def catch(number, frame):
+    def catch(number: int, frame: FrameType | None) -> None:
         signals.caught = number
 
-    before = {number: signal.signal(number, catch) for number in (signal.SIGINT, signal.SIGTERM)}
+    chosen = (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()
+    before = {number: signal.signal(number, catch) for number in chosen}
     try:
         yield signals
     finally:
@@ -32,15 +40,32 @@ def stop_on_signals():
 
 
 @contextlib.contextmanager
-def only_writer(file):
-    """Raises InputError when another process writes `file`. The kernel lifts the lock of a killed process."""
-    lock = file.with_name(f".{file.name}.lock")
+def only_writer(file: Path) -> Iterator[None]:
+    """Raises InputError if another process writes `file`. The kernel lifts the lock of a killed process."""
+    lock = lock_of(file)
     with open(lock, "w") as handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise InputError(f"{file} is being written by another process: wait for it, or give another -o") from None
+            raise InputError(f"{file} is being written by another process: wait for it, or choose another -o") from None
         try:
             yield
         finally:
             lock.unlink(missing_ok=True)
+
+
+def lock_of(file: Path) -> Path:
+    """The lock file beside `file`."""
+    return file.with_name(f".{file.name}.lock")
+
+
+def being_written(file: Path) -> bool:
+    """Whether a process writes `file` now."""
+    try:
+        with open(lock_of(file)) as handle:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False

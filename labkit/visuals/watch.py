@@ -7,46 +7,54 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import plotext
+import xarray
 
+from labkit.io.interruption import being_written
 from labkit.runs.dataset import open_run
 
 SHOWN = ("stress", "stress_sff", "void_ratio", "axial_strain")
+MARKS = "*o+x#%@$&="  # one for each run: terminals may have no colours
 
 
-def watch(files, interval, once):
-    """Draws until all runs are complete, every `interval` seconds, or `once`. Raises InputError."""
+def watch(files: Sequence[str], interval: int, once: bool) -> None:
+    """Draws until no run goes on any more, every `interval` seconds, or `once`. Raises InputError."""
     while True:
-        runs = {Path(file).name.removesuffix(".run.nc"): snapshot(file) for file in files}
+        runs = {Path(file).name.removesuffix(".run.nc"): records(file) for file in files}
+        going_on = [being_written(Path(file)) for file in files]
         size = shutil.get_terminal_size((100, 30))
         if not once:
             print("\x1b[2J\x1b[H", end="")  # clears the terminal
         print(draw(runs, size.columns, max(12, size.lines - len(runs) - 2)))
-        print(*(status(name, run) for name, run in runs.items()), sep="\n", flush=True)
-        if once or all(run.attrs["complete"] for run in runs.values()):
+        lines = (status(name, run, writes) for (name, run), writes in zip(runs.items(), going_on))
+        print(*lines, sep="\n", flush=True)
+        if once or not any(going_on):
             return
         time.sleep(interval)
 
 
-def snapshot(file):
+def records(file: str) -> xarray.Dataset:
     """What is shown of a run, in memory, the file closed."""
     with open_run(file) as run:
         return run[list(SHOWN)].load()
 
 
-def status(name, run):
+def status(name: str, run: xarray.Dataset, going_on: bool) -> str:
+    """One line on a run; `going_on`: whether a process writes it now."""
     strain = float(run["axial_strain"][-1])
-    state = "complete" if run.attrs["complete"] else "going on"
+    state = "complete" if run.attrs["complete"] else "going on" if going_on else "interrupted"
     return (
         f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, axial strain {strain:.2%}, "
         f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, C0 off by {float(run.lab.sff_error()[-1]):.2%}"
     )
 
 
-def draw(runs, width, height):
-    """The three diagrams as text."""
+def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
+    """The three diagrams as text, of that many columns and lines."""
+    plotext.main()  # what is cleared below is the whole figure, not the panel that was drawn last
     plotext.clear_figure()
     plotext.theme("clear")
     plotext.subplots(1, 3)
@@ -59,7 +67,8 @@ def draw(runs, width, height):
     for number, (title, values) in enumerate(panels, start=1):
         plotext.subplot(1, number)
         plotext.title(title)
-        for name, run in runs.items():
+        for k, (name, run) in enumerate(runs.items()):
             x, y = values(run)
-            plotext.plot(x.values.tolist(), y.values.tolist(), label=name if len(runs) > 1 else None)
+            label = name if len(runs) > 1 else None
+            plotext.plot(x.values.tolist(), y.values.tolist(), label=label, marker=MARKS[k % len(MARKS)])
     return plotext.build()
