@@ -211,5 +211,7 @@ def scalar(node: Node, where: str, mistakes: Mistakes) -> str | None:
 
 def similar(name: str, known: Collection[str]) -> str:
     """What a wrong name may have been meant for, to be put behind the mistake."""
+    if not known:
+        return ""
     close = difflib.get_close_matches(name, known, 1)
     return f": did you mean {close[0]!r}?" if close else f": use {', '.join(known)}"

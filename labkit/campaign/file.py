@@ -96,9 +96,12 @@ def _campaign(root: Node, stem: str, mistakes: Mistakes) -> Campaign:
 
 def _named(node: Node | None, section: str, mistakes: Mistakes) -> list[Entry]:
     """The entries of a section, with names that may be names of files."""
-    found = entries(node, f"`{section}:`", mistakes) if node is not None else []
-    if node is not None and (node.id == "scalar" and node.value == "" or node.id == "mapping" and not found):
+    if node is None:
+        return []
+    if not node.value:
         mistakes.add(line_of(node), f"`{section}:` is empty: add one")
+        return []
+    found = entries(node, f"`{section}:`", mistakes)
     for name, line, _ in found:
         if not NAME.fullmatch(name):
             said = f"the name {name!r} makes no name of a file: use up to 60 letters, digits, _ . -"

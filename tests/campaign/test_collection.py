@@ -103,6 +103,9 @@ def test_it_is_lazy_and_labelled(thousand, one):
         some = campaign.isel(run=(campaign["seed"] < 3).values)
         multiples = np.array([1, 2, 3]).reshape(3, 1, 1, 1)
         np.testing.assert_allclose(some["stress"].values, single["stress"].values[None] * multiples)
+        strain = some["strain"].values  # the recorded tensor, not the strain to reach
+        np.testing.assert_allclose(strain, np.broadcast_to(single["strain"].values, strain.shape))
+        assert strain.shape == some["stress"].shape and (campaign["target_strain"] == 0.01).all()
         zz = campaign["stress"].sel(run="cv-0002").isel(i=2, j=2, time=slice(2, 5))
         np.testing.assert_allclose(zz.values, 3 * single["stress"].values[2:5, 2, 2])
         assert campaign.runs.open("cv-0001").sizes["snapshot"] == single.sizes["snapshot"]
@@ -124,6 +127,9 @@ def test_runs_of_different_length_end_in_nothing(one, tmp_path, labkit_command):
     table = campaign.runs.summary()
     assert table["axial_strain_reached"].values == pytest.approx([0.01, 0.005], rel=1e-3)
     assert table["final_mean_stress"].attrs["units"] == "Pa" and "seed" in table.coords
+    assert campaign["target_strain"].values == pytest.approx([0.01, 0.005])
+    assert campaign["friction"].values == pytest.approx([0.4, 0.4]) and campaign["young_modulus"].attrs["units"] == "Pa"
+    assert (campaign["law"] == "rolling_resistance").all() and (campaign["void_ratio"].dims == ("run", "time"))
 
 
 def test_a_place_without_runs_is_refused(tmp_path):

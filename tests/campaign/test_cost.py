@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from labkit.campaign.command import ours
 from labkit.campaign.cost import TYPICAL, cost_of, expected_seconds
-from labkit.campaign.file import read_campaign
+from labkit.campaign.file import campaign_file, read_campaign
 from labkit.campaign.plan import plan_of
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
@@ -45,11 +44,11 @@ def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
 
 
 def test_the_quick_campaign_is_what_it_says():
-    found = plan_of(read_campaign(ours("quick")))
-    assert {(run.path, run.engine) for run in found.campaign.runs} == {
+    found = plan_of(read_campaign(campaign_file("quick")))
+    assert {(run.path.name, run.engine) for run in found.campaign.runs} == {
         (path, engine) for path in ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp") for engine in ("yade", "fused")
     }
-    assert len({specimen.void_ratio for specimen in found.campaign.specimens}) == 3 and len(found.runs) == 36
+    assert len({specimen.recipe.void_ratio for specimen in found.campaign.specimens}) == 3 and len(found.runs) == 36
     costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
     assert expected_seconds(found, costs, 2) < 15 * 60
 
@@ -59,7 +58,7 @@ def test_a_dry_run_measures_this_machine_and_writes_nothing(tmp_path, labkit_com
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
     done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
     assert done.returncode == 0, done.stderr
-    assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this machine" in done.stdout
+    assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this computer" in done.stdout
     assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "on the disk" in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "cache"]
     again = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)

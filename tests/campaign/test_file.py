@@ -1,8 +1,12 @@
 """Campaign files that are right, and many that are wrong: every mistake with its line, nothing started."""
 
+import dataclasses
+
 import pytest
 
 from labkit.campaign.file import read_campaign
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.settings import SETTINGS
 from labkit.errors import InputError
 
 GOOD = """\
@@ -48,25 +52,25 @@ BROKEN = {
     "runs as a list": (HEAD + "runs: [cv]\n", [(4, "is a list")]),
     "unknown key of the file": (HEAD + RUNS + "colour: red\n", [(6, "'colour' is unknown")]),
     "misspelt key of the file": (HEAD + RUNS + "setings: quick\n", [(6, "did you mean 'settings'")]),
-    "unknown settings": ("settings: fast\n" + HEAD + RUNS, [(1, "'fast' is unknown: use quick")]),
-    "unknown engine": (HEAD.replace("fused", "warp") + RUNS, [(1, "'warp' is unknown: use yade, fused")]),
+    "unknown settings": ("settings: fast\n" + HEAD + RUNS, [(1, "settings 'fast' is unknown: give one of quick")]),
+    "unknown engine": (HEAD.replace("fused", "warp") + RUNS, [(1, "engine 'warp' is unknown: give one of yade, fused")]),
     "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 is not possible")]),
-    "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "'many' is no whole number")]),
+    "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "snapshots 'many' is not a number: give e.g. 20")]),
     "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "makes no name of a folder")]),
     "void ratio missing": (specimen("grains: 150"), [(3, "void_ratio is missing")]),
     "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 is not possible")]),
     "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 is not possible")]),
-    "void ratio a word": (specimen("void_ratio: dense, grains: 150"), [(3, "'dense' is no number")]),
-    "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "nan is no number")]),
+    "void ratio a word": (specimen("void_ratio: dense, grains: 150"), [(3, "void_ratio 'dense' is not a number")]),
+    "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "void_ratio nan is not possible")]),
     "void ratio a list": (specimen("void_ratio: [0.6, 0.7], grains: 150"), [(3, "void_ratio is a list")]),
     "void ratio empty": (specimen("void_ratio: , grains: 150"), [(3, "void_ratio is empty")]),
-    "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 are not possible: give 100 to")]),
-    "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 are not possible")]),
-    "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "'150.5' is no whole number")]),
-    "a side without a unit": (specimen("void_ratio: 0.67, side: 4"), [(3, "4 has no unit: write e.g. 4 mm")]),
-    "a side in MPa": (specimen("void_ratio: 0.67, side: 4 MPa"), [(3, "'MPa' is no unit of a length: use m, mm")]),
-    "a side of a metre": (specimen("void_ratio: 0.67, side: 1 m"), [(3, "side 1 m is not possible")]),
-    "a side that holds nothing": (specimen("void_ratio: 0.67, side: 0.1 mm"), [(3, "side for 0 grains")]),
+    "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 is not possible: give 100 to")]),
+    "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 is not possible")]),
+    "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "grains 150.5 is not a whole number")]),
+    "a side without a unit": (specimen("void_ratio: 0.67, side: 4"), [(3, "side 4 has no unit: give e.g. 4 mm")]),
+    "a side in MPa": (specimen("void_ratio: 0.67, side: 4 MPa"), [(3, "side 4 MPa has an unknown unit 'MPa': give it in m, cm, mm")]),
+    "a side of a metre": (specimen("void_ratio: 0.67, side: 1 m"), [(3, "side 1 is not possible: give a number above 0, at most 0.1 m")]),
+    "a side that holds nothing": (specimen("void_ratio: 0.67, side: 0.1 mm"), [(3, "side 0.0001 m would hold 0.224 grains")]),
     "side and grains": (specimen("void_ratio: 0.67, side: 1 mm, grains: 150"), [(3, "both given")]),
     "negative friction": (specimen("void_ratio: 0.67, grains: 150, step1_friction: -1"), [(3, "step1_friction -1")]),
     "a seed below zero": (specimen("void_ratio: 0.67, grains: 150, seed: -3"), [(3, "seed -3")]),
@@ -74,11 +78,11 @@ BROKEN = {
     "no seeds": (specimen("void_ratio: 0.67, grains: 150, seed: []"), [(3, "empty list")]),
     "unknown key of a specimen": (specimen("void_ratio: 0.67, frction: 1"), [(3, "'frction' is unknown")]),
     "law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper, engine: yade"),
-                          [(3, "does not know contact law 'paper'")]),
+                          [(3, "engine yade has no contact law spring_dashpot")]),
     "a run of law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper")
                                    .replace("cv,", "cv, engine: yade,"),
-                                   [(5, "does not know contact law 'paper'")]),
-    "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time step factor is 0")]),
+                                   [(5, "engine yade has no contact law spring_dashpot")]),
+    "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time_step_factor 0 is not possible")]),
     "a specimen that is a number": (HEAD + "  b: 3\n" + RUNS,
                      [(4, "specimen b is a single value"), (4, "void_ratio is missing")]),
     "the same specimen twice": (HEAD + "  a: {void_ratio: 0.7}\n" + RUNS, [(4, "'a' is there twice, first in line 3")]),
@@ -100,26 +104,26 @@ BROKEN = {
     "consolidated with a void ratio": (HEAD + "  b: {from: a, pressure: 1 MPa, void_ratio: 0.6}\n" + RUNS,
                      [(4, "'void_ratio' is unknown")]),
     "path missing": (run("specimen: a"), [(5, "path is missing")]),
-    "path unknown": (run("path: cx, specimen: a"), [(5, "'cx' is unknown: use cv")]),
+    "path unknown": (run("path: cx, specimen: a"), [(5, "path 'cx' is unknown: give one of cv, cr")]),
     "specimen missing": (run("path: cv"), [(5, "specimen is missing")]),
     "specimen unknown": (run("path: cv, specimen: dense"), [(5, "no specimen 'dense'")]),
     "pressure without a unit": (run("path: cp, specimen: a, pressure: 0.5"),
-                     [(5, "0.5 has no unit: write e.g. 0.5 MPa")]),
-    "pressure in bar": (run("path: cp, specimen: a, pressure: 5 bar"), [(5, "'bar' is no unit of a pressure")]),
-    "pressure below zero": (run("path: cp, specimen: a, pressure: -1 MPa"), [(5, "-1e+06 Pa is not possible")]),
+                     [(5, "pressure 0.5 has no unit: give e.g. 0.5 MPa")]),
+    "pressure in bar": (run("path: cp, specimen: a, pressure: 5 bar"), [(5, "pressure 5 bar has an unknown unit 'bar'")]),
+    "pressure below zero": (run("path: cp, specimen: a, pressure: -1 MPa"), [(5, "pressure -1e+06 is not possible: give a number above 0, at most 1e+12 Pa")]),
     "pressure of cv": (run("path: cv, specimen: a, pressure: 1 MPa"), [(5, "not a parameter of cv")]),
     "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
     "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 is not possible")]),
     "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 is not possible")]),
-    "rate without a unit": (run("path: cv, specimen: a, rate: 10"), [(5, "10 has no unit: write e.g. 10 1/s")]),
-    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps of the shortest way")]),
+    "rate without a unit": (run("path: cv, specimen: a, rate: 10"), [(5, "rate 10 has no unit: give e.g. 10 1/s")]),
+    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps of the shortest leg")]),
     "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 is not possible")]),
     "reversals that do not turn": (run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
                      [(5, "does not turn")]),
     "reversals of cv": (run("path: cv, specimen: a, reversals: [0.01]"), [(5, "not a parameter of cv")]),
     "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
     "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
-    "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"), [(1, "time step factor is -1")]),
+    "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"), [(1, "time_step_factor -1 is not possible")]),
     "a consolidation on yade of a specimen with law paper":
         (specimen("void_ratio: 0.67, grains: 150, law: paper").replace(
             "cv,", "cp, pressure: 500 kPa, law: yade, engine: yade,"), [(5, "its consolidation: engine yade")]),
@@ -127,11 +131,20 @@ BROKEN = {
                                  [(4, "give another name")]),
     "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
     "law paper in a run on yade": (run("path: cv, specimen: a, law: paper, engine: yade"),
-                                   [(5, "does not know contact law 'paper'")]),
-    "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"), [(5, "time step factor is 100")]),
+                                   [(5, "engine yade has no contact law spring_dashpot")]),
+    "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"), [(5, "time_step_factor 100 is not possible")]),
     "five at once": ("settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1")
                      + "  r: {path: cx, specimen: a}\n",
                      [(1, "'fast'"), (4, "void_ratio 9"), (4, "grains 0"), (4, "seed -1"), (7, "'cx'")]),
+    "grains of another size in a run": (run("path: cv, specimen: a, mean_diameter: 1 mm"),
+                                        [(5, "'mean_diameter' is unknown")]),
+    "friction with a unit": (specimen("void_ratio: 0.67, grains: 150, friction: 0.4 MPa"),
+                             [(3, "friction 0.4 MPa has an unknown unit 'MPa': give it in %")]),
+    "softer grains in a run": (run("path: cp, specimen: a, pressure: 1 MPa, young_modulus: 10 MPa"),
+                               [(5, "pressure 1e+06 Pa is not possible for grains of E = 1e+07 Pa")]),
+    "a file to use that is not there": ("use: [own.py]\n" + HEAD + RUNS.replace("cv,", "own,"),
+                                        [(1, "own.py does not exist: give a Python file")]),
+    "a file to use that is a mapping": ("use: {own: py}\n" + HEAD + RUNS, [(1, "use is a mapping: give one value")]),
     "two in one run": (run("path: cp, specimen: a, pressure: 9 MPa, rate: 0 1/s"), [(5, "9e+06"), (5, "rate 0")]),
 }  # fmt: skip
 
@@ -142,15 +155,41 @@ def test_a_good_file_is_multiplied_out(tmp_path):
     campaign = read_campaign(file)
     assert campaign.name == "good"
     assert [s.name for s in campaign.specimens] == ["dense-s1", "dense-s2", "loose"]
-    assert [(s.seed, s.grains, s.side) for s in campaign.specimens] == [(1, 150, None), (2, 150, None), (1, None, 1e-3)]
+    sizes = [(s.recipe.seed, s.recipe.grains, s.recipe.side) for s in campaign.specimens]
+    assert sizes == [(1, 150, None), (2, 150, None), (1, None, 1e-3)]
     assert [(c.name, c.source) for c in campaign.consolidated] == [
         ("dense_1MPa-s1", "dense-s1"), ("dense_1MPa-s2", "dense-s2")
     ]  # fmt: skip
     names = [r.name for r in campaign.runs]
     assert len(names) == len(set(names)) == 1 + 3 * 2 * 2 + 2
     assert "cp-dense-s2-p500kPa-yade" in names and "cv" in names and "cyclic-dense_1MPa-s1" in names
-    cv = campaign.runs[0]
-    assert (cv.strain, cv.rate, cv.snapshots, cv.settings, cv.engine) == (0.05, 20.0, 3, "quick", "fused")
+    cv, cp = campaign.runs[:2]
+    assert (cv.path, cv.options.snapshots, cv.engine) == (ConstantVolume(strain=0.05, rate=20.0), 3, "fused")
+    quick = SETTINGS["quick"]
+    assert cp.path.rate == quick.rate_factor * type(cp.path).rate and cp.path.strain == type(cp.path).strain
+    steps = [cv.scene(campaign.origin(cv.specimen)).time_step_factor, campaign.specimens[0].scene.time_step_factor]
+    assert steps == [quick.time_step_factor] * 2 and campaign.specimens[2].scene.time_step_factor == 0.2
+
+
+def test_the_material_is_a_key_of_specimens_and_what_may_change_of_runs(tmp_path):
+    """Units are read as everywhere; what the file says on top is for specimens that say nothing."""
+    file = tmp_path / "material.yaml"
+    file.write_text(
+        "friction: 0.5\nspecimens:\n"
+        "  a: {void_ratio: 67 %, grains: 150, young_modulus: 0.3 GPa, mean_diameter: 200 um, density: 2.7 g/cm3}\n"
+        "  b: {void_ratio: 0.67, grains: 150, friction: 0.3}\n"
+        "runs:\n  cv: {path: cv, specimen: [a, b], rolling_friction: 0, record_strain: 0.2 %, save_every: 7}\n"
+        "  cp: {path: cp, specimen: a, pressure: 5 MPa}\n  low: {path: isod, specimen: a, pressure: 50 Pa}\n"
+    )
+    campaign = read_campaign(file)
+    a, b = campaign.specimens
+    assert (a.recipe.void_ratio, a.scene.young_modulus, a.scene.friction) == (0.67, 0.3e9, 0.5)
+    assert (a.scene.mean_diameter, a.scene.density) == pytest.approx((200e-6, 2700.0)) and b.scene.friction == 0.3
+    of_a, of_b, cp, low = campaign.runs
+    assert of_a.scene(a) == dataclasses.replace(a.scene, rolling_friction=0.0)
+    assert of_b.scene(b) == dataclasses.replace(b.scene, rolling_friction=0.0)
+    assert (of_a.options.record_strain, of_a.options.save_every) == (0.002, 7)
+    assert (cp.path.pressure, low.path.pressure) == (5e6, 50.0)  # 0.02 E is more for these grains
 
 
 @pytest.mark.parametrize("name", BROKEN)
