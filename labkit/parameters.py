@@ -63,6 +63,8 @@ class Parameter:
         if math.isfinite(self.above):
             most = f", at most {self.high:g}" if math.isfinite(self.high) else ""
             return f"{what} above {self.above:g}{most}{unit}"
+        if math.isfinite(self.low) and -1e-6 < self.high < 0.0:
+            return f"a negative number from {self.low:g}{unit}"
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"{self.low:g} to {self.high:g}{unit}"
         return f"{what}, e.g. {self.example}"
@@ -128,7 +130,8 @@ class Parameter:
         return value * units[unit] if unit else value
 
     def _suspect(self, value: float) -> None:
-        raise self.error(value, "is less than 100 Pa: did you mean MPa?", f"{value:g} MPa, or {value:g} Pa with the unit")
+        said = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
+        raise self.error(value, said, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
 
     def check(self, value: Any) -> Any:
         """The value itself. Raises InputError outside the range."""
@@ -169,7 +172,7 @@ def restored(kind: type, values: Mapping[str, Any]) -> Any:
     """An instance of a dataclass from values that were checked before and written to a file, in SI units."""
     known = parameters_of(kind)
     given = {
-        name: f"{value!r} Pa" if name in known and known[name].unit == "Pa" and isinstance(value, float) else value
+        name: with_unit(value, "Pa") if name in known and known[name].unit == "Pa" and isinstance(value, float) else value
         for name, value in values.items()
     }  # fmt: skip
     return kind(**given)
@@ -177,7 +180,8 @@ def restored(kind: type, values: Mapping[str, Any]) -> Any:
 
 def with_unit(value: float, unit: str) -> str:
     """A value as text that `Parameter.read` takes without a question."""
-    return f"{value!r} {unit}" if unit != "1" else repr(value)
+    text = repr(value if isinstance(value, int) else float(value))  # a number of numpy has another repr
+    return f"{text} {unit}" if unit != "1" else text
 
 
 def help_of(known: Parameter, default: Any = dataclasses.MISSING) -> str:

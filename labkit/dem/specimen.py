@@ -44,7 +44,7 @@ class Recipe:
     def __post_init__(self) -> None:
         check_parameters(self)
         if self.side is not None and self.grains is not None:
-            raise InputError("and side are both given: leave one out", field="grains")
+            raise InputError("and a number of grains are both given: leave one out", field="side", value=self.side)
 
     def side_of(self, scene: Scene) -> float:
         """Side of the cube, m, for grains of this scene. Raises InputError if it would hold too few or too many."""

@@ -1,7 +1,7 @@
 """The fused engine: a compiled kernel for the scenes of this laboratory alone, in the Python that labkit runs in.
 
-It needs no YADE. Law `yade` follows YADE's formulas and its order of operations, law `paper` Eqs. 1-3. Any number
-of threads gives the same bits.
+It needs no YADE. The law `rolling_resistance` follows YADE's formulas and its order of operations, `spring_dashpot`
+Eqs. 1-3. Any number of threads gives the same bits.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ IN_KERNEL = (
 
 
 class FusedEngine(Engine):
-    """The kernel holding a State. Raises InputError when the machine has fewer than `threads` threads for it.
+    """The kernel holding a State. Raises InputError when this computer has fewer than `threads` threads for it.
 
     `skin`: the gap of the pairs that are kept at hand, of the mean diameter; None: the engine fits it as it goes.
     """
@@ -45,10 +45,8 @@ class FusedEngine(Engine):
     def __init__(self, state, threads=1, skin=None):
         return_large_arrays()
         if threads > numba.config.NUMBA_NUM_THREADS:
-            raise InputError(
-                f"--threads {threads} are too many for the engine fused here: give at most "
-                f"{numba.config.NUMBA_NUM_THREADS}"
-            )
+            most = f"at most {numba.config.NUMBA_NUM_THREADS}"
+            raise InputError("are too many for the engine fused here", field="threads", value=threads, allowed=most)
         if threads > 1:
             numba.set_num_threads(threads)
         self._skin = skin
@@ -144,7 +142,7 @@ class FusedEngine(Engine):
             values[:] = 0.0
         self._ledger = self._ledger.plus(work, friction, rolling, damping + dashpots)
         if not np.isfinite(self._ledger.cell_work):
-            raise PhysicsError(f"forces are no numbers any more: the time step {self._time_step:.3g} s is too large")
+            raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
     def stress(self):
         total = self._kernel.branch_force(self._packing.arrays, self._features.friction)

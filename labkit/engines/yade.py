@@ -47,7 +47,7 @@ class YadeEngine(Engine):
     @classmethod
     def require(cls, scene: Scene) -> None:
         if not scene.contact_law.on_yade:
-            raise InputError(f"engine yade does not know contact law {scene.law!r}: use the engine fused")
+            raise InputError(f"has no contact law {scene.law}", field="engine", value=cls.name, allowed="fused")
 
     def __init__(self, state, threads=1):
         if yade is None:
@@ -55,7 +55,8 @@ class YadeEngine(Engine):
         self.version = yade.config.version
         running = Omega().numThreads
         if threads != running:
-            raise InputError(f"--threads {threads} in a YADE with {running}: start it as yade -j{threads} -n -x ...")
+            said = f"is not possible in a YADE that was started with {running}"
+            raise InputError(said, field="threads", value=threads, allowed=f"{running}, or start yade -j{threads}")
         self.load(state)
 
     def load(self, state):
