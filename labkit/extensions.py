@@ -87,6 +87,10 @@ class Registry(Mapping[str, Any]):
         """The name proper of an entry that may be called by an earlier one."""
         return self._aliases.get(name, name)
 
+    def earlier(self, name: str) -> tuple[str, ...]:
+        """The earlier names of an entry."""
+        return tuple(alias for alias, known in self._aliases.items() if known == name)
+
     def names(self) -> tuple[str, ...]:
         """All names, those of earlier versions too."""
         return (*self, *self._aliases)

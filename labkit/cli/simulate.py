@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import shlex
 from pathlib import Path as File
 
@@ -34,7 +35,7 @@ from labkit.errors import InputError, shown
 from labkit.io.files import labkit_kind, require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
-from labkit.parameters import parameters_of
+from labkit.parameters import parameters_of, restored
 
 MADE_WITH = ("mean_diameter", "diameter_spread")  # of a Scene: a run cannot change them
 
@@ -71,7 +72,10 @@ def specimen_task(options: argparse.Namespace, history: str) -> SpecimenTask:
     )
 
 
-SHORT = {"young_modulus": "E", "time_step_factor": "t", "friction": "mu", "rolling_friction": "mur"}
+SHORT = {
+    "young_modulus": "E", "time_step_factor": "t", "friction": "mu", "rolling_friction": "mur", "strain": "e",
+    "rate": "r", "reversals": "c",
+}  # fmt: skip
 
 
 def specimen_name(recipe: Recipe, scene: Scene) -> str:
@@ -82,7 +86,7 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
     for name in parameters_of(Scene):
         value = getattr(scene, name)
         if value != getattr(Scene, name):
-            words.append(value if name == "law" else f"{SHORT.get(name, name)}{shown(value)}")
+            words.append(_word(name, value))
     return "_".join(words) + ".state.nc"
 
 
@@ -96,14 +100,24 @@ def specimen(options: argparse.Namespace, history: str) -> None:
     """The same with a history of one's own, as inside YADE."""
     task = specimen_task(options, history)
     if File(str(task.output)).exists():
-        there = read_state(str(task.output))
-        if (there.recipe, there.scene, there.engine) == (task.recipe.to_json(), task.scene, task.engine):
+        if _holds(read_state(str(task.output)), task):
             print(f"{task.output}: holds this specimen already, nothing to do")
             return
     state = _done(task, "specimen")
     print(f"{task.output}: {described(state)}")
     for limit in exceeded_by(state):
         print(f"{task.output}: {limit}")
+
+
+def _holds(state: State, task: SpecimenTask) -> bool:
+    """Whether a state is just the specimen of the task; an earlier version wrote the side of `grains` alone."""
+    try:
+        recipe = restored(Recipe, json.loads(state.recipe))
+        size = dataclasses.replace(recipe, side=recipe.side_of(state.scene), grains=None)
+    except (TypeError, ValueError):  # of a layer, or of grains from elsewhere
+        return False
+    wanted = dataclasses.replace(task.recipe, side=task.recipe.side_of(task.scene), grains=None)
+    return (size, state.scene, state.engine) == (wanted, task.scene, task.engine)
 
 
 def consolidation_options(parser: argparse.ArgumentParser) -> None:
@@ -193,23 +207,26 @@ def run_path(options: argparse.Namespace, kind: type[Path], chosen: Settings | N
 
 def run_name(options: argparse.Namespace, kind: type[Path]) -> str:
     """A file name from the specimen, the path and the parameters that were given."""
+    of_path = {name: _word(name, value) for name, value in _read(options, kind).items()}
     words = [File(options.specimen).name.removesuffix(".state.nc"), kind.name]
-    for name, known in parameters_of(kind).items():
-        text = getattr(options, name, None)
-        if text is not None:
-            value = known.read(text)
-            words.append(f"p{value / 1e3:g}kPa" if name == "pressure" else f"{_letter(name)}{_joined(value)}")
+    words += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
     words += [options.settings] if options.settings is not None else []
-    words += [f"{SHORT.get(name, name)}{text}" if name != "law" else text for name, text in given(options, Scene).items()]
-    return str(File(options.specimen).with_name("_".join(words) + ".run.nc"))
+    words += [_word(name, value) for name, value in _read(options, Scene).items()]
+    return str(File(options.specimen).with_name("_".join([*words, *of_path.values()]) + ".run.nc"))
 
 
-def _letter(name: str) -> str:
-    return {"strain": "e", "rate": "r", "reversals": "c"}.get(name, name)
+def _read(options: argparse.Namespace, kind: type) -> dict[str, object]:
+    """The parameters of a dataclass that the command line gives, in SI units."""
+    return {name: parameters_of(kind)[name].read(text) for name, text in given(options, kind).items()}
 
 
-def _joined(value: object) -> str:
-    return "_".join(f"{x:g}" for x in value) if isinstance(value, tuple) else shown(value)
+def _word(name: str, value: object) -> str:
+    """A parameter in the name of a file."""
+    if name == "law":
+        return str(value)
+    if name == "pressure":
+        return f"p{value / 1e3:g}kPa"  # type: ignore[operator]
+    return SHORT.get(name, name) + (shown(value).replace(",", "_") if isinstance(value, tuple) else shown(value))
 
 
 @command("run", run_options)

@@ -17,6 +17,7 @@ from typing import Any
 import netCDF4
 import numpy as np
 
+from labkit.dem.laws import LAWS
 from labkit.dem.paths import Path as LoadingPath
 from labkit.dem.recorded import record_table
 from labkit.dem.state import State, read_group, write_attributes
@@ -48,6 +49,7 @@ class Recorder:
         self.table = record_table()
         self.file = Path(file)
         self.specimen = specimen.digest()
+        self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # of files of version 0.1.0
         self.path = path
         self.settings = settings
         self.records = 0  # in the file and in memory
@@ -157,7 +159,7 @@ class Recorder:
                 )
             if not bool(dataset.complete):
                 self._require_same_variables(dataset)
-            if getattr(dataset, "specimen", None) != self.specimen:
+            if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
                 raise InputError(f"{self.file} was begun with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             first_cell = dataset["cell"][0].filled()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import json
 import os
 
 import netCDF4
@@ -98,9 +99,13 @@ class State:
         )
         return Snapshot(self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity)
 
-    def digest(self) -> str:
-        """SHA-256 of the scene and of all arrays, hexadecimal: tells one specimen from another."""
-        digest = hashlib.sha256(self.scene.to_json().encode())
+    def digest(self, law: str | None = None) -> str:
+        """SHA-256 of the scene and of all arrays, hexadecimal: tells one specimen from another.
+
+        law: an earlier name of its contact law, for the digest that a file of an earlier version holds.
+        """
+        scene = dataclasses.asdict(self.scene) | ({} if law is None else {"law": law})
+        digest = hashlib.sha256(json.dumps(scene).encode())
         for name in STATE:
             digest.update(np.ascontiguousarray(getattr(self, name)).tobytes())
         return digest.hexdigest()
