@@ -31,7 +31,7 @@ def test_a_run_without_yade(path, specimen, labkit_command, tmp_path):
     done = labkit_command("run", path, specimen, *RUN, *pressure, "-o", tmp_path / "r.run.nc", environment=BARE)
     assert done.returncode == 0, done.stderr
     with netCDF4.Dataset(tmp_path / "r.run.nc") as run:
-        assert run.complete == 1 and "paper" in run.scene
+        assert run.complete == 1 and json.loads(run.scene)["law"] == "spring_dashpot"
         assert np.isclose(run["axial_strain"][-1], 0.02, rtol=1e-3)
         assert np.abs(run["energy_balance_error"][:]).max() < 0.01
         assert run["cell_work"][-1] > 0.0 and run["friction_loss"][-1] > 0.0
@@ -59,11 +59,13 @@ def test_a_run_that_is_killed_and_resumed_is_the_uninterrupted_one(specimen, lab
             np.testing.assert_array_equal(a[name][:], b[name][:])
 
 
-def test_yade_does_not_know_law_paper(specimen, labkit_command, tmp_path):
+@pytest.mark.parametrize("law", ["paper", "spring_dashpot"])
+def test_yade_does_not_know_the_law_spring_dashpot(law, specimen, labkit_command, tmp_path):
+    refused = "labkit: --engine yade has no contact law spring_dashpot: give fused\n"
     done = labkit_command("run", "cv", specimen, "--engine", "yade", "-o", tmp_path / "r.run.nc")
-    assert done.returncode == 2 and "--engine fused" in done.stderr
-    done = labkit_command("specimen", "--void-ratio", 0.67, "--law", "paper", "-o", tmp_path / "s.state.nc")
-    assert done.returncode == 2 and "--engine fused" in done.stderr
+    assert done.returncode == 2 and done.stderr == refused
+    done = labkit_command("specimen", "--void-ratio", 0.67, "--law", law, "-o", tmp_path / "s.state.nc")
+    assert done.returncode == 2 and done.stderr == refused
     assert list(tmp_path.iterdir()) == []
 
 
@@ -72,12 +74,13 @@ def test_a_run_takes_another_law_than_its_specimen(specimen, labkit_command, tmp
     done = labkit_command("run", "cv", specimen, *RUN, "--law", "yade", "-o", file, environment=BARE)
     assert done.returncode == 0, done.stderr
     with netCDF4.Dataset(file) as run:
-        assert json.loads(run.scene)["law"] == "yade"
+        assert json.loads(run.scene)["law"] == "rolling_resistance"
     again = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
     assert again.returncode == 2 and "another specimen" in again.stderr
 
 
-def test_a_specimen_of_another_law_is_another_specimen(specimen, labkit_command):
-    again = labkit_command(*SPECIMEN, "--law", "paper", "-o", specimen, environment=BARE)
-    assert "nothing to do" in again.stdout
-    assert read_state(specimen).scene.law == "paper" and read_state(specimen).engine == "fused"
+def test_a_specimen_is_not_made_again_under_another_name_of_its_law(specimen, labkit_command):
+    for law in ("paper", "spring_dashpot"):
+        again = labkit_command(*SPECIMEN, "--law", law, "-o", specimen, environment=BARE)
+        assert again.returncode == 0 and "nothing to do" in again.stdout
+    assert read_state(specimen).scene.law == "spring_dashpot" and read_state(specimen).engine == "fused"

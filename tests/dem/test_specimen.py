@@ -54,7 +54,7 @@ def test_impossible_recipes_are_refused(values):
 
 
 def test_a_size_is_a_side_or_a_number_of_grains():
-    with pytest.raises(InputError, match="grains and side are both given: leave one out"):
+    with pytest.raises(InputError, match="^side 0.002 and a number of grains are both given: leave one out"):
         Recipe(0.67, side=2e-3, grains=1000)
     scene = Scene()
     assert Recipe(0.67).side_of(scene) == 4e-3 and Recipe(0.67, side="2 mm").side_of(scene) == 2e-3
