@@ -56,14 +56,9 @@ def read_campaign(file: str | os.PathLike[str]) -> Campaign:
     return campaign
 
 
-def use_node(root: Node) -> Node | None:
-    """The value of `use`, if the file has it."""
-    return next((entry.value for entry in entries(root, "the file", Mistakes()) if entry.name == USE), None)
-
-
 def _use(root: Node, folder: Path, mistakes: Mistakes) -> None:
     """Loads the files of `use`, which are relative to the campaign file."""
-    node = use_node(root)
+    node = next((entry.value for entry in entries(root, "the file", Mistakes()) if entry.name == USE), None)
     if node is None:
         return
     for one in node.value if node.id == "sequence" else [node]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from labkit.campaign.document import Mistakes, compose, read_text
-from labkit.campaign.file import USE, read_campaign, use_node
+from labkit.campaign.file import USE, read_campaign
 from labkit.campaign.items import Campaign
 from labkit.extensions import VARIABLE
 from labkit.io.files import write_text
@@ -46,15 +46,15 @@ def with_use(text: str, names: Sequence[str]) -> str:
     root = compose(text, Mistakes())
     if root is None or not names:
         return text
-    value, node = json.dumps(list(names)), use_node(root)
-    if node is not None:
-        begin, end = node.start_mark.index, node.end_mark.index
-        ending = "\n" * (node.id == "sequence" and not node.flow_style)  # it ends where the next key begins
-        return f"{text[:begin]}{value}{ending}{text[end:]}"
+    use = f"{USE}: {json.dumps(list(names))}"
+    for key, value in root.value:
+        if key.value == USE:
+            ending = "\n" * (value.id == "sequence" and not value.flow_style)  # it ends where the next key begins
+            return f"{text[: key.start_mark.index]}{use}{ending}{text[value.end_mark.index :]}"
     begin = root.start_mark.index
     if root.flow_style:
-        return f"{text[: begin + 1]}{USE}: {value}, {text[begin + 1 :]}"
-    return f"{text[:begin]}{USE}: {value}\n{' ' * root.start_mark.column}{text[begin:]}"
+        return f"{text[: begin + 1]}{use}, {text[begin + 1 :]}"
+    return f"{text[:begin]}{use}\n{' ' * root.start_mark.column}{text[begin:]}"
 
 
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
