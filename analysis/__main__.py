@@ -1,17 +1,17 @@
-"""`python -m analysis COMMAND`: the studies, each of which says its own options."""
+"""`python -m analysis COMMAND`: the studies, which register themselves beside labkit's commands."""
 
 from __future__ import annotations
 
+import argparse
 import importlib
-import os
 import shlex
 import sys
 from collections.abc import Sequence
 
-from labkit.cli import run_command
-from labkit.cli.arguments import Parser
+from labkit.cli.main import main as run_command
+from labkit.cli.registry import command
 
-COMMANDS = {  # name -> (module with add_options(parser) and main(options, command), help)
+STUDIES = {  # name -> (module with add_options(parser) and main(options, command), help); imported when asked for
     "paper": ("analysis.paper.command", "the paper's tests: runs the campaign, makes tables, figures, a report"),
     "notebooks": ("analysis.paper.notebooks", "redraw the paper's figures with the notebooks of analysis/"),
     "report": ("analysis.paper.report", "one page of the paper's tests: figures, tables, provenance"),
@@ -22,23 +22,21 @@ COMMANDS = {  # name -> (module with add_options(parser) and main(options, comma
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs a study; returns 0 done, 1 the physics or a check failed, 2 bad input."""
-    argv = sys.argv[1:] if argv is None else list(argv)
-    os.environ.setdefault("MPLBACKEND", "Agg")  # studies draw into files
-    return run_command(build_parser(argv), argv)
+    """Runs a study, with the errors and exit codes of labkit's commands."""
+    for name, (module, words) in STUDIES.items():
+        register(name, module, words)
+    return run_command(list(sys.argv[1:] if argv is None else argv))
 
 
-def build_parser(argv: Sequence[str]) -> Parser:
-    """The parser of a command line; it knows the options of that one study, as importing all of them takes long."""
-    parser = Parser(prog="./lab", description="Studies made with labkit.")
-    studies = parser.add_subparsers(metavar="COMMAND", required=True)
-    for name, (module, words) in COMMANDS.items():
-        one = studies.add_parser(name, help=words)
-        if name in argv[:1]:
-            study = importlib.import_module(module)
-            study.add_options(one)
-            one.set_defaults(command=lambda options, argv: study.main(options, shlex.join(["./lab", *argv])))  # noqa: B023
-    return parser
+def register(name: str, module: str, help: str) -> None:
+    """Makes a study a command; its module says its options."""
+
+    def options(parser: argparse.ArgumentParser) -> None:
+        importlib.import_module(module).add_options(parser)
+
+    @command(name, options, help)
+    def execute(options: argparse.Namespace, argv: list[str]) -> int | None:
+        return importlib.import_module(module).main(options, shlex.join(["./lab", *argv]))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from analysis.paper.pieces import join
 from analysis.paper.web_page import write_page
 from analysis.places import results_folder
 from analysis.speed_error.errors import errors
-from analysis.speed_error.page import settings
+from analysis.speed_error.settings import settings
 from analysis.speed_error.table import open_study
 from labkit.errors import InputError
 from labkit.io import require_writable, write_provenance
