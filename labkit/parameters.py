@@ -171,10 +171,9 @@ def check_parameters(value: Any) -> None:
 def restored(kind: type, values: Mapping[str, Any]) -> Any:
     """An instance of a dataclass from values that were checked before and written to a file, in SI units."""
     known = parameters_of(kind)
-    given = {
-        name: with_unit(value, "Pa") if name in known and known[name].unit == "Pa" and isinstance(value, float) else value
-        for name, value in values.items()
-    }  # fmt: skip
+    pressures = {name for name, value in values.items() if isinstance(value, float) and name in known}
+    pressures = {name for name in pressures if known[name].unit == "Pa"}
+    given = {name: with_unit(value, "Pa") if name in pressures else value for name, value in values.items()}
     return kind(**given)
 
 
