@@ -7,6 +7,7 @@
     integrators  adaptive and fixed-step, explicit and implicit
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
+    observation  a run as a calibration sees it
     calibration  parameters from run files
     run_file     a result as a run file
 
@@ -23,7 +24,7 @@ _NAMES = {
     "Adaptive": "integrators",
     "state_rate": "stiffness", "stress_rate": "stiffness", "rate_tangent": "stiffness", "hypoplastic_form": "stiffness",
     "states": "material_point", "update": "material_point",
-    "calibrate": "calibration", "fit": "calibration", "observe": "calibration",
+    "calibrate": "calibration", "fit": "calibration", "observe": "observation",
     "read_model": "run_file", "as_run": "run_file", "records": "run_file", "write_result": "run_file",
     "MODEL_ENGINE": "run_file:ENGINE",
 }  # fmt: skip

@@ -1,11 +1,15 @@
-"""The pair of Dormand and Prince, 5(4), compiled as one loop: the integrator that a user gets."""
+"""The pair of Dormand and Prince, 5(4), compiled as one loop: the integrator that a user gets.
+
+Dormand and Prince, A family of embedded Runge-Kutta formulae, J. Comput. Appl. Math. 6 (1980) 19-26.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from labkit.model.compiled import compiled
-from labkit.model.rates import FINE, SIZE, TOO_MANY_STEPS, rates
+from labkit.model.parameters import Constants
+from labkit.model.rates import FINE, SIZE, TOO_MANY_STEPS, Control, rates
 
 NODES = np.array([
     [0, 0, 0, 0, 0, 0],
@@ -23,12 +27,16 @@ SMALLEST = 1e-13  # step in strain at which a boundary counts as reached
 
 
 @compiled
-def advance(y, span, step, control, x, c, tolerance, most_steps):
-    """Integrates y over `span` in place. Returns (status, step to try next, steps taken, length travelled).
+def advance(
+    y: np.ndarray, span: float, step: float, control: Control, x: np.ndarray, c: Constants, tolerance: float,
+    most_steps: int,
+) -> tuple[int, float, int, float]:  # fmt: skip
+    """Integrates y (27,) over `span` in place. Returns (status, step to try next, steps taken, length travelled).
 
-    `tolerance`: error of a step, relative to each component or to FLOOR. A step whose stages leave the region of
-    the equations is tried again shorter, until it is FINE or so short that the boundary is reached: then y stands
-    before the boundary and the status says which.
+    `step`: length to begin with; `x` (k,): the free rates, kept from call to call; `tolerance`: error of a step,
+    relative to each component or to FLOOR. A step whose stages leave the region of the equations is tried again
+    shorter, until it is FINE or so short that the boundary is reached: then y stands before the boundary and the status
+    says which.
     """
     k, new, trial = np.empty((7, SIZE)), np.empty(SIZE), x.copy()
     status = rates(y, control, x, c, k[0])

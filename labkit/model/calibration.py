@@ -14,91 +14,34 @@ records is divided by the correlation length of the misfit (`thinning`), which t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas
 import scipy.optimize
-import xarray
 
+from labkit.dem.paths import PATHS
 from labkit.errors import InputError
 from labkit.model.adaptive import advance
 from labkit.model.compiled import compiled
 from labkit.model.equations import critical_coordination_number, critical_force
+from labkit.model.observation import Observation, observe
 from labkit.model.parameters import Model, Parameters
 from labkit.model.rates import FINE, SIZE, Control
 from labkit.model.tensors import to_six
-from labkit.dem.paths import PATHS
 from labkit.runs.critical import at_end
 
-VARIABLES = ("coordination_number", "mean_normalised_force", "contact_anisotropy", "normal_force_anisotropy",
-             "mobilisation")  # fmt: skip
 SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # misfits with which the first fit weighs the variables
 CRITICAL = ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam", "A_c", "F_c", "Ft_c")
 AXIS = np.diag([-0.5, -0.5, 1.0])
-MOST_RECORDS = 80  # of one run
 TOLERANCE = 1e-7  # of the integration, well below what the finite differences of the Jacobian resolve
 PRIOR = 3.0  # width of a weak prior on the unknown of a parameter: keeps what is not determined within reason
 MOST_EVALUATIONS = 100
 DETERMINED = 0.5  # relative standard error from which the data do not determine a parameter
 CORRELATED = 0.95
 ENOUGH_STRAIN = 0.15  # axial, from which the end of a shear test counts as critical
-
-
-@dataclasses.dataclass(frozen=True)
-class Observation:
-    """A run as a calibration sees it. `strain_step` (n-1, 6), `e` (n,), `values` (n, 5) as VARIABLES, zz components."""
-
-    name: str
-    path: str
-    strain_step: np.ndarray
-    e: np.ndarray
-    values: np.ndarray
-
-
-def observe(name: str, run: xarray.Dataset) -> Observation:
-    """The Observation of a run opened with labkit.open_run. Raises InputError when it has nothing to fit.
-
-    At most MOST_RECORDS records, evenly in travelled strain. e is the nominal void ratio, which C0 and the
-    strain go with. Only the triaxial part of the tensors and of the strain is taken.
-    """
-    strain = triaxial(run["strain"].values)
-    e = run["void_ratio_nominal"].values
-    zz = [_zz(run[variable].values) if run[variable].ndim == 3 else run[variable].values for variable in VARIABLES]
-    values = np.stack(zz, axis=1)
-    good = np.isfinite(values).all(axis=1) & (values[:, 0] > 0.0)
-    if not good.all():  # contacts were lost: what comes later has no A, F, F^t
-        last = int(np.argmin(good))
-        strain, e, values = strain[:last], e[:last], values[:last]
-    if len(e) < 10:
-        raise InputError(f"{name} has {len(e)} records with contacts: give a run with at least 10")
-    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(strain, axis=0), axis=(1, 2)))])
-    if travelled[-1] == 0.0:
-        raise InputError(f"{name} has no strain: a calibration needs runs that go somewhere, give another run")
-    kept = np.unique(np.searchsorted(travelled, np.linspace(0.0, travelled[-1], min(MOST_RECORDS, len(e))) - 1e-15))
-    kept = np.union1d(kept, _turns(strain[:, 2, 2]))  # a reversal belongs to the path
-    return Observation(name, run.attrs["path"], to_six(np.diff(strain[kept], axis=0)), e[kept], values[kept])
-
-
-def triaxial(tensor: np.ndarray) -> np.ndarray:
-    """The part of (n, 3, 3) that is equal in x and y and has no shear."""
-    radial = 0.5 * (tensor[:, 0, 0] + tensor[:, 1, 1])
-    result = np.zeros_like(tensor)
-    result[:, 0, 0], result[:, 1, 1], result[:, 2, 2] = radial, radial, tensor[:, 2, 2]
-    return result
-
-
-def _zz(tensor):
-    """zz of the triaxial deviator."""
-    return (2.0 * tensor[:, 2, 2] - tensor[:, 0, 0] - tensor[:, 1, 1]) / 3.0
-
-
-def _turns(axial):
-    step = np.sign(np.diff(axial))
-    return 1 + np.flatnonzero(step[1:] * step[:-1] < 0)
 
 
 def critical_fit(observations: Sequence[Observation], model: Model = Model()) -> dict[str, float]:
@@ -110,7 +53,8 @@ def critical_fit(observations: Sequence[Observation], model: Model = Model()) ->
     """
     ends = [
         (o.e[end].mean(), *o.values[end].mean(axis=0))
-        for o in observations if o.path in PATHS and PATHS[o.path].shear and abs(o.strain_step[:, 2].sum()) >= ENOUGH_STRAIN
+        for o in observations
+        if o.path in PATHS and PATHS[o.path].shear and abs(o.strain_step[:, 2].sum()) >= ENOUGH_STRAIN
         for end in [at_end(np.concatenate([[0.0], np.cumsum(o.strain_step[:, 2])]))]
     ]  # fmt: skip
     if not ends:
@@ -148,7 +92,7 @@ class Fit:
     correlation: pandas.DataFrame
     misfit: pandas.DataFrame
     warnings: list[str]
-    predicted: dict  # name of the run -> (n, 5)
+    predicted: dict[str, np.ndarray]  # name of the run -> (n, 5)
 
     def report(self) -> str:
         """All of it as text."""
@@ -157,7 +101,7 @@ class Fit:
         lines = [
             shown.to_string(index=False, float_format="%.4g"), "", "strongest correlations: " + "; ".join(pairs), "",
             "misfit, RMS:", self.misfit.to_string(index=False, float_format="%.3g"), "",
-            *(f"warning: {words}" for words in self.warnings),
+            *(f"warning: {warning}" for warning in self.warnings),
         ]  # fmt: skip
         return "\n".join(lines).rstrip()
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from labkit.dem.paths import PATHS, Path, make_path
 from labkit.errors import InputError
 from labkit.model.rates import Control
 from labkit.model.tensors import require_symmetric, to_six
-from labkit.dem.paths import PATHS, Path, make_path
 from labkit.parameters import parameter, with_unit
 
 GAIN = 100.0  # 1 per unit of strain: drift of a held stress falls to 1/e within 1 % of strain
@@ -50,7 +50,8 @@ class Mixed:
     shear = False
     stops_early = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Checks and converts the fields. Raises InputError."""
         require_symmetric("strain_rate", self.strain_rate)
         target = np.atleast_1d(np.asarray(self.target, dtype=float))
         for name in ("free", "measured"):
@@ -65,6 +66,7 @@ class Mixed:
             raise InputError(f"strain {self.strain:g} is not possible: give a positive number")
 
     def turning_points(self) -> tuple[float, ...]:
+        """As of a Path: the travelled strain at which it ends."""
         return (self.strain,)
 
     def parameters(self) -> dict[str, Any]:
@@ -74,7 +76,8 @@ class Mixed:
             for name, value in dataclasses.asdict(self).items()
         }
 
-    def stops(self, pressure):
+    def stops(self, pressure: float) -> bool:
+        """As of a Path: it never stops early."""
         return False
 
 
@@ -99,7 +102,7 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
     return make_path(name, parameters).starting_at(pressure)
 
 
-def control_of(path, sign=1.0):
+def control_of(path: Path | Mixed, sign: float = 1.0) -> Control:
     """The Control of a path, per unit of its axial strain (of travelled strain for Mixed), turned round by `sign`."""
     if isinstance(path, Mixed):
         return Control(
@@ -116,6 +119,6 @@ def control_of(path, sign=1.0):
     return Control(given, free, measure, target, GAIN)
 
 
-def strain_control(strain_rate):
+def strain_control(strain_rate: np.ndarray) -> Control:
     """The Control of a strain rate (3, 3), compression positive."""
     return Control(to_six(strain_rate), np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)

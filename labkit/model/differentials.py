@@ -10,8 +10,9 @@ import numpy as np
 
 from labkit.model import equations as eq
 from labkit.model.compiled import compiled
+from labkit.model.parameters import Constants
 from labkit.model.rates import STATE, strain_driven
-from labkit.model.tensors import deviator, dot, load, minus, norm, plus, store, times, trace
+from labkit.model.tensors import Six, deviator, dot, load, minus, norm, plus, store, times, trace
 
 ISOTROPIC = 1e-10  # deviatoric over whole strain rate: below it the direction is rounding
 
@@ -22,8 +23,10 @@ def _divided(a, b):
 
 
 @compiled
-def rates_differentials(y, D, compressing, c, dy, dD, out):
-    """d(dy/dt) into `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6).
+def rates_differentials(
+    y: np.ndarray, D: Six, compressing: bool, c: Constants, dy: np.ndarray, dD: np.ndarray, out: np.ndarray
+) -> None:
+    """d(dy/dt) into `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6), at the state y (21,) and strain rate D.
 
     Where D is isotropic, |rate| has no derivative: there the mean of the two one-sided ones is taken, so that the
     part of |rate| that does not change its sign with the direction falls away.

@@ -6,10 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from labkit.dem.paths import Path
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.model.controls import control_of
-from labkit.model.integrators import Adaptive, Failure, Problem
+from labkit.model.controls import Mixed, control_of
+from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.parameters import Model
 from labkit.model.rates import stress_of
 from labkit.model.state import ModelState, require_density
@@ -23,71 +24,84 @@ STOP_TOLERANCE = 1e-10  # strain to which the end of a path that stops at a stre
 class Result:
     """A test of the model: `vector` (n, 27) as ModelState.vector with the strain behind, `stress` (n, 3, 3) Pa.
 
-    `failure` says in words why the path ended before its end, or is None. `calls`: evaluations of the equations.
+    `failure` says why the path ended early, or is None. `calls`: evaluations of the equations.
     """
 
     model: Model
-    path: object
+    path: Path | Mixed
     vector: np.ndarray
     stress: np.ndarray
     failure: str | None
     calls: int
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.vector)
 
     @property
-    def e(self):
+    def e(self) -> np.ndarray:
+        """Void ratio, shape (n,)."""
         return self.vector[:, 0]
 
     @property
-    def Z(self):
+    def Z(self) -> np.ndarray:
+        """Coordination number, shape (n,)."""
         return self.vector[:, 1]
 
     @property
-    def Lam(self):
+    def Lam(self) -> np.ndarray:
+        """Mean normalised force Lambda, shape (n,)."""
         return self.vector[:, 2]
 
     @property
-    def A(self):
+    def A(self) -> np.ndarray:
+        """Anisotropy of the contacts (Eq. 9), shape (n, 3, 3)."""
         return to_tensor(self.vector[:, 3:9])
 
     @property
-    def F(self):
+    def F(self) -> np.ndarray:
+        """Anisotropy of the normal force (Eq. 25), shape (n, 3, 3)."""
         return to_tensor(self.vector[:, 9:15])
 
     @property
-    def Ft(self):
+    def Ft(self) -> np.ndarray:
+        """Mobilisation F^t (Eq. 27), shape (n, 3, 3)."""
         return to_tensor(self.vector[:, 15:21])
 
     @property
-    def strain(self):
+    def strain(self) -> np.ndarray:
+        """Logarithmic strain since the start, shape (n, 3, 3), compression positive."""
         return to_tensor(self.vector[:, 21:27])
 
     @property
-    def axial_strain(self):
+    def axial_strain(self) -> np.ndarray:
+        """Its zz component, shape (n,)."""
         return self.vector[:, 23]
 
     @property
-    def p(self):
+    def p(self) -> np.ndarray:
+        """Mean stress, shape (n,), Pa."""
         return mean_stress(self.stress)
 
     @property
-    def q(self):
+    def q(self) -> np.ndarray:
+        """sigma_zz - (sigma_xx + sigma_yy)/2, shape (n,), Pa."""
         return deviatoric_stress(self.stress)
 
-    def state(self, record=-1):
+    def state(self, record: int = -1) -> ModelState:
         """The ModelState of a record."""
         return ModelState.from_vector(self.vector[record])
 
-    def require(self):
-        """The result itself. Raises PhysicsError when the path could not be gone to its end."""
+    def require(self) -> Result:
+        """The result itself. Raises PhysicsError if the path could not be completed."""
         if self.failure:
             raise PhysicsError(self.failure)
         return self
 
 
-def drive(model, path, state, record_strain=None, integrator=None):
+def drive(
+    model: Model, path: Path | Mixed, state: ModelState, record_strain: float | None = None,
+    integrator: Integrator | None = None,
+) -> Result:  # fmt: skip
     """Takes `state` along `path` (labkit.dem.paths, or Oedometer and Mixed of labkit.model.controls); a Result.
 
     record_strain: axial strain between two records (default: the path's). integrator: default Adaptive(). Each
@@ -172,6 +186,6 @@ def _require_start(model, path, state):
                 "bring the state there first (isoc, isod), or hold the stress that it has"
             )
     if path.stops_early and path.stops(float(mean_stress(stress))):
-        raise InputError(f"{path.name} would stop at once: the start has {mean_stress(stress):g} Pa, "
-                         f"it stops at {path.pressure:g} Pa")  # fmt: skip
+        said = f"stops {path.name} at once, as the start has {mean_stress(stress):g} Pa"
+        raise InputError(said, field="stop_pressure", value=path.pressure, allowed="a stress that it reaches later")
 

@@ -14,14 +14,13 @@ import numpy as np
 from numba.extending import register_jitable
 
 from labkit.model.compiled import compiled
-from labkit.model.tensors import IDENTITY, deviator, dot, minus, norm, plus, symmetric_product, times, trace
+from labkit.model.tensors import IDENTITY, Six, deviator, dot, minus, norm, plus, symmetric_product, times, trace
 from labkit.sff import c0
 
 if TYPE_CHECKING:
     from labkit.model.parameters import Constants, Parameters
 
 Number = TypeVar("Number", float, np.ndarray)
-Six = tuple[float, float, float, float, float, float]
 
 # The critical lines are for numbers in compiled code and, as they stand, for arrays of void ratios in Python.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+from typing import ClassVar
 
 import numpy as np
 import scipy.integrate
@@ -17,14 +18,16 @@ import scipy.linalg
 from labkit.errors import InputError, PhysicsError
 from labkit.model import rates as compiled_rates
 from labkit.model.adaptive import FLOOR, advance
-from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORDS
+from labkit.model.parameters import Model
+from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORDS, Control
 from labkit.model.tensors import to_tensor
 
 
 class Failure(PhysicsError):
     """A step that cannot be taken: its status in labkit.model.rates, and the last y, `travelled` into the piece."""
 
-    def __init__(self, status, y, travelled=0.0):
+    def __init__(self, status: int, y: np.ndarray, travelled: float = 0.0) -> None:
+        """The message names the reason and the state y (27,) where it holds."""
         super().__init__(
             f"{WORDS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)"
         )
@@ -39,35 +42,36 @@ class Problem:
     Keeps the free rates x as the guess for the next call and counts the calls.
     """
 
-    def __init__(self, model, control):
+    def __init__(self, model: Model, control: Control) -> None:
+        """Begins with free rates of zero."""
         self.constants = model.constants
         self.control = control
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
 
-    def rates(self, y):
+    def rates(self, y: np.ndarray) -> np.ndarray:
         """f(y), shape (27,). Raises Failure where it has no value."""
         out = np.empty(SIZE)
         self.calls += 1
         self._require(compiled_rates.rates(y, self.control, self.x, self.constants, out), y)
         return out
 
-    def jacobian(self, y):
+    def jacobian(self, y: np.ndarray) -> np.ndarray:
         """df/dy, shape (27, 27), by central differences. Raises Failure."""
         out = np.empty((SIZE, SIZE))
         self.calls += 2 * SIZE
         self._require(compiled_rates.jacobian(y, self.control, self.x, self.constants, out), y)
         return out
 
-    def stress(self, y):
+    def stress(self, y: np.ndarray) -> np.ndarray:
         """C0 at y, shape (3, 3), Pa."""
         return to_tensor(np.array(compiled_rates.stress_of(y, self.constants)))
 
-    def outside(self, y):
+    def outside(self, y: np.ndarray) -> int:
         """FINE, or why the equations have no value at y."""
         return compiled_rates.outside(y, self.constants)
 
-    def _require(self, status, y):
+    def _require(self, status: int, y: np.ndarray) -> None:
         if status != FINE:
             raise Failure(status, y)
 
@@ -76,8 +80,8 @@ class Integrator(abc.ABC):
     """Takes a state vector over a piece of a path."""
 
     @abc.abstractmethod
-    def advance(self, problem, y, span):
-        """The state vector after `span` of strain; `y` stays as it is. Raises Failure."""
+    def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
+        """The state vector (27,) after `span` of strain; `y` (27,) stays as it is. Raises Failure."""
 
 
 class Adaptive(Integrator):
@@ -86,14 +90,15 @@ class Adaptive(Integrator):
     tolerance: error of one step, of each component or of its natural size (labkit.model.adaptive.FLOOR).
     """
 
-    def __init__(self, tolerance=1e-6, most_steps=100_000):
+    def __init__(self, tolerance: float = 1e-6, most_steps: int = 100_000) -> None:
+        """`most_steps` within one piece. Raises InputError for a tolerance outside 1e-13 to 0.1."""
         if not 1e-13 <= tolerance <= 1e-1:
             raise InputError(f"--tolerance {tolerance:g} is not possible: give a number from 1e-13 to 0.1")
         self.tolerance = tolerance
         self.most_steps = most_steps
         self.step = 1e-4
 
-    def advance(self, problem, y, span):
+    def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         new = y.copy()
         status, step, steps, travelled = advance(
             new, float(span), self.step, problem.control, problem.x, problem.constants, self.tolerance, self.most_steps
@@ -108,11 +113,12 @@ class Adaptive(Integrator):
 class Scipy(Integrator):
     """A method of scipy.integrate.solve_ivp: RK45, DOP853, LSODA, Radau, BDF."""
 
-    def __init__(self, method, tolerance=1e-6):
+    def __init__(self, method: str, tolerance: float = 1e-6) -> None:
+        """`method`: as scipy names it; `tolerance`: relative, and absolute in units of FLOOR."""
         self.method = method
         self.tolerance = tolerance
 
-    def advance(self, problem, y, span):
+    def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         jacobian = {"jac": lambda t, y: problem.jacobian(y)} if self.method in ("LSODA", "Radau", "BDF") else {}
         found = scipy.integrate.solve_ivp(
             lambda t, y: problem.rates(y), (0.0, span), y, self.method, rtol=self.tolerance,
@@ -129,13 +135,14 @@ class FixedStep(Integrator):
 
     length: float
 
-    order = None
+    order: ClassVar[int]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Raises InputError unless the length is positive."""
         if not (np.isfinite(self.length) and self.length > 0.0):
             raise InputError(f"step {self.length:g} is not possible: give a positive strain")
 
-    def advance(self, problem, y, span):
+    def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         steps = max(1, int(np.ceil(span / self.length * (1.0 - 1e-9))))
         h = span / steps
         for number in range(steps):
@@ -146,7 +153,7 @@ class FixedStep(Integrator):
         return y
 
     @abc.abstractmethod
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         """The state vector one step of strain `h` later."""
 
 
@@ -155,16 +162,16 @@ class ForwardEuler(FixedStep):
 
     order = 1
 
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         return y + h * problem.rates(y)
 
 
 class Heun(FixedStep):
-    """The explicit trapezium rule."""
+    """The explicit trapezium rule, y + h/2 (k1 + k2) with k1 = f(y) and k2 = f(y + h k1)."""
 
     order = 2
 
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         k1 = problem.rates(y)
         return y + 0.5 * h * (k1 + problem.rates(y + h * k1))
 
@@ -174,7 +181,7 @@ class RungeKutta4(FixedStep):
 
     order = 4
 
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         k1 = problem.rates(y)
         k2 = problem.rates(y + 0.5 * h * k1)
         k3 = problem.rates(y + 0.5 * h * k2)
@@ -189,7 +196,7 @@ class BackwardEuler(FixedStep):
     theta = 1.0  # weight of the end of the step
     iterations = 12
 
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         known = y + (1.0 - self.theta) * h * problem.rates(y) if self.theta < 1.0 else y
         new, before = y.copy(), np.inf
         factors = self._factors(problem, new, h)
@@ -218,21 +225,23 @@ class BackwardEuler(FixedStep):
 
 
 class Trapezium(BackwardEuler):
-    """The implicit trapezium rule."""
+    """The implicit trapezium rule, y1 = y + h/2 (f(y) + f(y1))."""
 
     order = 2
     theta = 0.5
 
 
 class Rosenbrock(FixedStep):
-    """ROS3P's simpler sibling of two stages and order two, L-stable: one Jacobian and no iteration per step.
+    """ROS2, the Rosenbrock method of two stages and order two, L-stable: one Jacobian and no iteration per step.
+
+    Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480.
 
     (I - g h J) k1 = f(y);  (I - g h J) k2 = f(y + h k1) - 2 k1;  y1 = y + h (3/2 k1 + 1/2 k2);  g = 1 - 1/sqrt 2.
     """
 
     order = 2
 
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         gamma = 1.0 - np.sqrt(0.5)
         factors = scipy.linalg.lu_factor(np.eye(SIZE) - gamma * h * problem.jacobian(y))
         k1 = scipy.linalg.lu_solve(factors, problem.rates(y))
@@ -245,7 +254,7 @@ class ExponentialEuler(FixedStep):
 
     order = 2
 
-    def step(self, problem, y, h):
+    def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         J, f = problem.jacobian(y), problem.rates(y)
         block = np.zeros((SIZE + 1, SIZE + 1))
         block[:SIZE, :SIZE], block[:SIZE, SIZE] = h * J, h * f

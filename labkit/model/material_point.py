@@ -14,6 +14,7 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 from labkit.model.compiled import compiled
 from labkit.model.differentials import rates_differentials
+from labkit.model.parameters import Model
 from labkit.model.rates import (
     FINE,
     NOT_FINITE,
@@ -25,6 +26,7 @@ from labkit.model.rates import (
     stress_of,
     stress_rate_of,
 )  # fmt: skip
+from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, load, store, trace
 
 FLOOR = np.full(STATE, 0.1)
@@ -46,8 +48,8 @@ class Update:
     status: np.ndarray
     substeps: np.ndarray
 
-    def require(self):
-        """The update itself. Raises PhysicsError when a point failed."""
+    def require(self) -> Update:
+        """The update itself. Raises PhysicsError if a point failed."""
         failed = np.flatnonzero(self.status)
         if failed.size:
             point = failed[0]
@@ -56,12 +58,14 @@ class Update:
         return self
 
 
-def states(state, number):
+def states(state: ModelState, number: int) -> np.ndarray:
     """The state (a ModelState) at `number` points: an array (number, 21)."""
     return np.tile(state.vector()[:STATE], (number, 1))
 
 
-def update(model, state, increment, tangent=True, tolerance=1e-4):
+def update(
+    model: Model, state: np.ndarray, increment: np.ndarray, tangent: bool = True, tolerance: float = 1e-4
+) -> Update:
     """One increment of strain at every point; an Update.
 
     state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Every point takes as many substeps of Heun's method as
@@ -85,7 +89,7 @@ def update(model, state, increment, tangent=True, tolerance=1e-4):
     return Update(new, stress, tangents if tangent else None, status, substeps)
 
 
-def voigt(tangent):
+def voigt(tangent: np.ndarray) -> np.ndarray:
     """The tangent for engineering shear strains and plain shear stresses, order xx, yy, zz, yz, xz, xy; (n, 6, 6)."""
     weight = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
     return tangent / (weight[:, None] * weight)

@@ -8,8 +8,8 @@ import json
 import math
 from typing import NamedTuple
 
-from labkit.errors import InputError
 from labkit.dem.scene import Scene
+from labkit.errors import InputError
 
 ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a triaxial deviator to its norm
 
@@ -47,7 +47,8 @@ class Parameters:
     c_vLamd: float = 0.075
     c_M: float = 100.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Raises InputError for a value that is not possible."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if not (isinstance(value, (int, float)) and math.isfinite(value)):
@@ -87,7 +88,8 @@ class Readings:
     compression: str = "minus"
     beyond_e_cmax: str = "error"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Raises InputError for an unknown reading."""
         for name, choices in READINGS.items():
             if getattr(self, name) not in choices:
                 raise InputError(f"reading {name} is {getattr(self, name)!r}: use one of {', '.join(choices)}")
@@ -116,29 +118,33 @@ class Model:
     readings: Readings = Readings()
     young_modulus: float = Scene().young_modulus
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Raises InputError for a modulus that is not positive."""
         if not (math.isfinite(self.young_modulus) and self.young_modulus > 0.0):
             raise InputError(f"Young's modulus is {self.young_modulus}: give a positive number in Pa")
 
     @functools.cached_property
-    def constants(self):
+    def constants(self) -> Constants:
         """The Constants of compiled code."""
         second = [getattr(self.readings, name) == choices[1] for name, choices in READINGS.items()]
         values = (float(value) for value in dataclasses.astuple(self.parameters))
         return Constants(float(self.young_modulus), *values, *second)
 
-    def with_parameters(self, **changes):
+    def with_parameters(self, **changes: float) -> Model:
+        """The model with other values of some Parameters, by name. Raises InputError."""
         return dataclasses.replace(self, parameters=dataclasses.replace(self.parameters, **changes))
 
-    def reading(self, **changes):
+    def reading(self, **changes: str) -> Model:
+        """The model with other Readings, by name. Raises InputError."""
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
-    def to_json(self):
+    def to_json(self) -> str:
+        """The model as JSON: parameters, readings and young_modulus."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
-    def from_json(cls, text):
-        """Raises InputError when the text is not a model."""
+    def from_json(cls, text: str) -> Model:
+        """The model of `to_json`. Raises InputError if the text is not a model."""
         try:
             found = json.loads(text)
             return cls(Parameters(**found["parameters"]), Readings(**found["readings"]), found["young_modulus"])

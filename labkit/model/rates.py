@@ -12,7 +12,8 @@ import numpy as np
 
 from labkit.model import equations as eq
 from labkit.model.compiled import compiled
-from labkit.model.tensors import load, store
+from labkit.model.parameters import Constants
+from labkit.model.tensors import Six, load, store
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
 SIZE = 27  # and the strain
@@ -47,7 +48,7 @@ class Control(NamedTuple):
 
 
 @compiled
-def outside(y, c):
+def outside(y: np.ndarray, c: Constants) -> int:
     """FINE, or why the equations have no value at e, Z, Lambda, A, F, F^t.
 
     1/Lambda^gamma and c_vZ/Lambda end at Lambda = 0, Z^c and Z^com at e_cmax, and C0 makes no stress of Z = 0. Z = 4 is
@@ -69,8 +70,11 @@ def outside(y, c):
 
 
 @compiled
-def strain_driven(y, D, compressing, c, out):
-    """dy/dt into `out` for the strain rate D (tuple), C1 to C5. `compressing` chooses the branch of Eqs. 31, 32."""
+def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
+    """dy/dt into `out` (at least 21,) for the strain rate D, C1 to C5.
+
+    `compressing` chooses the branch of Eqs. 31 and 32.
+    """
     e, Z, Lam = y[0], y[1], y[2]
     n, rate, volumetric = eq.split_rate(D, c)
     A_rate = eq.contact_anisotropy_rate(load(y, 3), e, Lam, n, rate, c)
@@ -83,14 +87,14 @@ def strain_driven(y, D, compressing, c, out):
 
 
 @compiled
-def stress_of(y, c):
-    """C0 at y, a tuple."""
+def stress_of(y: np.ndarray, c: Constants) -> Six:
+    """C0 at y, Pa."""
     return eq.stress(y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15), c)
 
 
 @compiled
-def stress_rate_of(y, v, c):
-    """d sigma/dt for dy/dt = v (Eq. 33 with its coupled terms), a tuple."""
+def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
+    """d sigma/dt for dy/dt = v (Eq. 33 with its coupled terms), Pa/s."""
     return eq.stress_rate(
         y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15), v[0], v[1], v[2], load(v, 3), load(v, 9), load(v, 15), c
     )  # fmt: skip
@@ -167,8 +171,8 @@ def _newton(y, control, x, compressing, c, out):
 
 
 @compiled
-def rates(y, control, x, c, out):
-    """dy/dt into `out` under a control; FINE or why there is none. `x` holds the free rates, found and as a guess.
+def rates(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
+    """dy/dt into `out` (27,) under a control; FINE or why there is none. `x` (k,): the free rates, first the guess.
 
     The branch of Eqs. 31 and 32 must fit the volumetric rate that comes out. The branch of the guess is tried
     first; at most one of them fits where the volumetric stiffness is positive.
@@ -197,7 +201,7 @@ def rates(y, control, x, c, out):
 
 
 @compiled
-def jacobian(y, control, x, c, out):
+def jacobian(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
     """d(dy/dt)/dy (27, 27) by central differences into `out`; FINE or why there is none."""
     plus, minus, shifted, guess = np.empty(SIZE), np.empty(SIZE), y.copy(), x.copy()
     for k in range(SIZE):

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -17,18 +19,19 @@ import xarray as xr
 
 import labkit
 import labkit.runs.dataset  # gives the accessor .lab to as_run
+from labkit.dem.paths import travelled
+from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.files import create_variables, whole_file
-from labkit.model.parameters import Model
-from labkit.dem.paths import travelled
 from labkit.io.provenance import data_sha256, provenance
-from labkit.dem.scene import Scene
 from labkit.io.schema import CONTACTS, GRAINS, RECORD
+from labkit.model.driver import Result
+from labkit.model.parameters import Model
 
 ENGINE = "model"
 
 
-def records(result):
+def records(result: Result) -> dict[str, np.ndarray]:
     """The variables of labkit.io.schema.RECORD of a Result, name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
@@ -56,8 +59,8 @@ def records(result):
     return {**known, **absent}
 
 
-def as_run(result):
-    """The Result as labkit.open_run would give its run file, without the file: an xarray.Dataset for labkit.visuals.plots."""
+def as_run(result: Result) -> xr.Dataset:
+    """The Result as labkit.open_run would give its run file, without the file: for labkit.visuals.plots."""
     values = records(result)
     attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in RECORD.items()}
     run = xr.Dataset(
@@ -67,8 +70,14 @@ def as_run(result):
     return run.set_coords(["time", "axial_strain"])
 
 
-def write_result(file, result, history="", wall_time=0.0, parameters=None):
-    """Writes a run file, whole or not at all. `parameters`: JSON-able, what decides the result beside the model."""
+def write_result(
+    file: str | os.PathLike[str], result: Result, history: str = "", wall_time: float = 0.0,
+    parameters: dict[str, Any] | None = None,
+) -> None:  # fmt: skip
+    """Writes a run file, whole or not at all.
+
+    history: the command; wall_time: s; parameters: what else decides the result, for JSON. Raises OSError.
+    """
     with whole_file(file) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
         dataset.Conventions = "CF-1.10"
         dataset.labkit_file = "run"
@@ -94,7 +103,7 @@ def write_result(file, result, history="", wall_time=0.0, parameters=None):
         dataset.data_sha256 = data_sha256(dataset)
 
 
-def model_of(run):
+def model_of(run: xr.Dataset) -> Model | None:
     """The Model that made a run file, or None for a simulation."""
     return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == ENGINE else None
 

@@ -32,7 +32,8 @@ class ModelState:
     F: np.ndarray = dataclasses.field(default_factory=_zero)
     Ft: np.ndarray = dataclasses.field(default_factory=_zero)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Converts to float and checks. Raises InputError."""
         for name, words, least in (("e", "void ratio", "above 0"), ("Z", "coordination number", "0 or more"),
                                    ("Lam", "mean normalised force", "0 or more")):  # fmt: skip
             value = float(getattr(self, name))
@@ -46,21 +47,21 @@ class ModelState:
             raise InputError("contact anisotropy A has an eigenvalue below -1: it would make the density of contact "
                              "normals 1 + n.A n negative, give a smaller A")  # fmt: skip
 
-    def vector(self):
+    def vector(self) -> np.ndarray:
         """(27,): e, Z, Lambda, the tensors in Mandel's order, and no strain."""
         six = (to_six(self.A), to_six(self.F), to_six(self.Ft), np.zeros(6))
         return np.concatenate([[self.e, self.Z, self.Lam], *six])
 
     @classmethod
-    def from_vector(cls, y):
+    def from_vector(cls, y: np.ndarray) -> ModelState:
         """The state of a vector (27,)."""
         return cls(float(y[0]), float(y[1]), float(y[2]), to_tensor(y[3:9]), to_tensor(y[9:15]), to_tensor(y[15:21]))
 
-    def stress(self, model=Model()):
+    def stress(self, model: Model = Model()) -> np.ndarray:
         """C0, shape (3, 3), Pa, compression positive. Zero without contacts or without forces."""
         return c0_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
 
-    def rotated(self, Q):
+    def rotated(self, Q: np.ndarray) -> ModelState:
         """The state seen in axes turned by the orthogonal Q (3, 3): T -> Q T Q^T."""
         turn = {name: Q @ getattr(self, name) @ Q.T for name in ("A", "F", "Ft")}
         symmetric = {name: _clean(tensor) for name, tensor in turn.items()}
@@ -72,7 +73,9 @@ def _clean(tensor):
     return tensor - np.trace(tensor) / 3 * np.eye(3)
 
 
-def isotropic_state(model, void_ratio, pressure, Z=None, Lam=None):
+def isotropic_state(
+    model: Model, void_ratio: float, pressure: float, Z: float | None = None, Lam: float | None = None
+) -> ModelState:
     """An isotropic start: C0 with A = F = F^t = 0 ties e, p, Z and Lambda, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
 
     `pressure`, Pa. Without Z and Lam, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings any
@@ -102,17 +105,18 @@ def isotropic_state(model, void_ratio, pressure, Z=None, Lam=None):
     return ModelState(void_ratio, Z, Lam)
 
 
-def require_density(model, void_ratio):
+def require_density(model: Model, void_ratio: float) -> None:
     """Raises InputError where the equations have no value at this void ratio."""
     limit = model.parameters.e_cmax
     if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
         raise InputError(
             f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state has no value: give "
-            "a denser state, or the reading beyond_e_cmax = flat (--beyond-e-cmax flat), which goes on with Z^c = 4 and Lambda^c = 0 as Fig. 8 must"
+            "a denser state, or the reading beyond_e_cmax = flat (--beyond-e-cmax flat), which goes on with Z^c = 4 "
+            "and Lambda^c = 0 as Fig. 8 must"
         )
 
 
-def contact_anisotropy(a1, angle):
+def contact_anisotropy(a1: float, angle: float) -> np.ndarray:
     """A0 = a1 (n1 n1 - n2 n2/2 - n3 n3/2), n1 at `angle` (rad) from z in the x-z plane (section 5.3); (3, 3)."""
     axis = np.array([np.sin(angle), 0.0, np.cos(angle)])
     return a1 * (1.5 * np.outer(axis, axis) - 0.5 * np.eye(3))
@@ -129,7 +133,7 @@ def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: 
     return dataclasses.replace(state, Lam=state.Lam * pressure / (np.trace(state.stress(model)) / 3))
 
 
-def isotropic_force_anisotropy(A, exact=True):
+def isotropic_force_anisotropy(A: np.ndarray, exact: bool = True) -> np.ndarray:
     """The F0 that makes the stress of C0 isotropic when the contacts are anisotropic and F^t = 0; (3, 3).
 
     exact: the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), set to zero: five linear equations.
@@ -145,7 +149,7 @@ def isotropic_force_anisotropy(A, exact=True):
     return np.tensordot(weights, basis, axes=1)
 
 
-def deviatoric_basis():
+def deviatoric_basis() -> np.ndarray:
     """Five orthonormal symmetric tensors without trace, (5, 3, 3)."""
     basis = np.zeros((5, 3, 3))
     basis[0] = np.diag([-1.0, -1.0, 2.0]) / np.sqrt(6.0)

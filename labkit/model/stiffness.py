@@ -12,12 +12,13 @@ import numpy as np
 
 from labkit.model.compiled import compiled
 from labkit.model.differentials import rates_differentials
+from labkit.model.parameters import Model
 from labkit.model.rates import SIZE, STATE, strain_driven, stress_rate_of
-from labkit.model.state import deviatoric_basis
+from labkit.model.state import ModelState, deviatoric_basis
 from labkit.model.tensors import load, require_symmetric, store, to_six, to_tensor, trace
 
 
-def state_rate(model, state, D):
+def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
     """C1 to C5 for the strain rates D (..., 3, 3), 1/s: (..., 21), e, Z, Lambda, A, F, F^t in Mandel's order.
 
     Raises InputError unless D is symmetric and finite.
@@ -25,15 +26,19 @@ def state_rate(model, state, D):
     return _evaluate(model, state, D)[0]
 
 
-def stress_rate(model, state, D):
-    """d sigma/dt (..., 3, 3), Pa/s, for the strain rates D (..., 3, 3), 1/s: Eq. 33 with C0's coupled terms."""
+def stress_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
+    """d sigma/dt (..., 3, 3), Pa/s, for the strain rates D (..., 3, 3), 1/s: Eq. 33 with C0's coupled terms.
+
+    Raises InputError unless D is symmetric and finite.
+    """
     return to_tensor(_evaluate(model, state, D)[1])
 
 
-def rate_tangent(model, state, D):
+def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
     """d(sigma')/dD at the strain rate D (3, 3): (6, 6) in Mandel's order, Pa.
 
-    sigma' = tangent : D, as for any function that is homogeneous of degree one (Euler).
+    sigma' = tangent : D, as for any function that is homogeneous of degree one (Euler). Raises InputError unless D is
+    symmetric and finite.
     """
     D = to_six(require_symmetric("the strain rate", D))
     tangent = np.empty((6, 6))
@@ -54,15 +59,17 @@ class HypoplasticForm:
     N: np.ndarray
     misfit: float
 
-    def stress_rate(self, D):
-        """The form at the strain rates D (..., 3, 3)."""
+    def stress_rate(self, D: np.ndarray) -> np.ndarray:
+        """The form at the strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
         volumetric = np.trace(D, axis1=-2, axis2=-1)[..., None, None]
         deviator = D - volumetric / 3 * np.eye(3)
         size = np.linalg.norm(deviator, axis=(-2, -1))[..., None, None]
         return self.Lv * volumetric + np.einsum("ijkl,...kl->...ij", self.Ls, deviator) + self.N * size
 
 
-def hypoplastic_form(model, state, compressing=True, directions=500, seed=0):
+def hypoplastic_form(
+    model: Model, state: ModelState, compressing: bool = True, directions: int = 500, seed: int = 0
+) -> HypoplasticForm:
     """Extracts Lv, Ls and N from the equations by evaluating them; a HypoplasticForm.
 
     Ls and N are the least-squares fit to sigma' over random directions of the deviatoric unit sphere. What is found:

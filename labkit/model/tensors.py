@@ -11,27 +11,29 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.model.compiled import compiled
 
+Six = tuple[float, float, float, float, float, float]
+
 ROOT2 = float(np.sqrt(2.0))
-IDENTITY = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-ZERO = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+IDENTITY: Six = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+ZERO: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _WEIGHT = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
 _ROW, _COLUMN = np.array([0, 1, 2, 1, 0, 0]), np.array([0, 1, 2, 2, 2, 1])
 _PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
-def to_six(tensor):
-    """(..., 3, 3) symmetric -> (..., 6). The antisymmetric part is not looked at: see require_symmetric."""
+def to_six(tensor: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) symmetric -> (..., 6). The antisymmetric part is ignored: see require_symmetric."""
     return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
 
 
-def to_tensor(six):
+def to_tensor(six: np.ndarray) -> np.ndarray:
     """(..., 6) -> (..., 3, 3)."""
     return (np.asarray(six, dtype=float) / _WEIGHT)[..., _PLACE]
 
 
-def require_symmetric(name, tensor, deviatoric=False):
-    """The tensor as a float array (..., 3, 3). Raises InputError unless it is finite, symmetric and, if asked,
-    deviatoric, within rounding."""
+def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -> np.ndarray:
+    """The tensor as a float array (..., 3, 3); `name` is for the message. Raises InputError unless it is finite,
+    symmetric and, with `deviatoric`, traceless, within rounding."""
     tensor = np.asarray(tensor, dtype=float)
     if tensor.shape[-2:] != (3, 3):
         raise InputError(f"{name} has the shape {tensor.shape}: give 3 x 3 tensors")
@@ -46,56 +48,63 @@ def require_symmetric(name, tensor, deviatoric=False):
 
 
 @compiled
-def load(array, start):
+def load(array: np.ndarray, start: int) -> Six:
+    """The tensor in array[start] to array[start + 5]."""
     return (array[start], array[start + 1], array[start + 2], array[start + 3], array[start + 4], array[start + 5])
 
 
 @compiled
-def store(array, start, T):
+def store(array: np.ndarray, start: int, T: Six) -> None:
+    """Writes T to array[start] to array[start + 5]."""
     array[start], array[start + 1], array[start + 2] = T[0], T[1], T[2]
     array[start + 3], array[start + 4], array[start + 5] = T[3], T[4], T[5]
 
 
 @compiled
-def times(s, T):
+def times(s: float, T: Six) -> Six:
+    """s T."""
     return (s * T[0], s * T[1], s * T[2], s * T[3], s * T[4], s * T[5])
 
 
 @compiled
-def plus(S, T):
+def plus(S: Six, T: Six) -> Six:
+    """S + T."""
     return (S[0] + T[0], S[1] + T[1], S[2] + T[2], S[3] + T[3], S[4] + T[4], S[5] + T[5])
 
 
 @compiled
-def minus(S, T):
+def minus(S: Six, T: Six) -> Six:
+    """S - T."""
     return (S[0] - T[0], S[1] - T[1], S[2] - T[2], S[3] - T[3], S[4] - T[4], S[5] - T[5])
 
 
 @compiled
-def dot(S, T):
+def dot(S: Six, T: Six) -> float:
     """S:T."""
     return S[0] * T[0] + S[1] * T[1] + S[2] * T[2] + S[3] * T[3] + S[4] * T[4] + S[5] * T[5]
 
 
 @compiled
-def norm(T):
+def norm(T: Six) -> float:
     """|T|, the Euclidean norm."""
     return np.sqrt(dot(T, T))
 
 
 @compiled
-def trace(T):
+def trace(T: Six) -> float:
+    """tr(T)."""
     return T[0] + T[1] + T[2]
 
 
 @compiled
-def deviator(T):
+def deviator(T: Six) -> Six:
+    """T - tr(T)/3 I."""
     mean = (T[0] + T[1] + T[2]) / 3.0
     return (T[0] - mean, T[1] - mean, T[2] - mean, T[3], T[4], T[5])
 
 
 @compiled
-def symmetric_product(S, T):
+def symmetric_product(S: Six, T: Six) -> Six:
     """(ST + TS)/2."""
     return (
         S[0] * T[0] + 0.5 * (S[5] * T[5] + S[4] * T[4]),

@@ -184,7 +184,7 @@ STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
     """The five statistics of runs against the model with fitted parameters, over the travelled strain; a Figure.
 
-    `observations`: of labkit.model.calibration; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
+    `observations`: of labkit.model.observation; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
     the model.
     """
     figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 6.0), layout="constrained")
