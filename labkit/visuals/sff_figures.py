@@ -41,6 +41,9 @@ def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     return figure, pandas.DataFrame(table)
 
 
+shares.of_records = True  # type: ignore[attr-defined]  # it needs no snapshots
+
+
 def stack_shares(axes: Axes, run: xarray.Dataset) -> tuple:
     """Stacks what the terms of C0 add to q/p of a run, with q/p of Love over them; returns the colours of the terms."""
     found, colors = run.lab.strength_shares(), plt.get_cmap("tab10").colors[: len(TERMS)]
