@@ -10,22 +10,22 @@ from typing import Any
 class InputError(ValueError):
     """Something the user gave cannot be used: exit code 2, one line, nothing left behind.
 
-    field: the parameter that is wrong, by its name in Python; value: what was given; allowed: what to give instead.
-    `str()` names the field as Python does; `said(name)` lets a front end name it in its own way.
+    field: the parameter that is wrong, by its name in Python; value: what was given, a word if the sentence is to have
+    it in quotes (`quoted`); allowed: what to give instead. `str()` names the field as Python does; `said(name)` lets a front end name it in its own way.
     """
 
     def __init__(
         self, problem: str = "is not possible", *, field: str | None = None, value: Any = None,
-        allowed: str | None = None,
+        allowed: str | None = None, quoted: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(problem)
-        self.problem, self.field, self.value, self.allowed = problem, field, value, allowed
+        self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted
 
     def said(self, name: Callable[[str], str] = str) -> str:
         """The sentence, with `name(field)` for the name of the field."""
         if self.field is None:
             return self.problem
-        value = "" if self.value is None else f" {shown(self.value)}"
+        value = "" if self.value is None else f" {repr(self.value) if self.quoted else shown(self.value)}"
         advice = "" if self.allowed is None else f": give {self.allowed}"
         return f"{name(self.field)}{value} {self.problem}{advice}"
 

@@ -76,7 +76,8 @@ class Registry(Mapping[str, Any]):
         try:
             return self[name]
         except KeyError:
-            raise InputError("is unknown", field=field or self.kind, value=repr(name), allowed=self.allowed) from None
+            said = {"field": field or self.kind, "value": name, "allowed": self.allowed}
+            raise InputError("is unknown", quoted=True, **said) from None
 
     @property
     def allowed(self) -> str:
@@ -140,7 +141,8 @@ def load_extensions() -> None:
 
 
 def _load(file: str) -> None:
-    name = f"labkit_extension_{hashlib.sha256(file.encode()).hexdigest()[:8]}_{Path(file).stem}"
+    # named after its text: Numba's cache asks for the module by its name, also where the file is a copy
+    name = f"labkit_extension_{hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]}"
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if name in sys.modules or (main and str(Path(main).resolve()) == file):
         return  # it is here already, perhaps as the program itself

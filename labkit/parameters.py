@@ -11,7 +11,7 @@ import functools
 import math
 import numbers
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from labkit.errors import InputError, shown
@@ -25,7 +25,7 @@ UNITS: dict[str, dict[str, float]] = {  # SI unit -> other units of the same kin
 }
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
 SUSPECT_PRESSURE = 100.0  # Pa: a smaller bare number is more probably meant in MPa or kPa
-NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)\s*")
+NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +59,8 @@ class Parameter:
         if self.choices is not None:
             return getattr(self.choices, "allowed", None) or f"one of {', '.join(self.choices)}"
         unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.kind is tuple:
+            return "numbers with commas between them"
         what = "a whole number" if self.kind is int else "a number"
         if math.isfinite(self.above):
             most = f", at most {self.high:g}" if math.isfinite(self.high) else ""
@@ -69,9 +71,11 @@ class Parameter:
             return f"{self.low:g} to {self.high:g}{unit}"
         return f"{what}, e.g. {self.example}"
 
-    def error(self, value: Any, problem: str = "is not possible", allowed: str | None = None) -> InputError:
+    def error(
+        self, value: Any, problem: str = "is not possible", allowed: str | None = None, quoted: bool = False
+    ) -> InputError:  # fmt: skip
         """The InputError for a value of this field."""
-        return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed)
+        return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
 
     def read(self, value: Any, unit_needed: bool = False) -> Any:
         """The value in SI units, checked. Text may have a unit; `unit_needed`: it must. Raises InputError."""
@@ -82,9 +86,15 @@ class Parameter:
         if self.choices is not None or self.kind is str:
             return self._word(value)
         if self.kind is tuple:
-            parts = value.strip("()[] ").split(",") if isinstance(value, str) else value
-            return tuple(self._number(one, unit_needed) for one in parts if one != "")
+            return tuple(self._number(one, unit_needed) for one in self._parts(value) if one != "")
         return self.check(self._number(value, unit_needed))
+
+    def _parts(self, value: Any) -> Iterable[Any]:
+        if isinstance(value, str):
+            return value.strip("()[] ").split(",")
+        if not isinstance(value, Iterable):
+            raise self.error(value, "is not a list of numbers")
+        return value
 
     def _flag(self, value: Any) -> bool:
         words = {"true": True, "false": False}
@@ -96,7 +106,7 @@ class Parameter:
 
     def _word(self, value: Any) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
-            raise self.error(repr(value), "is unknown", self.allowed)
+            raise self.error(value, "is unknown", quoted=True)
         return self.choices.name(value) if hasattr(self.choices, "name") else value
 
     def _number(self, value: Any, unit_needed: bool) -> Any:
@@ -118,7 +128,7 @@ class Parameter:
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
                 raise self.error(text, "is not possible")
             example = "20" if self.kind is int else self.example
-            raise self.error(repr(text), "is not a number", f"e.g. {example}")
+            raise self.error(text, "is not a number", f"e.g. {example}", quoted=True)
         value, unit = float(match[1]), match[2]
         units = UNITS.get(self.unit, {self.unit: 1.0})  # a path of one's own may have any
         if unit and unit not in units:

@@ -53,6 +53,6 @@ def _tell(error: BaseException) -> None:
     """Writes an error for the parent process, as values."""
     known = {"kind": type(error).__name__, "said": sentence(error)}
     if isinstance(error, InputError):
-        known |= {"said": error.problem, "field": error.field, "allowed": error.allowed}
+        known |= {"said": error.problem, "field": error.field, "allowed": error.allowed, "quoted": error.quoted}
         known |= {"value": error.value if isinstance(error.value, (int, float, str)) else None}
     print(ERROR + json.dumps(known), file=sys.stderr, flush=True)

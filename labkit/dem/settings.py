@@ -33,5 +33,6 @@ SETTINGS = {
 def settings(name: str) -> Settings:
     """The Settings of that name. Raises InputError for an unknown one."""
     if name not in SETTINGS:
-        raise InputError("are unknown", field="settings", value=repr(name), allowed=f"one of {', '.join(SETTINGS)}")
+        allowed = f"one of {', '.join(SETTINGS)}"
+        raise InputError("are unknown", field="settings", value=name, allowed=allowed, quoted=True)
     return SETTINGS[name]

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.dem.engine import Progress
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.progress import ERROR, PIPE, read_pipe
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -82,7 +82,8 @@ def _raise(code: int, errors: Iterable[str]) -> NoReturn:
     if told:
         known = told[-1]
         if known["kind"] == "InputError":
-            raise InputError(known["said"], field=known["field"], value=known["value"], allowed=known["allowed"])
+            fields = {name: known[name] for name in ("field", "value", "allowed", "quoted")}
+            raise InputError(known["said"], **fields)
         if known["kind"] == "Interrupted":
             raise Interrupted(known["said"], code)
         raise PhysicsError(known["said"])
