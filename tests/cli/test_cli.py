@@ -63,17 +63,17 @@ BAD = {
     "a rate too slow": ("run cv s.state.nc --rate 1e-300 -o new.run.nc", "rate"),
     "a rate too fast for the strain": ("run cv s.state.nc --rate 1e4 --strain 1e-3 -o new.run.nc", "steps"),
     "too many threads": ("run cv s.state.nc --threads 100000 -o new.run.nc", "threads"),
-    "side and grains": ("specimen --void-ratio 0.67 --side 2mm --grains 200 -o new.state.nc", "--side 0.002 and a number"),
+    "side and grains": (f"{SPECIMEN} 0.67 --side 2mm", "--side 0.002 and a number of grains are both given"),
     "pressure without a unit": ("run cr s.state.nc --pressure 0.5 -o new.run.nc", "--pressure 0.5 has no unit, and is "
                                 "less than 100 Pa: give 0.5 MPa or kPa, or 0.5 Pa if that is meant"),
     "unknown unit": ("run cr s.state.nc --pressure 5bar -o new.run.nc", "--pressure 5bar has an unknown unit 'bar': "
                      "give it in Pa, kPa, MPa, GPa"),
     "unknown law": (f"{SPECIMEN} 0.67 --law hertz", "--law 'hertz' is unknown: give one of rolling_resistance, "
                     "spring_dashpot"),
-    "half a grain": ("specimen --void-ratio 0.67 --grains 200.5 -o new.state.nc", "--grains 200.5 is not a whole number"),
+    "half a grain": (f"{SPECIMEN} 0.67 --grains 200.5", "--grains 200.5 is not a whole number"),
     "negative snapshots": ("run cv s.state.nc --snapshots -1 -o new.run.nc", "--snapshots -1 is not possible"),
     "unknown settings": ("run cv s.state.nc --settings best -o new.run.nc", "--settings"),
-    "a file to use that is not there": ("run cv s.state.nc --use mine.py -o new.run.nc", "--use mine.py does not exist"),
+    "a file to use that is not there": ("run cv s.state.nc --use mine.py", "--use mine.py does not exist"),
     "a file to use that is no Python": ("run cv s.state.nc --use text.nc -o new.run.nc", "--use "),
     "a material of a specimen for a run": ("run cv s.state.nc --mean-diameter 1mm -o new.run.nc", "--mean-diameter"),
     "unknown command": ("dance", "dance"),

@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from labkit.errors import InputError
 from labkit.dem.scene import Scene
+from labkit.errors import InputError
 
 
 def test_table_1_and_the_contact_law_below_equation_3():

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from labkit.errors import InputError
-from labkit.micro import indicators
-from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe, insert_grains, side_for
 from labkit.dem.state import read_state
+from labkit.errors import InputError
+from labkit.micro import indicators
+from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 
 
 @pytest.mark.parametrize("void_ratio_target", [0.606, 0.67, 0.724, 0.77])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from labkit.errors import InputError
-from labkit.micro.stress import love_stress
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.dem.stratified import Layer, insert_layer, strata, stratum_of
+from labkit.errors import InputError
+from labkit.micro.stress import love_stress
 
 
 @pytest.fixture(scope="module")

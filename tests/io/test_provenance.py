@@ -80,7 +80,7 @@ def test_a_file_without_hashes_is_no_success(folder, labkit_command):
 
 def test_the_commit_is_that_of_the_checkout_alone(tmp_path):
     """A copy that somebody keeps in a repository of his own has no commit of labkit."""
-    root = provenance.Path(provenance.__file__).parent
+    root = provenance.Path(provenance.__file__).parents[1]
     shutil.copytree(root, tmp_path / "site" / "labkit", ignore=shutil.ignore_patterns("__pycache__"))
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", "-C", str(tmp_path)]
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "x"]):
