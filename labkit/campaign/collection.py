@@ -57,8 +57,8 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
 
     Dimensions `run` (coordinate: the name) and `time` (records; shorter runs end in NaN), `i`, `j`. Variables are those
     of labkit.io.schema.RECORD that any run has, and own statistics. Coordinates along `run` are the parameters of the
-    paths, scenes and specimens; one whose name is that of a record has a prefix: `target_strain` is the strain to reach,
-    `specimen_void_ratio` that of the recipe. Raises InputError for a place without run files.
+    paths, scenes and specimens. One whose name is that of a record has a prefix: `target_strain` is the strain to
+    reach, `specimen_void_ratio` that of the recipe. Raises InputError for a place without run files.
     """
     files = run_files(places)
     known = [_read(file) for file in files]
@@ -67,9 +67,8 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     records = [one.records for one in known]
     data = {name: _variable(variables[name], files, records) for name in present}
     names = dict.fromkeys(name for one in known for name in one.coordinates)
-    coordinates = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
-    found = xr.Dataset(data).assign_coords(run=("run", _names(files)), **coordinates)
-    return found.assign_attrs(labkit_file="campaign")
+    columns = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
+    return xr.Dataset(data, {"run": ("run", _names(files)), **columns}, {"labkit_file": "campaign"})
 
 
 def run_files(places: Sequence[str | Path]) -> list[Path]:

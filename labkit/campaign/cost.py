@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from labkit.campaign.items import Campaign, Consolidated, Run, schedule_of
+from labkit.campaign.items import Campaign, Consolidated, Item, Run, schedule_of
 from labkit.campaign.plan import Job, Plan
 from labkit.dem.engine import Progress
 from labkit.engines.speed import speed
@@ -96,7 +96,7 @@ def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
     return Cost(steps * grains, seconds, base + each * grains, disk)
 
 
-def _made_of(item: object) -> str:
+def _made_of(item: Item) -> str:
     """The name of the specimen that a job begins with, or that it makes."""
     if isinstance(item, Run):
         return item.specimen
@@ -114,7 +114,7 @@ def expected_seconds(plan: Plan, costs: Mapping[Job, Cost], cores: int) -> float
     return max(free) + len(plan.runs) * PRODUCT_SECONDS / cores
 
 
-def summary(plan: Plan, speeds: Mapping[str, Speed], cores: int, measured: bool) -> str:
+def summary(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
     """The table that `--dry-run` prints, as text."""
     costs = {job: cost_of(job, plan.campaign, speeds) for job in plan.jobs}
     lines = [f"{'kind':<14} {'name':<40} {'engine':<7} {'grain-steps':>11} {'time':>9} {'disk':>9}"]
@@ -127,8 +127,7 @@ def summary(plan: Plan, speeds: Mapping[str, Speed], cores: int, measured: bool)
         f"{len(plan.specimens)} specimens, {len(plan.consolidations)} consolidations, {len(plan.runs)} runs: "
         f"{sum(cost.grain_steps for cost in costs.values()):.3g} grain-steps",
         f"about {time_text(expected_seconds(plan, costs, cores))} on {cores} cores, {time_text(total)} on one "
-        f"({'speeds measured on this computer' if measured else 'typical speeds, not measured here'}); tests that end "
-        "at a stress take less",
+        "(speeds measured on this computer); tests that end at a stress take less",
         f"about {size_text(sum(cost.disk for cost in costs.values()))} on the disk",
     ]
     return "\n".join(lines)

@@ -1,6 +1,6 @@
 """The campaign file: YAML that a person edits, read as values, with every mistake in it and its line.
 
-    use: own_path.py                    # own paths, laws, statistics, engines: labkit.extensions
+    use: own_path.py                    # own paths, laws, statistics, engines: see labkit.extensions
     settings: quick                     # quick, standard, reference; for what says nothing else
     engine: fused
     specimens:
@@ -9,8 +9,8 @@
     runs:
       cp: {path: cp, specimen: dense, pressure: [0.5 MPa, 1 MPa], engine: [yade, fused]}
 
-Lists multiply: `cp` is eight runs, cp-dense-s1-p500kPa-yade and so on. Keys are the parameters of Recipe, Scene, Options
-and the path (labkit.parameters); quantities have units.
+Lists multiply: `cp` is eight runs, cp-dense-s1-p500kPa-yade and so on. Keys are the parameters of Recipe, Scene,
+Options and the path (labkit.parameters); quantities have units.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def campaign_file(name: str) -> Path:
 
 
 def read_campaign(file: str | os.PathLike[str]) -> Campaign:
-    """The Campaign in a file. Loads the files that it uses. Raises InputError that names every mistake with its line."""
+    """The Campaign in a file; loads the files that it uses. Raises InputError with every mistake and its line."""
     file = Path(file)
     mistakes = Mistakes()
     root = compose(read_text(file), mistakes)

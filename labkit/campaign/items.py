@@ -63,6 +63,9 @@ class Run:
         return self.path.starting_at(USUAL_PRESSURE)
 
 
+Item = Specimen | Consolidated | Run
+
+
 @dataclasses.dataclass(frozen=True)
 class Campaign:
     """What a file asks for, lists multiplied out; names are unique among specimens and among runs.

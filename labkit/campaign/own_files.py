@@ -58,6 +58,6 @@ def with_use(text: str, names: Sequence[str]) -> str:
 
 
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """The Campaign of a folder from the copies there alone, whatever LABKIT_USE says. For jobs: processes of their own."""
+    """The Campaign of a folder from the copies there alone, whatever LABKIT_USE says; for processes of their own."""
     os.environ[VARIABLE] = ""
     return read_campaign(Path(folder) / CAMPAIGN)

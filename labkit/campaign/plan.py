@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from labkit.campaign.items import Campaign, Consolidated, Run, Specimen
+from labkit.campaign.items import Campaign, Consolidated, Item, Run, Specimen
 from labkit.campaign.keys import changes_of_runs, options_of
 from labkit.dem.scene import Scene
 from labkit.dem.simulation import Options
@@ -37,9 +37,9 @@ FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Job:
-    """One command. kind: specimen, consolidation or run; arguments: of the command, without its files; source: the state
-    file that it starts from; extensions: hashes of the user's own files that its result depends on; digest: of all that
-    decides its result, the jobs before it among them. Files are relative to the folder of the campaign."""
+    """One command. kind: specimen, consolidation or run; arguments: of the command, without its files; source: the
+    state file that it starts from; extensions: hashes of the user's own files that its result depends on; digest: of
+    all that decides its result, the jobs before it among them. Files are relative to the folder of the campaign."""
 
     kind: str
     name: str
@@ -47,7 +47,7 @@ class Job:
     output: str
     source: str | None
     threads: int
-    item: Specimen | Consolidated | Run
+    item: Item
     extensions: tuple[str, ...]
     digest: str
 
@@ -164,9 +164,7 @@ def _text(value: Any, unit: str) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
-def _job(
-    kind: str, item: Specimen | Consolidated | Run, arguments: list[str], source: Job | None, extensions: tuple[str, ...]
-) -> Job:
+def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extensions: tuple[str, ...]) -> Job:
     arguments = [*arguments, f"--engine={item.engine}", f"--threads={item.threads}"]
     decides = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
     digest = hashlib.sha256(json.dumps(decides).encode()).hexdigest()

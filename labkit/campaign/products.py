@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 import labkit
+from labkit.campaign.items import Run
 from labkit.campaign.own_files import CAMPAIGN
 from labkit.campaign.plan import FIGURES, REPORT, RUNS, STATISTICS, Job, Plan
 from labkit.campaign.workflow import failures
@@ -126,8 +127,10 @@ def _row(job: Job) -> dict[str, Any] | None:
         return None
     with xr.open_dataset(file) as found:
         value = {name: float(found[name]) for name in found}
+    run = job.item
+    assert isinstance(run, Run)
     return {
-        "run": job.name, "path": job.item.path.name, "engine": job.item.engine, "specimen": job.item.specimen,
+        "run": run.name, "path": run.path.name, "engine": run.engine, "specimen": run.specimen,
         "grains": int(value["grains"]), "p0, kPa": value["initial_mean_stress"] / 1e3,
         "p, kPa": value["final_mean_stress"] / 1e3, "e0": value["initial_void_ratio"], "e": value["final_void_ratio"],
         "Z": value["final_coordination_number"], "peak q/p": value["peak_stress_ratio"],

@@ -59,10 +59,10 @@ def _runs(
     names = [item for one in fields.listed(SPECIMEN.name) for item in specimens.groups.get(one, ())]
     options = restored(Options, {**given(top, Options), **given(fields.values, Options)})
     changes = _changes(fields, top)
-    runs = [
-        Run("-".join([name, *_words(fields, names, specimen, pressure, working)]), specimen, path, options, changes, **working)
-        for specimen, (pressure, path), working in itertools.product(names, paths, _workings(fields, top))
-    ]  # fmt: skip
+    runs = []
+    for specimen, (pressure, path), working in itertools.product(names, paths, _workings(fields, top)):
+        words = [name, *_words(fields, names, specimen, pressure, working)]
+        runs.append(Run("-".join(words), specimen, path, options, changes, **working))
     for run in runs[:MOST_RUNS]:  # whatever else is wrong with them
         scene = run.scene(specimens.origins[run.specimen])
         fields.attempt(lambda: require_pressure(run.path, scene))

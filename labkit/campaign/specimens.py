@@ -134,25 +134,24 @@ def _consolidated(
 ) -> list[Consolidated]:
     """The Consolidated of one entry: as many as its source has names; none when something is wrong with it."""
     source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
-    if fields.broken or pressure is None:
+    if fields.broken or pressure is None or source is None:
         return []
-    chosen, several = worked(fields.values, top), list(groups.get(source, ())) != [source]
-    return [
-        Consolidated(name + one.removeprefix(source) if several else name, one, pressure, **chosen)
-        for one in groups.get(source, ())
-    ]  # fmt: skip
+    chosen, ones = worked(fields.values, top), list(groups.get(source, ()))
+    names = [name] if ones == [source] else [name + one.removeprefix(source) for one in ones]
+    return [Consolidated(made, one, pressure, **chosen) for made, one in zip(names, ones)]
 
 
 def _cycles(sources: Mapping[str, str | None], lines: Mapping[str, int], mistakes: Mistakes) -> set[str]:
     """Names of specimens that are made of themselves, or of such. `sources`: name -> name."""
     cyclic = set()
     for name in sources:
-        way = [name]
-        while sources.get(way[-1]) in sources and sources[way[-1]] not in way:
-            way.append(sources[way[-1]])
-        if sources.get(way[-1]) in way:
+        way, before = [name], sources[name]
+        while before is not None and before in sources and before not in way:
+            way.append(before)
+            before = sources[before]
+        if before in way:
             cyclic.add(name)
-            loop = way[way.index(sources[way[-1]]) :]
+            loop = way[way.index(before) :]
             if name == min(loop, key=lambda one: lines[one]):
                 said = " from ".join([*loop, loop[0]])
                 mistakes.add(lines[name], f"specimen {name} is made of itself ({said}): begin with a void ratio")

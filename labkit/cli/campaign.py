@@ -49,12 +49,12 @@ def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
         return 0
     folder = Path(options.folder or campaign.name)
     require_possible(plan, folder, options)
-    speeds = None if options.measure else cost.known_speeds(plan.engines)
-    if speeds is None and (options.dry_run or options.measure):
-        speeds = cost.measure_speeds(plan.engines, reporter("measuring"))
-    if options.dry_run:
-        print(cost.summary(plan, speeds, options.cores, True))
-        return 0
+    if options.dry_run or options.measure:
+        known = None if options.measure else cost.known_speeds(plan.engines)
+        speeds = known or cost.measure_speeds(plan.engines, reporter("measuring"))
+        if options.dry_run:
+            print(cost.summary(plan, speeds, options.cores))
+            return 0
     text = file.read_text(encoding="utf-8")
     code = workflow.run_workflow(plan, text, folder, options.cores, options.profile, reporter(campaign.name))
     return workflow.tell(plan, folder, code)

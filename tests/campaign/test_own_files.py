@@ -217,8 +217,9 @@ def test_files_of_the_command_line_are_those_of_the_campaign(tmp_path, labkit_co
 
 
 @pytest.mark.parametrize("text", [
-    "use: [a/own.py, b/own.py]\nname: c\n", "use:\n  - a/own.py\n  - b/own.py\nname: c\n", "name: c\n", "---\nname: c\n",
-    "{name: c}\n", "{use: 'a/own.py', name: c}\n", "# first\n\nname: c\nuse:\n- a/own.py\n- b/own.py\n", "  name: c\n",
+    "use: [a/own.py, b/own.py]\nname: c\n", "use:\n  - a/own.py\n  - b/own.py\nname: c\n", "name: c\n",
+    "---\nname: c\n", "{name: c}\n",
+    "{use: 'a/own.py', name: c}\n", "# first\n\nname: c\nuse:\n- a/own.py\n- b/own.py\n", "  name: c\n",
 ])  # fmt: skip
 def test_the_copy_of_a_campaign_file_differs_in_use_alone(text, tmp_path):
     import yaml

@@ -176,7 +176,8 @@ def test_a_broken_file_starts_nothing(tmp_path, labkit_command):
 def test_a_profile_that_is_not_there_is_refused(tmp_path, labkit_command):
     (tmp_path / "tiny.yaml").write_text(TINY)
     done = labkit_command("campaign", "tiny.yaml", "--profile", "nowhere", cwd=tmp_path)
-    assert done.returncode == 2 and "--profile nowhere is not a folder with a config.yaml: give one, or slurm" in done.stderr
+    assert done.returncode == 2
+    assert "--profile nowhere is not a folder with a config.yaml: give one, or slurm" in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]
 
 
