@@ -10,7 +10,9 @@ import numba
 import numpy as np
 
 import labkit
+from labkit.dem.energy import kinetic_energy
 from labkit.dem.engine import Engine
+from labkit.dem.state import State
 from labkit.engines.kernel import steps
 from labkit.engines.kernel.build import kernel_of
 from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
@@ -18,10 +20,9 @@ from labkit.engines.kernel.packing import Grains, History, pack
 from labkit.engines.kernel.steps import Motion
 from labkit.errors import InputError, PhysicsError
 from labkit.io.memory import return_large_arrays
-from labkit.dem.energy import kinetic_energy
 
-# Gap of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is enough
-# for a thousand steps. Where they fly about the gap doubles until a search lasts for SEARCH_STEPS[0].
+# Verlet skin of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is
+# enough for a thousand steps. Where they fly about it doubles until a search lasts for SEARCH_STEPS[0].
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
@@ -35,14 +36,15 @@ IN_KERNEL = (
 class FusedEngine(Engine):
     """The kernel holding a State. Raises InputError when this computer has fewer than `threads` threads for it.
 
-    `skin`: the gap of the pairs that are kept at hand, of the mean diameter; None: the engine fits it as it goes.
+    `skin`: the Verlet skin of the pairs that are kept at hand, of the mean diameter; None: the engine adapts it.
     """
 
     name = "fused"
     version = labkit.__version__
     energy = True  # whether work and losses are summed: `labkit bench` alone leaves them out
 
-    def __init__(self, state, threads=1, skin=None):
+    def __init__(self, state: State, threads: int = 1, skin: float | None = None) -> None:
+        """Compiles at the first state of a law, and loads the state. Raises InputError."""
         return_large_arrays()
         if threads > numba.config.NUMBA_NUM_THREADS:
             most = f"at most {numba.config.NUMBA_NUM_THREADS}"
@@ -53,7 +55,7 @@ class FusedEngine(Engine):
         self._threads = threads
         self.load(state)
 
-    def load(self, state):
+    def load(self, state: State) -> None:
         scene = state.scene
         self._start = state.replace(**dict.fromkeys(IN_KERNEL))
         self._packing, self._ledger = None, state.ledger
@@ -76,7 +78,7 @@ class FusedEngine(Engine):
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._run(1, self._before, dt=0.0, moved_already=True)
 
-    def advance(self, steps, velocity_gradient):
+    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.array(velocity_gradient, dtype=float)
         done, searched = 0, False
         while done < steps:
@@ -94,7 +96,7 @@ class FusedEngine(Engine):
         self._search(self._packing.unpack_grains(), self._packing.unpack_history())
 
     def _fit_margin(self):
-        """A wider or narrower gap for the next search, after how long the last one has lasted."""
+        """A wider or narrower skin for the next search, after how long the last one has lasted."""
         diameter = 2.0 * self._start.radius.mean()
         if self._skin is not None:
             return
@@ -144,17 +146,17 @@ class FusedEngine(Engine):
         if not np.isfinite(self._ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
-    def stress(self):
+    def stress(self) -> np.ndarray:
         total = self._kernel.branch_force(self._packing.arrays, self._features.friction)
         return -total / np.linalg.det(self._cell)
 
-    def stop_grains(self):
+    def stop_grains(self) -> None:
         state = self.state()
         nothing = np.zeros_like(state.velocity)
         ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
         self.load(state.replace(velocity=nothing, angular_velocity=nothing, ledger=ledger))
 
-    def state(self):
+    def state(self) -> State:
         self._enter_flows()
         position, velocity, spin = self._packing.unpack_grains()
         history = self._packing.unpack_history()

@@ -1,7 +1,7 @@
 """Tasks: a specimen, a consolidation, a layer or a run, each a value that any engine can do.
 
-`execute` does a task in this process, or in YADE's own where the engine lives there: then the task travels as JSON and a
-state file, and what it makes comes back as a file.
+`execute` does a task in this process, or in YADE's own where the engine lives there: then the task travels as JSON and
+a state file, and what it makes comes back as a file.
 """
 
 from __future__ import annotations
@@ -238,5 +238,7 @@ def _extensions(task: Task) -> list[str]:
     needed += [type(task.path)] if isinstance(task, RunTask) else []
     files = [file_of(one) for one in needed if not one.__module__.startswith("labkit.")]
     if None in files or any("ipython" in str(file).lower() for file in files):
-        raise InputError("a path, law or statistic of a notebook is unknown to YADE: keep it in a file and load it with labkit.use")
+        raise InputError(
+            "a path, law or statistic of a notebook is unknown to YADE: keep it in a file and load it with labkit.use"
+        )
     return list(dict.fromkeys([*used(), *(file for file in files if file)]))

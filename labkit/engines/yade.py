@@ -15,6 +15,7 @@ import numpy as np
 
 from labkit.dem.engine import Engine
 from labkit.dem.scene import Scene
+from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
 
 try:
@@ -42,14 +43,17 @@ class YadeEngine(Engine):
 
     @classmethod
     def here(cls) -> bool:
+        """Whether this is YADE's interpreter."""
         return yade is not None
 
     @classmethod
     def require(cls, scene: Scene) -> None:
+        """Raises InputError for a contact law that YADE lacks."""
         if not scene.contact_law.on_yade:
             raise InputError(f"has no contact law {scene.law}", field="engine", value=cls.name, allowed="fused")
 
-    def __init__(self, state, threads=1):
+    def __init__(self, state: State, threads: int = 1) -> None:
+        """Raises InputError outside YADE, and for another number of threads than it was started with."""
         if yade is None:
             raise InputError("engine yade runs inside YADE alone: labkit.run(..., engine='yade') starts it there")
         self.version = yade.config.version
@@ -59,7 +63,8 @@ class YadeEngine(Engine):
             raise InputError(said, field="threads", value=threads, allowed=f"{running}, or start yade -j{threads}")
         self.load(state)
 
-    def load(self, state):
+    def load(self, state: State) -> None:
+        """Goes on from another state. Raises InputError for a cell narrower than two grains."""
         _require_loadable(state)
         omega = self._omega = Omega()
         omega.reset()
@@ -121,7 +126,7 @@ class YadeEngine(Engine):
                 setattr(contact.phys, self._law.tangential_force, Vector3(*(sign * force)))
                 setattr(contact.phys, self._law.rolling_moment, Vector3(*(sign * moment)))
 
-    def advance(self, steps, velocity_gradient):
+    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         omega = self._omega
         omega.cell.updateAttrs({"velGrad": _matrix(velocity_gradient)})
         gas = omega.interactions.countReal() < len(omega.bodies)
@@ -149,13 +154,13 @@ class YadeEngine(Engine):
                 "largest grain and a margin; take a specimen of more grains, or --engine fused"
             )
 
-    def stress(self):
+    def stress(self) -> np.ndarray:
         return self._stress.copy()  # summed when the engine last stopped
 
     def _sum_stress(self):
         return -np.array(yade_utils.getStress(), dtype=float).reshape(3, 3).T
 
-    def stop_grains(self):
+    def stop_grains(self) -> None:
         self._ledger = self._ledger.plus(0.0, 0.0, 0.0, yade_utils.kineticEnergy())
         yade_utils.calm()
 
@@ -165,7 +170,7 @@ class YadeEngine(Engine):
         losses = (taken.get(name, 0.0) for name in (*self._law.losses, "nonviscDamp"))
         return self._ledger.plus(self._cell_work, *losses)
 
-    def state(self):
+    def state(self) -> State:
         collecting = gc.isenabled()
         gc.disable()  # the many small objects made here would double the time
         try:

@@ -1,4 +1,4 @@
-"""A kernel for one contact law: the loop over steps and the sum of stresses, compiled with the functions of that law."""
+"""A kernel for one contact law: the loop over steps and the sum of stresses, compiled with that law's functions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Kernel(NamedTuple):
 
 @functools.cache
 def kernel_of(law: ContactLaw) -> Kernel:
-    """The Kernel of a contact law; compiled at its first step, or read from the disk if its sources have not changed."""
+    """The Kernel of a contact law: compiled at its first step, or read from the disk if its sources are the same."""
     known: dict[Any, Any] = {}
     pair, spring = compiled_with_callees(law.pair, known), compiled_with_callees(law.spring, known)
     names = {**_compiled_functions(contact, known), "pair": pair, "spring": spring}

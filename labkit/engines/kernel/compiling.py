@@ -1,7 +1,7 @@
 """How labkit compiles with Numba: the options of the kernel, and a cache on disk that notices every change.
 
 Numba keeps one file per function and looks at the age of that function's own file only, so that a change in
-another file would leave stale code behind. Here the stamp of a cached function is that of all the sources it is made of.
+another file would leave stale code behind. Here the stamp of a cached function is that of all its sources.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def stamp_of(files: Iterable[Path]) -> str:
 
 
 def cached(function: Callable[..., Any], stamp: str, **options: Any) -> Any:
-    """The function compiled at its first call, from the disk where it was compiled before from sources of this stamp."""
+    """The function compiled at its first call, or read from the disk if it was compiled from sources of this stamp."""
     dispatcher = numba.njit(function, **options)
     try:
         dispatcher.enable_caching()
@@ -65,9 +65,12 @@ def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any]) -
 
 
 def with_globals(function: Callable[..., Any], names: dict[str, Any]) -> Callable[..., Any]:
-    """The same function with some of its global names meaning something else."""
-    fresh = types.FunctionType(
-        function.__code__, {**function.__globals__, **names}, function.__name__, function.__defaults__
-    )
+    """The same function with some of its global names meaning something else.
+
+    It counts as one of this module: Numba's cache imports the module of every function that it has compiled, and a
+    contact law may come from a file that is no module in another process.
+    """
+    known = {**function.__globals__, **names, "__name__": __name__}
+    fresh = types.FunctionType(function.__code__, known, function.__name__, function.__defaults__)
     fresh.__qualname__ = function.__qualname__
     return fresh

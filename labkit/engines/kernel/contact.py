@@ -1,18 +1,20 @@
 """Blocks of contacts: rows to numbers, the contact law, numbers to rows.
 
-The law itself is `pair` of a labkit.dem.laws.ContactLaw, a function of numbers; here it becomes a loop over a block that
-the compiler turns into vector instructions. `pair` and `spring` stand for those of the law that a kernel is made for
-(labkit.engines.kernel.build).
+The law itself is `pair` of a labkit.dem.laws.ContactLaw, a function of numbers; here it becomes a loop over a block
+that the compiler turns into vector instructions. `pair` and `spring` stand for those of the law that a kernel is made
+for (labkit.engines.kernel.build).
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
 from labkit.dem.laws.base import Contact, ContactLaw
-from labkit.dem.laws.vectors import ZERO, dot, length_and_inverse, plus, times
+from labkit.dem.laws.vectors import ZERO, Vector, dot, length_and_inverse, plus, times
 from labkit.engines.kernel.layout import (
     CELL_WORK,
     DASHPOT_LOSS,
@@ -35,16 +37,20 @@ from labkit.engines.kernel.layout import (
 pair, spring = ContactLaw.pair, ContactLaw.spring
 
 
-def load(rows, first, i):
-    """The vector in three rows."""
+def load(rows: np.ndarray, first: int, i: int) -> Vector:
+    """The vector in three rows, of which the first begins at `first`."""
     return rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)]
 
 
-def store(rows, first, i, vector):
+def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
+    """Writes a vector to three rows."""
     rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)] = vector
 
 
-def block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gradient, turning):
+def block_forces(
+    block: np.ndarray, work: np.ndarray, n: int, dt: float, constants: tuple[float, ...], friction: Any, rolling: Any,
+    dashpots: Any, gradient: np.ndarray | None, turning: bool | None,
+) -> None:  # fmt: skip
     """Forces and torques of n contacts, their history brought forward by dt.
 
     block, work: rows as in layout.py. constants to dashpots, turning: labkit.dem.laws.Features; what is None is left
@@ -87,7 +93,7 @@ def block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gra
             work[CELL_WORK + i] += dt * dot(found.force, stretched(gradient, d))
 
 
-def stretched(L, d):
+def stretched(L: np.ndarray, d: Vector) -> Vector:
     """L d."""
     return (
         L[0, 0] * d[0] + L[0, 1] * d[1] + L[0, 2] * d[2],
@@ -96,7 +102,7 @@ def stretched(L, d):
     )
 
 
-def block_stress(block, work, n, friction, sums):
+def block_stress(block: np.ndarray, work: np.ndarray, n: int, friction: Any, sums: np.ndarray) -> None:
     """Adds branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,): springs alone, as in the records."""
     for i in range(n):
         d = load(work, D, i)

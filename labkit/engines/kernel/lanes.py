@@ -2,17 +2,23 @@
 LLVM does not make of loops by itself.
 
 Grains have records, of which each vector takes COLUMNS numbers, the last one unused; blocks have rows. In all functions
-`work` is a block, and `row` the place in it of the first of eight x; y and z follow at distances of WIDTH.
+`work` is a block, and `row` the place in it of the first of eight x; y and z follow at distances of WIDTH. They are
+Numba intrinsics: the annotations are the types of arrays and numbers that a caller passes, `typing` is Numba's own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.typing import Context, Signature
 from numba.extending import intrinsic
 
 from labkit.engines.kernel.layout import LANES, WIDTH
+
+Intrinsic = tuple[Signature, Callable]  # what Numba takes: the types, and the function that writes the code
 
 COLUMNS = 4
 DOUBLE = ir.DoubleType()
@@ -104,7 +110,10 @@ def _intrinsic(write, arguments):
 
 
 @intrinsic
-def read(typing, records, column, index, i, work, row):
+def read(
+    typing: Context, records: types.Array, column: types.Integer, index: types.Array, i: types.Integer,
+    work: types.Array, row: types.Integer,
+) -> Intrinsic:  # fmt: skip
     """Rows of the records index[i] to index[i + 7], from a column on."""
 
     def write(code):
@@ -114,7 +123,10 @@ def read(typing, records, column, index, i, work, row):
 
 
 @intrinsic
-def read_difference(typing, records, column, index, other, i, work, row):
+def read_difference(
+    typing: Context, records: types.Array, column: types.Integer, index: types.Array, other: types.Array,
+    i: types.Integer, work: types.Array, row: types.Integer,
+) -> Intrinsic:  # fmt: skip
     """Rows of the records other[i] less index[i], and so on."""
 
     def write(code):
@@ -126,7 +138,10 @@ def read_difference(typing, records, column, index, other, i, work, row):
 
 
 @intrinsic
-def add(typing, records, column, index, i, work, row):
+def add(
+    typing: Context, records: types.Array, column: types.Integer, index: types.Array, i: types.Integer,
+    work: types.Array, row: types.Integer,
+) -> Intrinsic:  # fmt: skip
     """Adds rows to the records index[i] to index[i + 7], one after another."""
 
     def write(code):
@@ -137,7 +152,10 @@ def add(typing, records, column, index, i, work, row):
 
 
 @intrinsic
-def add_opposite(typing, records, column, index, other, i, work, row):
+def add_opposite(
+    typing: Context, records: types.Array, column: types.Integer, index: types.Array, other: types.Array,
+    i: types.Integer, work: types.Array, row: types.Integer,
+) -> Intrinsic:  # fmt: skip
     """Adds rows to the records index[i] and subtracts them from other[i], and so on."""
 
     def write(code):
@@ -150,7 +168,10 @@ def add_opposite(typing, records, column, index, other, i, work, row):
 
 
 @intrinsic
-def take(typing, records, column, first, work, row):
+def take(
+    typing: Context, records: types.Array, column: types.Integer, first: types.Integer, work: types.Array,
+    row: types.Integer,
+) -> Intrinsic:  # fmt: skip
     """Rows of eight consecutive records, which become 0."""
 
     def write(code):
@@ -163,7 +184,10 @@ def take(typing, records, column, first, work, row):
 
 
 @intrinsic
-def put(typing, records, column, first, work, row):
+def put(
+    typing: Context, records: types.Array, column: types.Integer, first: types.Integer, work: types.Array,
+    row: types.Integer,
+) -> Intrinsic:  # fmt: skip
     """Writes rows into eight consecutive records."""
 
     def write(code):
@@ -174,7 +198,7 @@ def put(typing, records, column, first, work, row):
 
 
 @intrinsic
-def prefetch(typing, array, i):
+def prefetch(typing: Context, array: types.Array, i: types.Integer) -> Intrinsic:
     """Asks for the number array[i] to be brought into the cache, to be changed; i may lie beyond the array."""
 
     def write(code):

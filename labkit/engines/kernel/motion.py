@@ -5,13 +5,15 @@ Order and formulas of a step from n to n+1, L the velocity gradient of the step 
     v+ = v + dt (a + L- v) + (L - L-) x      x+ = x + dt v+      w+ = w + dt b + spin(L - L-)      H+ = H + dt L H
 
 a = F/m and b = T/I, each component multiplied by 1 -+ damping where it speeds up or slows down (YADE's local
-damping; none for law paper). With c = v+ - L x, the velocity without the mean field, this is c+ = c + dt a: forces
-alone change c, and its momentum is conserved.
+damping; none for the spring-dashpot law). With c = v+ - L x, the velocity without the mean field, this is
+c+ = c + dt a: forces alone change c, and its momentum is conserved.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from labkit.engines.kernel.compiling import compiled
 from labkit.engines.kernel.layout import (
@@ -28,14 +30,17 @@ from labkit.engines.kernel.layout import (
 
 
 @compiled
-def taken(acceleration, velocity, dt, damping):
+def taken(acceleration: float, velocity: float, dt: float, damping: float) -> float:
     """Share of one component that Newton's local damping takes."""
     product = acceleration * (velocity + 0.5 * dt * acceleration)
     return damping if product > 0.0 else (-damping if product < 0.0 else 0.0)
 
 
 @compiled
-def move_block(block, work, n, dt, L, before, damping, energy):
+def move_block(
+    block: np.ndarray, work: np.ndarray, n: int, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None,
+    energy: np.ndarray | None,
+) -> None:  # fmt: skip
     """Moves n grains by one step. L, before (3, 3). damping: a number, or None without.
 
     energy: not None to sum what damping takes. The loop keeps the largest c^2 in the row SPEED2 of `work`.
@@ -86,7 +91,7 @@ def move_block(block, work, n, dt, L, before, damping, energy):
 
 
 @compiled
-def move_cell(cell, L, dt):
+def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
     """H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
     for j in range(3):
         a, b, c = cell[0, j], cell[1, j], cell[2, j]
@@ -95,8 +100,8 @@ def move_cell(cell, L, dt):
 
 
 @compiled
-def largest_speed(work):
-    """Takes the largest |c| of the last motion out of the workspace."""
+def largest_speed(work: np.ndarray) -> float:
+    """Takes the largest |c| of the last motion, m/s, out of the workspace."""
     largest = 0.0
     for i in range(WIDTH):
         largest = max(largest, work[SPEED2 + i])

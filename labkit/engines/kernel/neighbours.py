@@ -17,7 +17,7 @@ from labkit.errors import PhysicsError
 LOST = 1000  # periods away: no grain travels so far
 
 
-def grid_shape(cell, reach, grains):
+def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
     """(cells of a grid along each side, (3,), how many of them `reach` spans, (3,)). Cells are at least `reach` wide
     where there is room for that, and not many more than grains."""
     widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
@@ -27,8 +27,11 @@ def grid_shape(cell, reach, grains):
 
 
 @compiled
-def place(position, inverse_cell, shape, period, place_):
-    """Period and grid cell of each grain. False when a grain is lost: not a number, or too far away."""
+def place(
+    position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray, period: np.ndarray, place_: np.ndarray
+) -> bool:
+    """Period (grain, 3) and grid cell (grain,) of each grain, written in place. False if a grain is lost: its position
+    (grain, 3) is NaN or too far away."""
     for g in range(len(position)):
         index = 0
         for k in range(2, -1, -1):
@@ -45,7 +48,10 @@ def place(position, inverse_cell, shape, period, place_):
 
 
 @compiled
-def find(x, radius, cell, period, start, shape, span, margin, pairs, shifts):
+def find(
+    x: np.ndarray, radius: np.ndarray, cell: np.ndarray, period: np.ndarray, start: np.ndarray, shape: np.ndarray,
+    span: np.ndarray, margin: float, pairs: np.ndarray, shifts: np.ndarray,
+) -> int:  # fmt: skip
     """All pairs of grains whose surfaces are nearer than `margin`; returns how many there are.
 
     x (n, 3), radius, period: in the order of the grid's cells, which begin at start[c]. span (3,): how many cells
@@ -92,8 +98,8 @@ class Grid:
     span: np.ndarray
 
 
-def sort_grains(position, cell, reach):
-    """The Grid of grains that may touch within `reach`. Raises PhysicsError when a grain is lost."""
+def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
+    """The Grid of grains (grain, 3) that may touch within `reach`, m. Raises PhysicsError if a grain is lost."""
     shape, span = grid_shape(cell, reach, len(position))
     period = np.empty((len(position), 3), np.int64)
     where = np.empty(len(position), np.int64)
@@ -103,7 +109,9 @@ def sort_grains(position, cell, reach):
     return Grid(order, period[order], np.searchsorted(where[order], np.arange(shape.prod() + 1)), shape, span)
 
 
-def find_pairs(position, radius, cell, grid, margin):
+def find_pairs(
+    position: np.ndarray, radius: np.ndarray, cell: np.ndarray, grid: Grid, margin: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(pairs (2, n), periods to add to the second grain (n, 3)) of grains nearer than `margin`, in the grid's order.
 
     position (grain, 3) and radius (grain,) are in the grid's order too.

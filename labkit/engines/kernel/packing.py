@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -58,24 +59,24 @@ class Packing:
     pair: np.ndarray
     pair_shift: np.ndarray
 
-    def unpack_grains(self):
+    def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """position, velocity, spin, each (grain, 3), in the order of the state."""
         back = np.empty_like(self.order)
         back[self.order] = np.arange(len(back))
         rows = from_blocks(self.arrays.grains, len(back))[:9, back]
         return tuple(np.ascontiguousarray(rows[k : k + 3].T) for k in (0, 3, 6))
 
-    def unpack_history(self):
+    def unpack_history(self) -> History:
         """The History of all pairs, touching or not."""
         blocks = self.arrays.blocks.reshape(len(self.arrays.blocks), -1, WIDTH)
         rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]  # a copy
         return ordered(self.order[self.pair], self.pair_shift, rows)
 
 
-def ordered(grain, shift, rows):
+def ordered(grain: np.ndarray, shift: np.ndarray, rows: np.ndarray) -> History:
     """A History with the smaller number first; a grain that touches its own image counts once.
 
-    rows: changed in place.
+    grain (n, 2), shift (n, 3), rows (n, k) as in History; rows: changed in place.
     """
     first, second = grain[:, 0], grain[:, 1]
     leading = np.sign(shift) @ np.array([9, 3, 1])
@@ -85,10 +86,13 @@ def ordered(grain, shift, rows):
     return History(np.where(swap, grain[:, ::-1], grain), shift * sign, rows)
 
 
-def pack(grains, history, cell, margin, stiffness):
-    """Seeks all pairs nearer than `margin` and lays everything out; sites and images are left empty.
+def pack(
+    grains: Grains, history: History, cell: np.ndarray, margin: float,
+    stiffness: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> Packing:  # fmt: skip
+    """Seeks all pairs nearer than `margin`, m, and lays everything out; sites and images are left empty.
 
-    stiffness(radius_a, radius_b): kn, N/m.
+    cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m. Raises PhysicsError if a grain is lost.
     """
     number = len(grains.radius)
     grid = sort_grains(grains.position, cell, 2.0 * grains.radius.max() + margin)
@@ -131,7 +135,7 @@ def pack(grains, history, cell, margin, stiffness):
     return Packing(arrays, order, slot, pairs.T, shift)
 
 
-def aligned(shape):
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
     """An array of zeros that begins with a line of the cache."""
     count = int(np.prod(shape))
     memory = np.zeros(count + LINE // 8)
@@ -139,7 +143,9 @@ def aligned(shape):
     return memory[first : first + count].reshape(shape)
 
 
-def make_images(pairs, shift, domain, grain_first, first_image):
+def make_images(
+    pairs: np.ndarray, shift: np.ndarray, domain: np.ndarray, grain_first: np.ndarray, first_image: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(site of the second grain (n,), owner (image,), shift (image, 3)): where the second grain of a pair lies
     in another period or belongs to another domain, it gets a site of its own, from number first_image on."""
     second = pairs[1].copy()
@@ -152,16 +158,18 @@ def make_images(pairs, shift, domain, grain_first, first_image):
     return second, pairs[1][needed][index], shift[needed][index].astype(float)
 
 
-def wrapped(shift, first, second, period):
-    """One number for the periods between the cells that the two grains of a pair lie in."""
+def wrapped(shift: np.ndarray, first: np.ndarray, second: np.ndarray, period: np.ndarray) -> np.ndarray:
+    """One number for the periods between the cells that the two grains of a pair lie in, shape (n,)."""
     steps = shift + period[second] - period[first] + NEAR
     size = 2 * NEAR + 1
     near = ((steps >= 0) & (steps < size)).all(axis=1)
     return np.where(near, (steps[:, 0] * size + steps[:, 1]) * size + steps[:, 2], 0)
 
 
-def carried(history, order, pairs, shift, period):
-    """What each new pair (2, n) remembers: the rows of the same pair in the History, else zero."""
+def carried(
+    history: History, order: np.ndarray, pairs: np.ndarray, shift: np.ndarray, period: np.ndarray
+) -> np.ndarray:
+    """What each new pair (2, n) remembers, (n, k): the rows of the same pair in the History, else zero."""
     number, columns = len(order), history.rows.shape[1]
     result = np.zeros((len(shift), columns))
     if len(history.grain) == 0 or len(shift) == 0 or columns == 0:
@@ -183,7 +191,7 @@ def carried(history, order, pairs, shift, period):
     return result
 
 
-def to_blocks(rows, number):
+def to_blocks(rows: np.ndarray, number: int) -> np.ndarray:
     """(rows, n) as blocks (n/WIDTH, number WIDTH), the last one filled up with ones."""
     blocks = -(-rows.shape[1] // WIDTH)
     filled = np.ones((number, blocks * WIDTH))
@@ -193,7 +201,7 @@ def to_blocks(rows, number):
     return result.reshape(blocks, -1)
 
 
-def from_blocks(blocks, count):
+def from_blocks(blocks: np.ndarray, count: int) -> np.ndarray:
     """The rows (number, count) that to_blocks has laid out."""
     rows = blocks.reshape(len(blocks), -1, WIDTH).transpose(1, 0, 2)
     return rows.reshape(rows.shape[0], -1)[:, :count]

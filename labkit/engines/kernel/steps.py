@@ -9,7 +9,7 @@ the grain after each motion. So a contact knows no periods, and domains share no
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -70,8 +70,8 @@ class Motion(NamedTuple):
     """What the grains move in, changed in place.
 
     cell (3, 3), m; before (3, 3): the velocity gradient of the last step, 1/s; first_cell (3, 3), m: that of the last
-    search; spread (2,): how far grains may have moved since the search, at most, m, and how much the cell has stretched;
-    largest_diameter, skin: m.
+    search; spread (2,): how far grains may have moved since the search, at most, m, and how much the cell has
+    stretched; largest_diameter, skin: m.
     """
 
     cell: np.ndarray
@@ -83,12 +83,15 @@ class Motion(NamedTuple):
 
 
 @compiled
-def whole_lanes(n):
+def whole_lanes(n: int) -> int:
+    """n rounded up to whole vectors of LANES numbers."""
     return (n + LANES - 1) // LANES * LANES
 
 
 @compiled
-def read_sites(sites, first, second, work, turning):
+def read_sites(
+    sites: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
+) -> None:
     """The rows D to WB of contacts from the sites of their grains; without velocities if `turning` is None."""
     for i in range(0, len(first), LANES):
         read_difference(sites, SITE_X, first, second, i, work, D + i)
@@ -99,7 +102,9 @@ def read_sites(sites, first, second, work, turning):
 
 
 @compiled
-def add_forces(forces, first, second, work, turning):
+def add_forces(
+    forces: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
+) -> None:
     """Adds forces and torques of contacts to their sites."""
     for i in range(0, len(first), LANES):
         add_opposite(forces, SITE_FORCE, first, second, i, work, FORCE + i)
@@ -108,9 +113,12 @@ def add_forces(forces, first, second, work, turning):
             add(forces, SITE_TORQUE, second, i, work, TORQUE_B + i)
 
 
-def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, constants, friction, rolling, dashpots,
-                    gradient, turning):  # fmt: skip
-    """All contacts first <= k < last of a domain, a whole number of blocks before them."""
+def domain_contacts(
+    sites: np.ndarray, forces: np.ndarray, pairs: np.ndarray, blocks: np.ndarray, work: np.ndarray, first: int,
+    last: int, dt: float, constants: tuple[float, ...], friction: Any, rolling: Any, dashpots: Any,
+    gradient: np.ndarray | None, turning: bool | None,
+) -> None:  # fmt: skip
+    """All contacts first <= k < last of a domain, a whole number of blocks before them; see `advance`."""
     for start in range(first, last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
         block = blocks[start // WIDTH]
@@ -125,13 +133,13 @@ def domain_contacts(sites, forces, pairs, blocks, work, first, last, dt, constan
 
 
 @compiled
-def first_image(sites, owner):
+def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
     """Number of the first site that is an image: before them are whole blocks of grains, after them nobody's site."""
     return len(sites) - 1 - len(owner)
 
 
 @compiled
-def write_sites(sites, block, start, n):
+def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> None:
     """The sites of the n grains of a block."""
     for i in range(0, n, LANES):
         put(sites, SITE_X, start + i, block, X + i)
@@ -140,7 +148,10 @@ def write_sites(sites, block, start, n):
 
 
 @compiled
-def domain_grains(sites, forces, grains, work, first, last, dt, L, before, damping, energy):
+def domain_grains(
+    sites: np.ndarray, forces: np.ndarray, grains: np.ndarray, work: np.ndarray, first: int, last: int, dt: float,
+    L: np.ndarray, before: np.ndarray, damping: float | None, energy: np.ndarray | None,
+) -> None:  # fmt: skip
     """Moves the grains first <= g < last and their sites."""
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
@@ -153,7 +164,7 @@ def domain_grains(sites, forces, grains, work, first, last, dt, L, before, dampi
 
 
 @compiled
-def collect_images(forces, owner, first, last):
+def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int) -> None:
     """Moves the forces of the images first <= k < last to the grains `owner`."""
     images = first_image(forces, owner)
     for image in range(first, last):
@@ -164,7 +175,10 @@ def collect_images(forces, owner, first, last):
 
 
 @compiled
-def image_sites(sites, owner, first, last, shift, offset, drift):
+def image_sites(
+    sites: np.ndarray, owner: np.ndarray, first: int, last: int, shift: np.ndarray, offset: np.ndarray,
+    drift: np.ndarray,
+) -> None:  # fmt: skip
     """Writes the sites of the images first <= k < last of the grains `owner`, `shift` (image, 3) periods away.
 
     offset and drift (3, 3): the cell, and L times the cell before the motion: what a period adds to position and
@@ -181,8 +195,8 @@ def image_sites(sites, owner, first, last, shift, offset, drift):
 
 
 @compiled
-def farthest(grains, start, number, back):
-    """Largest distance of a grain from its place `start` (grain, 3) at the last search, in the cell of then.
+def farthest(grains: np.ndarray, start: np.ndarray, number: int, back: np.ndarray) -> float:
+    """Largest distance, m, of a grain from its place `start` (grain, 3) at the last search, in the cell of then.
 
     back (3, 3): F^-1, F the deformation of the cell since.
     """
@@ -197,10 +211,14 @@ def farthest(grains, start, number, back):
     return math.sqrt(largest)
 
 
-def advance(steps, moved_already, dt, L, motion, arrays, constants, friction, rolling, dashpots, damping, gradient,
-            turning):  # fmt: skip
-    """Takes up to `steps` steps; returns how many were taken, and whether neighbours must be sought.
+def advance(
+    steps: int, moved_already: bool, dt: float, L: np.ndarray, motion: Motion, arrays: Arrays,
+    constants: tuple[float, ...], friction: Any, rolling: Any, dashpots: Any, damping: float | None,
+    gradient: np.ndarray | None, turning: bool | None,
+) -> tuple[int, bool]:  # fmt: skip
+    """Takes up to `steps` steps of dt, s; returns how many were taken, and whether neighbours must be sought.
 
+    L (3, 3): the velocity gradient, 1/s; constants to turning: labkit.dem.laws.Features; gradient: L to sum energies.
     In that case the last motion has been made, its forces not: search, and go on with moved_already. What is None is
     left out of the loop; only arguments of a function tell Numba so, which is why these are not in a tuple.
     """
@@ -238,7 +256,7 @@ def advance(steps, moved_already, dt, L, motion, arrays, constants, friction, ro
     return steps, False
 
 
-def branch_force(arrays, friction):
+def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
     """Sum over contacts of branch (x) force on the first grain, (3, 3), N m: springs alone, as in the records."""
     sums = np.zeros(9 * WIDTH)
     for d in range(len(arrays.contact_first)):
