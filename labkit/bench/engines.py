@@ -5,18 +5,23 @@ from __future__ import annotations
 import os
 import shutil
 import statistics
+from collections.abc import Callable, Mapping, Sequence
 
 from labkit.bench import lammps as bench_lammps
-from labkit.engines.speed import in_yade, speed
+from labkit.dem.engine import Progress
 from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import Scene
 from labkit.dem.servo import STANDARD, velocity_gradient
 from labkit.dem.state import read_state
+from labkit.engines.speed import in_yade, speed
+
+Variant = Callable[[str, int], dict[str, float]]
 
 
-def variants(scene):
-    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this machine has and
+def variants(scene: Scene) -> dict[str, Variant]:
+    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this computer has and
     what knows the contact law of the scene."""
-    found = {}
+    found: dict[str, Variant] = {}
     if shutil.which("yade") and scene.law == "rolling_resistance":
         found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
         found["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)
@@ -31,26 +36,29 @@ def variants(scene):
 FASTER = 10  # the engine fused takes so many times more steps, so that a measurement lasts
 
 
-def bench(specimen, steps, rounds, progress):
+def bench(specimen: str, steps: int, rounds: int, progress: Progress) -> dict[str, list[dict[str, float]]]:
     """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
-    machines = variants(read_state(specimen).scene)
-    found = {name: [] for name in machines}
+    measured = variants(read_state(specimen).scene)
+    found: dict[str, list[dict[str, float]]] = {name: [] for name in measured}
     for turn in range(rounds):
-        for number, (name, run) in enumerate(machines.items()):
-            progress((turn * len(machines) + number) / (rounds * len(machines)), name)
+        for number, (name, run) in enumerate(measured.items()):
+            progress((turn * len(measured) + number) / (rounds * len(measured)), name)
             found[name].append(run(os.path.abspath(specimen), steps))
     progress(1.0, "done")
     return found
 
 
-def _in_lammps(specimen, steps):
+def _in_lammps(specimen: str, steps: int) -> dict[str, float]:
     state = read_state(specimen)
     rates = velocity_gradient(ConstantVolume(), 1.0, state.time_step).diagonal()
     return {"steps_per_second": bench_lammps.steps_per_second(shutil.which("lmp"), state, rates, steps)}
 
 
-def table(found, grains, time_step, rate):
-    """Medians, ratios to the first variant (median and range over the rounds), cost of records and of the servo."""
+def table(found: Mapping[str, Sequence[Mapping[str, float]]], grains: int, time_step: float, rate: float) -> str:
+    """Medians, ratios to the first variant (median and range over the rounds), cost of records and of the servo.
+
+    found: of `bench`; time_step: s; rate: of axial strain, 1/s.
+    """
     base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
     between = ConstantVolume.record_strain / (rate * time_step)
     heading = ("", "steps/s", "grain-steps/s", "ratio", "range", "records, %", "servo, %")

@@ -1,4 +1,4 @@
-"""What the engine fused costs: feature by feature, size by size, and beside what the machine can do."""
+"""What the engine fused costs: feature by feature, size by size, and beside what the computer can do."""
 
 from __future__ import annotations
 
@@ -6,21 +6,26 @@ import dataclasses
 import resource
 import statistics
 import time
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, compiled
-from labkit.engines.kernel.packing import ordered
+from labkit.dem.engine import Progress
 from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import Scene
 from labkit.dem.servo import STANDARD, velocity_gradient
-from labkit.dem.state import grains_in_cell
+from labkit.dem.state import State, grains_in_cell
+from labkit.engines.fused import FusedEngine
+from labkit.engines.kernel.compiling import compiled
+from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, WIDTH
+from labkit.engines.kernel.packing import ordered
 
+FIRST = "law rolling_resistance, everything"
 SIZES = (1_000, 10_000, 40_000, 100_000)  # grains, about: copies of the specimen
-FLOPS = {"yade": 300, "paper": 390}  # of a contact with everything, counted in the formulas of the two laws
+FLOPS = {"rolling_resistance": 300, "spring_dashpot": 390}  # of a contact with everything, counted in the formulas
 
 
-def copies(state, times):
+def copies(state: State, times: Sequence[int]) -> State:
     """The same grains `times` (3,) times in the three directions: another cell, the same physics."""
     shifts = np.stack(np.meshgrid(*[np.arange(n) for n in times], indexing="ij"), axis=-1).reshape(-1, 3)
     many, number = len(shifts), state.number_of_grains
@@ -42,42 +47,40 @@ def copies(state, times):
     )  # fmt: skip
 
 
-def features(state, steps, rounds, progress):
+def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
     """Table of the time per step with one thing left out after another; rounds in turn, medians."""
-    machines = {}
+    engines: dict[str, tuple[FusedEngine, bool]] = {}
 
-    def add(name, scene, energy=True, sampled=False):
-        machine = FusedEngine(state.replace(scene=scene))
-        machine._law["energy"] = energy
-        machines[name] = machine, sampled
+    def add(name: str, scene: Scene, energy: bool = True, sampled: bool = False) -> None:
+        engine = FusedEngine(state.replace(scene=scene))
+        engine.energy = energy
+        engines[name] = engine, sampled
 
-    yade = dataclasses.replace(state.scene, law="yade")
-    add("law yade, everything", yade)
+    yade = dataclasses.replace(state.scene, law="rolling_resistance")
+    add(FIRST, yade)
     add("... stress every 5 steps as well", yade, sampled=True)
     add("... without energy sums", yade, energy=False)
     add("... without local damping", dataclasses.replace(yade, local_damping=0.0))
     add("... without rolling", dataclasses.replace(yade, rolling_friction=0.0))
     add("... without rolling and friction", dataclasses.replace(yade, rolling_friction=0.0, friction=0.0))
-    paper = dataclasses.replace(yade, law="paper")
-    add("law paper, everything", paper)
-    add("... without dashpots", dataclasses.replace(paper, beta_n=0.0, beta_t=0.0))
-    searches = {name: _watch_search(machine) for name, (machine, _) in machines.items()}
-    found = {name: [] for name in machines}
+    dashpots = dataclasses.replace(yade, law="spring_dashpot")
+    add("law spring_dashpot, everything", dashpots)
+    add("... without dashpots", dataclasses.replace(dashpots, beta_n=0.0, beta_t=0.0))
+    searches = {name: _watch_search(engine) for name, (engine, _) in engines.items()}
+    found: dict[str, list[float]] = {name: [] for name in engines}
     for turn in range(rounds + 1):  # the first one compiles
-        for number, (name, (machine, sampled)) in enumerate(machines.items()):
-            progress((turn * len(machines) + number) / ((rounds + 1) * len(machines)), name)
-            energy = machine._law["energy"]
+        for number, (name, (engine, sampled)) in enumerate(engines.items()):
+            progress((turn * len(engines) + number) / ((rounds + 1) * len(engines)), name)
             # from the same state in every turn: without friction a specimen would collapse
-            machine.load(state.replace(scene=machine.state().scene))
-            machine._law["energy"] = energy
+            engine.load(state.replace(scene=engine.state().scene))
             searches[name].clear()
-            seconds = _seconds_per_step(machine, state, steps, sampled)
+            seconds = _seconds_per_step(engine, state, steps, sampled)
             found[name].append(seconds - sum(searches[name]) / steps)
     progress(1.0, "done")
     lines = [f"{state.number_of_grains} grains, {len(state.contact_grain)} contacts; one thread; medians of {rounds}, "
              "searches left out"]
     lines.append(f"{'':<36} {'us/step':>9} {'ns/contact':>11} {'of all, %':>10}")
-    base = statistics.median(found["law yade, everything"][1:])
+    base = statistics.median(found[FIRST][1:])
     for name, turns in found.items():
         seconds = statistics.median(turns[1:])
         ns = 1e9 * seconds / len(state.contact_grain)
@@ -86,49 +89,48 @@ def features(state, steps, rounds, progress):
     return "\n".join(lines)
 
 
-def _seconds_per_step(machine, state, steps, sampled=False):
+def _seconds_per_step(engine: FusedEngine, state: State, steps: int, sampled: bool = False) -> float:
     gradient = velocity_gradient(ConstantVolume(), 1.0, state.time_step)
     begin = time.perf_counter()
     if sampled:
         for _ in range(steps // STANDARD.interval):
-            machine.advance(STANDARD.interval, gradient)
-            machine.stress()
+            engine.advance(STANDARD.interval, gradient)
+            engine.stress()
     else:
-        machine.advance(steps, gradient)
+        engine.advance(steps, gradient)
     return (time.perf_counter() - begin) / steps
 
 
-def _watch_search(machine):
+def _watch_search(engine: FusedEngine) -> list[float]:
     """A list that gets the seconds of each search of the engine from now on."""
-    search, spent = machine._search_again, []
+    search, spent = engine._search_again, []
 
-    def timed():
+    def timed() -> None:
         begin = time.perf_counter()
         search()
         spent.append(time.perf_counter() - begin)
 
-    machine._search_again = timed
+    engine._search_again = timed
     return spent
 
 
-def _search_share(state, steps):
-    machine = FusedEngine(state)
-    spent = _watch_search(machine)
-    whole = steps * _seconds_per_step(machine, state, steps)
-    pairs, images = len(machine._packing.slot), len(machine._packing.shift)
+def _search_share(state: State, steps: int) -> Iterator[str]:
+    engine = FusedEngine(state)
+    spent = _watch_search(engine)
+    whole = steps * _seconds_per_step(engine, state, steps)
+    pairs, images = len(engine._packing.slot), len(engine._packing.arrays.owner)
     yield f"neighbour search: {len(spent)} in {steps} steps, {100 * sum(spent) / whole:.1f} % of the time"
     yield f"pairs kept at hand: {pairs} for {len(state.contact_grain)} contacts; images: {images}"
 
 
-def _limit(state, seconds):
+def _limit(state: State, seconds: float) -> Iterator[str]:
     """What one step moves and computes against what this core can, measured now."""
-    machine = FusedEngine(state)
-    p = machine._packing
-    pairs, rows = len(p.slot), p.blocks.shape[1] // 64
+    packing = FusedEngine(state)._packing
+    pairs, rows = len(packing.slot), packing.arrays.blocks.shape[1] // WIDTH
     contact_bytes = 8 * (rows + 6 + 1)  # the history is written back
     site_bytes = 8 * (2 * SITE_COLUMNS + 4 * FORCE_COLUMNS)  # contacts read, grains write sites; of forces both do both
     grain_bytes = 8 * (11 + 9)
-    moved = pairs * contact_bytes + len(p.sites) * site_bytes + state.number_of_grains * grain_bytes
+    moved = pairs * contact_bytes + len(packing.arrays.sites) * site_bytes + state.number_of_grains * grain_bytes
     flops = pairs * FLOPS[state.scene.law] + state.number_of_grains * 120
     bandwidth, peak = bandwidth_of_cache(), peak_flops()
     yield (
@@ -143,7 +145,7 @@ def _limit(state, seconds):
     )
 
 
-def bandwidth_of_cache():
+def bandwidth_of_cache() -> float:
     """Bytes per second that one core reads and writes in a = b + c on arrays of 1 MB each."""
     a, b, c = np.ones((3, 125_000))
     best = min(_time(lambda: np.add(b, c, out=a)) for _ in range(200))
@@ -151,7 +153,7 @@ def bandwidth_of_cache():
 
 
 @compiled
-def _multiply_add(x, n):
+def _multiply_add(x: np.ndarray, n: int) -> float:
     for _ in range(n):
         for i in range(64):
             x[i] = x[i] * 0.999 + 1e-3
@@ -159,34 +161,34 @@ def _multiply_add(x, n):
     return x[0]
 
 
-def peak_flops():
+def peak_flops() -> float:
     """Multiplications and additions per second of one core in short arrays."""
     x = np.ones(128)
     _multiply_add(x, 10)
     return 2 * 128 * 20_000 / min(_time(lambda: _multiply_add(x, 20_000)) for _ in range(20))
 
 
-def _time(work):
+def _time(work: Callable[[], object]) -> float:
     begin = time.perf_counter()
     work()
     return time.perf_counter() - begin
 
 
-def sizes(state, steps, progress):
+def sizes(state: State, steps: int, progress: Progress) -> str:
     """Table of the time per grain and step, and of the memory, from about 1,000 to 100,000 grains."""
     lines = [f"{'grains':>8} {'steps/s':>9} {'ns per grain-step':>18} {'of the first':>13} {'peak memory, MB':>16}"]
     first = None
-    machine = None
+    engine = None
     for number, grains in enumerate(SIZES):
         progress(number / len(SIZES), f"{grains} grains")
-        del machine
+        del engine
         times = max(1.0, (grains / state.number_of_grains) ** (1 / 3))
         times = [int(times) + (times % 1 > share) for share in (0.75, 0.5, 0.25)]
         many = copies(state, times)
-        machine = FusedEngine(many)
+        engine = FusedEngine(many)
         count = max(20, round(steps * 10_000 / many.number_of_grains))
-        _seconds_per_step(machine, many, count // 5)
-        seconds = min(_seconds_per_step(machine, many, count) for _ in range(5))
+        _seconds_per_step(engine, many, count // 5)
+        seconds = min(_seconds_per_step(engine, many, count) for _ in range(5))
         each = 1e9 * seconds / many.number_of_grains
         first = first or each
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

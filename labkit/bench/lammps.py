@@ -11,13 +11,15 @@ the terms of LAMMPS (k the index of a pair of classes, r* = Ra Rb/(Ra + Rb), whi
 so that k is kt and xgammat is sqrt(kt/kn) beta_t/beta_n. Dashpot `tsuji` would take m* of the very grains, but knows
 the restitution alone, through a polynomial fitted for Hertz's law.
 
-What differs from law paper: the limits of friction and of rolling bound springs and dashpots together, and fn in them
-counts the dashpot; histories do not turn about the normal; the forces of a State's history are not taken over.
+What differs from the law spring_dashpot: the limits of friction and of rolling bound springs and dashpots together, and
+fn in them counts the dashpot; histories do not turn about the normal; the forces of a State's history are not taken
+over.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
 import subprocess
 import tempfile
@@ -25,6 +27,8 @@ from pathlib import Path
 
 import numpy as np
 
+from labkit.dem.scene import Scene
+from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
 
 SKIN = 0.05  # of the mean diameter: the fastest of 0.02 to 0.2 on the full specimen
@@ -71,7 +75,9 @@ class LammpsRun:
     steps: int
 
 
-def write_input(folder, state, rates, steps, settle, every, classes):
+def write_input(
+    folder: str | os.PathLike[str], state: State, rates: np.ndarray, steps: int, settle: int, every: int, classes: int
+) -> Path:
     """Writes data and input file of a State into a folder; returns the input file.
 
     rates (3,): logarithmic rates of the cell, 1/s, expansion positive. settle: steps at rest before. every: steps
@@ -93,7 +99,7 @@ def write_input(folder, state, rates, steps, settle, every, classes):
     return file
 
 
-def size_classes(radius, classes):
+def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray]:
     """Class of each grain (grain,), from 0, and the middle radius of each class (classes,), m."""
     low, high = radius.min(), radius.max()
     width = (high - low) / classes
@@ -101,7 +107,7 @@ def size_classes(radius, classes):
     return kind, low + width * (np.arange(classes) + 0.5)
 
 
-def _grains(state, size, kind, classes):
+def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> str:
     """The data file: cell and grains."""
     lines = [f"grains\n\n{state.number_of_grains} atoms\n{classes} atom types\n"]
     lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist())]
@@ -114,7 +120,7 @@ def _grains(state, size, kind, classes):
     return "\n".join(lines) + "\n"
 
 
-def _coefficients(scene, middle):
+def _coefficients(scene: Scene, middle: np.ndarray) -> str:
     """A pair_coeff for each pair of classes with the radii `middle` (classes,), m."""
     lines = []
     for first, a in enumerate(middle):
@@ -136,8 +142,10 @@ def _coefficients(scene, middle):
     return "\n".join(lines)
 
 
-def deform(program, state, rates, steps, settle, every, classes):
-    """A LammpsRun on one core; arguments as in write_input. Raises PhysicsError with its message when LAMMPS fails."""
+def deform(
+    program: str, state: State, rates: np.ndarray, steps: int, settle: int, every: int, classes: int
+) -> LammpsRun:
+    """A LammpsRun on one core; arguments as in write_input. Raises PhysicsError with its message if LAMMPS fails."""
     with tempfile.TemporaryDirectory() as folder:
         file = write_input(folder, state, rates, steps, settle, every, classes)
         command = [program, "-in", str(file), "-log", "none"]
@@ -152,7 +160,7 @@ def deform(program, state, rates, steps, settle, every, classes):
     return LammpsRun(values[:, 1:4], stress, float(seconds), steps)
 
 
-def steps_per_second(program, state, rates, steps):
-    """Speed of LAMMPS on one core, one class of grains. Raises PhysicsError with its message when it fails."""
+def steps_per_second(program: str, state: State, rates: np.ndarray, steps: int) -> float:
+    """Speed of LAMMPS on one core, one class of grains. Raises PhysicsError with its message if it fails."""
     run = deform(program, state, rates, steps, settle=max(1, steps // 5), every=steps, classes=1)
     return run.steps / run.seconds

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as File
 
 import numpy as np
 
-from labkit.visuals import plots
+from labkit.dem.paths import Path
 from labkit.errors import PhysicsError
 from labkit.io.files import write_text
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
-from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Scipy
+from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Integrator, Scipy
 from labkit.model.material_point import states, update
 from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
+from labkit.visuals import plots
 
 RECORD = 0.01  # axial strain between two records, at which the error is taken
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
@@ -25,8 +27,10 @@ REPEATS = 3
 BUDGET = 1.0  # s: a run that takes longer is not repeated, and no finer one is tried
 POINTS = 20_000
 
+Point = tuple[float, float, float | None]  # setting, seconds, error: None where the integrator gave up
 
-def tests(model):
+
+def tests(model: Model) -> dict[str, tuple[Path, ModelState]]:
     """title -> (path, start): smooth, with reversals, and stiff."""
     start = isotropic_state(model, 0.67, 0.5e6)
     return {
@@ -36,18 +40,18 @@ def tests(model):
     }
 
 
-def measure_all(folder):
+def measure_all(folder: File) -> str:
     """Writes model_speed.txt and model_speed.png into the folder; the text."""
     model = Model()
     found = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
     text = table(found) + "\n\n" + one_path(model) + "\n\n" + material_points(model) + "\n"
-    write_text(Path(folder) / "model_speed.txt", text)
-    plots.save(plots.work_precision(found), Path(folder) / "model_speed.png")
+    write_text(folder / "model_speed.txt", text)
+    plots.save(plots.work_precision(found), folder / "model_speed.png")
     return text
 
 
-def work(model, path, start):
-    """label -> list of (setting, seconds, error or None where the integrator gave up)."""
+def work(model: Model, path: Path, start: ModelState) -> dict[str, list[Point]]:
+    """label -> list of Points, one for each setting of the integrator."""
     exact = drive(model, path, start, RECORD, Adaptive(1e-12)).require().stress
     kinds = {kind.__name__: (kind, STEPS) for kind in FIXED}
     kinds["Adaptive (Dormand-Prince)"] = (Adaptive, TOLERANCES)
@@ -57,7 +61,10 @@ def work(model, path, start):
     return {label: _curve(model, path, start, make, settings, exact) for label, (make, settings) in kinds.items()}
 
 
-def _curve(model, path, start, make, settings, exact):
+def _curve(
+    model: Model, path: Path, start: ModelState, make: Callable[[float], Integrator], settings: Sequence[float],
+    exact: np.ndarray,
+) -> list[Point]:  # fmt: skip
     points = []
     for setting in settings:
         seconds, error = np.inf, None
@@ -78,7 +85,7 @@ def _curve(model, path, start, make, settings, exact):
     return points
 
 
-def _error(stress, exact):
+def _error(stress: np.ndarray, exact: np.ndarray) -> float | None:
     """Largest error of the stress over the largest stress, Frobenius norms; None if it is none."""
     if stress.shape != exact.shape:
         return None
@@ -86,19 +93,19 @@ def _error(stress, exact):
     return float(norm) if np.isfinite(norm) and norm < 1.0 else None
 
 
-def table(found):
-    """Time and error of every integrator at every setting, as text."""
+def table(found: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
+    """Time and error of every integrator at every setting, as text. found: title -> label -> Points."""
     lines = [f"Stress error (largest over records, relative) and time; best of {REPEATS}. Fixed steps: strain; others: "
              "tolerance."]  # fmt: skip
     for title, curves in found.items():
         lines += ["", title]
         for label, points in curves.items():
-            words = (f"{s:g}: {t * 1e3:.3g} ms {'failed' if e is None else f'{e:.1e}'}" for s, t, e in points)
-            lines.append(f"  {label:<26} " + ", ".join(words))
+            cells = (f"{s:g}: {t * 1e3:.3g} ms {'failed' if e is None else f'{e:.1e}'}" for s, t, e in points)
+            lines.append(f"  {label:<26} " + ", ".join(cells))
     return "\n".join(lines)
 
 
-def one_path(model):
+def one_path(model: Model) -> str:
     """The time of a CV path to 60 % with 601 records whose error is below 1e-6."""
     start = isotropic_state(model, 0.67, 0.5e6)
     path = model_path("cv", 0.5e6, strain=0.6)
@@ -112,7 +119,7 @@ def one_path(model):
             f"stress error {_error(result.stress, exact):.1e}")  # fmt: skip
 
 
-def material_points(model):
+def material_points(model: Model) -> str:
     """Updates per second of the finite-element interface, with and without tangent."""
     path = model_path("cv", 0.5e6, strain=0.05)
     y = states(drive(model, path, isotropic_state(model, 0.67, 0.5e6)).state(), POINTS)
