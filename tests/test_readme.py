@@ -1,0 +1,51 @@
+"""Every Python and shell snippet of README.md is run, in a folder of its own."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import ROOT
+
+README = (ROOT / "README.md").read_text()
+LONG = {"campaign quick --cores 2": "campaign quick --dry-run"}  # minutes: tests/campaign runs a small one
+
+
+def snippets(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def commands():
+    lines = [line.partition("#")[0].strip() for block in snippets("sh") for line in block.splitlines()]
+    return [line.removeprefix("./lab ") for line in lines if line]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("readme")
+    (folder / "examples").symlink_to(ROOT / "examples")
+    return folder
+
+
+def test_python(folder):
+    for code in snippets("python"):
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=folder, env={**os.environ, "MPLBACKEND": "Agg"}, capture_output=True,
+            text=True, timeout=300,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        assert "True" in done.stdout  # run.complete
+
+
+@pytest.mark.parametrize("command", commands())
+def test_shell(folder, labkit_command, command):
+    done = labkit_command(*shlex.split(LONG.get(command, command)), cwd=folder)
+    allowed = {0, 1} if command.startswith("verify") else {0}  # of so few grains C0 may be 2 % off
+    assert done.returncode in allowed, done.stdout + done.stderr
+
+
+def test_it_is_read_in_four_minutes():
+    assert len(README.splitlines()) <= 150
