@@ -10,19 +10,19 @@ sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
 import common  # noqa: E402
 import numpy as np  # noqa: E402
 
-from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.dem.state import read_state, write_state  # noqa: E402
+from labkit.engines.yade import YadeEngine  # noqa: E402
 
 file, counts, numbers = common.words
 gradient = np.array([float(x) for x in numbers.split(",")]).reshape(3, 3)
-machine = YadeEngine(read_state(file))
+engine = YadeEngine(read_state(file))
 result = {"files": [], "stress": []}
 done = 0
 for count in (int(x) for x in counts.split(",")):
     while done < count:  # in pieces, as a run does
-        machine.advance(min(50, count - done), gradient)
+        engine.advance(min(50, count - done), gradient)
         done = min(done + 50, count)
     result["files"].append(f"{common.output}.{count}.state.nc")
-    write_state(result["files"][-1], machine.state())
-    result["stress"].append(machine.stress().tolist())
+    write_state(result["files"][-1], engine.state())
+    result["stress"].append(engine.stress().tolist())
 common.write(result)

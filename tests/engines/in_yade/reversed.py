@@ -7,8 +7,8 @@ sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
 import common  # noqa: E402
 import numpy as np  # noqa: E402
 
-from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.dem.state import read_state  # noqa: E402
+from labkit.engines.yade import YadeEngine  # noqa: E402
 
 state = read_state(common.words[0])
 order = np.arange(state.number_of_grains)[::-1]  # grains in the other order turn every contact

@@ -9,21 +9,21 @@ import common  # noqa: E402
 import numpy as np  # noqa: E402
 from yade import utils  # noqa: E402
 
-from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.dem.energy import kinetic_energy  # noqa: E402
-from labkit.micro.stress import love_stress  # noqa: E402
 from labkit.dem.paths import ConstantVolume  # noqa: E402
 from labkit.dem.servo import velocity_gradient  # noqa: E402
 from labkit.dem.state import STATE, read_state, write_state  # noqa: E402
+from labkit.engines.yade import YadeEngine  # noqa: E402
+from labkit.micro.stress import love_stress  # noqa: E402
 
 specimen = read_state(common.words[0])
 gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)
-machine = YadeEngine(specimen)
-machine.advance(2000, gradient)
-half = machine.state()
+engine = YadeEngine(specimen)
+engine.advance(2000, gradient)
+half = engine.state()
 ours = love_stress(half.snapshot())
 result = {"love": ours.tolist(), "get_stress": np.array(utils.getStress()).reshape(3, 3).tolist()}
-result["engine_stress"] = machine.stress().tolist()
+result["engine_stress"] = engine.stress().tolist()
 result["kinetic_energy"] = kinetic_energy(half)
 result["kinetic_energy_yade"] = float(utils.kineticEnergy())
 
@@ -38,23 +38,23 @@ def difference(a, b):
     }
 
 
-def go_on(machine):
-    machine.advance(100, gradient)
-    return machine.state()
+def go_on(engine):
+    engine.advance(100, gradient)
+    return engine.state()
 
 
 # as if nothing had happened: without a break, and through a file
-without = go_on(machine)
+without = go_on(engine)
 path = common.output + ".state.nc"
 write_state(path, half)
 through = go_on(YadeEngine(read_state(path)))
 result["through_file"] = difference(without, through)
 
 # a checkpoint in the run: exactly the run that is resumed from it
-machine = YadeEngine(specimen)
-machine.advance(500, gradient)
-checkpoint = machine.reload()
-result["checkpoint"] = difference(go_on(machine), go_on(YadeEngine(checkpoint)))
+engine = YadeEngine(specimen)
+engine.advance(500, gradient)
+checkpoint = engine.reload()
+result["checkpoint"] = difference(go_on(engine), go_on(YadeEngine(checkpoint)))
 result["repeated"] = difference(go_on(YadeEngine(specimen)), go_on(YadeEngine(specimen)))
 
 # no hidden mass scaling
@@ -63,15 +63,15 @@ result["time_step"] = float(O.dt)  # noqa: F821
 result["density_scaling"] = sorted({float(b.state.densityScaling) for b in O.bodies if b})  # noqa: F821
 
 # cost of reading the contacts, in steps
-machine = YadeEngine(specimen)
-machine.advance(200, gradient)
+engine = YadeEngine(specimen)
+engine.advance(200, gradient)
 begin = time.perf_counter()
-machine.advance(500, gradient)
+engine.advance(500, gradient)
 per_step = (time.perf_counter() - begin) / 500
 reading = []
 for _ in range(7):
     begin = time.perf_counter()
-    machine.state().snapshot()
+    engine.state().snapshot()
     reading.append(time.perf_counter() - begin)
 result["reading_in_steps"] = float(np.median(reading) / per_step)
 common.write(result)

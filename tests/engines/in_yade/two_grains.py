@@ -7,9 +7,9 @@ sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
 import common  # noqa: E402
 import numpy as np  # noqa: E402
 
-from labkit.engines.yade import YadeEngine  # noqa: E402
 from labkit.dem.scene import Scene  # noqa: E402
 from labkit.dem.state import grains_in_cell  # noqa: E402
+from labkit.engines.yade import YadeEngine  # noqa: E402
 
 DT = 1e-9
 STILL = np.zeros((3, 3))
@@ -35,9 +35,9 @@ def pair(velocity=0.0, spin=(0.0, 0.0), gap=None):
 
 
 def after(state, steps):
-    machine = YadeEngine(state)
-    machine.advance(steps, STILL)
-    return machine.state()
+    engine = YadeEngine(state)
+    engine.advance(steps, STILL)
+    return engine.state()
 
 
 result = {}
