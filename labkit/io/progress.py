@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,7 +14,7 @@ MARK = "\x1elabkit "
 ERROR = "labkit-error: "  # of a child process, before an error as JSON
 
 
-def reporter(title):
+def reporter(title: str) -> Callable[[float, str], None]:
     """A function (fraction, text) for whoever looks at standard output."""
     if os.environ.get(PIPE):
         return lambda fraction, text: print(f"{MARK}{fraction:.6f} {text}", flush=True)
@@ -22,7 +23,7 @@ def reporter(title):
     return Lines(title)
 
 
-def read_pipe(line):
+def read_pipe(line: str) -> tuple[float, str] | None:
     """(fraction, text) of a line that came through the pipe, or None for another line."""
     if not line.startswith(MARK):
         return None
@@ -30,7 +31,7 @@ def read_pipe(line):
     return float(fraction), text
 
 
-def log_fraction(start, now, end):
+def log_fraction(start: float, now: float, end: float) -> float:
     """How far a quantity that falls exponentially has come from start to end, 0 to 1."""
     if not 0.0 < end < start or now <= 0.0:
         return 0.0
@@ -40,10 +41,12 @@ def log_fraction(start, now, end):
 class Clock:
     """Says how long the rest takes, from the way made since the first call: a resumed run begins in the middle."""
 
-    def __init__(self):
-        self.began = None
+    def __init__(self) -> None:
+        """It starts at the first call of `left`."""
+        self.began: tuple[float, float] | None = None  # fraction, s
 
-    def left(self, fraction):
+    def left(self, fraction: float) -> str:
+        """Time left, hours:minutes:seconds, when this fraction is done; `?` at first."""
         now = time.monotonic()
         if self.began is None:
             self.began = fraction, now
@@ -51,7 +54,7 @@ class Clock:
         return _words((now - self.began[1]) * (1.0 - fraction) / made) if made > 0.0 else "?"
 
 
-def _words(seconds):
+def _words(seconds: float) -> str:
     left = round(seconds)
     return f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
 
@@ -59,12 +62,14 @@ def _words(seconds):
 class Lines:
     """A line every tenth of the way, and at least every half minute."""
 
-    def __init__(self, title, fraction_step=0.1, seconds_step=30.0):
+    def __init__(self, title: str, fraction_step: float = 0.1, seconds_step: float = 30.0) -> None:
+        """title: what begins each line."""
         self.title, self.fraction_step, self.seconds_step = title, fraction_step, seconds_step
         self.clock, self.last_time = Clock(), time.monotonic()
         self.last = None
 
-    def __call__(self, fraction, text):
+    def __call__(self, fraction: float, text: str) -> None:
+        """Prints a line if one is due."""
         now, left = time.monotonic(), self.clock.left(fraction)
         due = self.last is None or fraction - self.last >= self.fraction_step
         if due or now - self.last_time >= self.seconds_step or fraction >= 1.0 > self.last:
@@ -75,7 +80,8 @@ class Lines:
 class Bar:
     """tqdm's bar where tqdm is installed, else (inside YADE) one line that is written over."""
 
-    def __init__(self, title):
+    def __init__(self, title: str) -> None:
+        """title: what stands before the bar."""
         self.title, self.clock = title, Clock()
         try:
             from tqdm import tqdm
@@ -85,7 +91,8 @@ class Bar:
             style = "{desc}: {percentage:3.0f}%|{bar}| {postfix}"
             self.bar = tqdm(total=1.0, desc=title, bar_format=style)
 
-    def __call__(self, fraction, text):
+    def __call__(self, fraction: float, text: str) -> None:
+        """Moves the bar to this fraction."""
         left = self.clock.left(fraction)
         if self.bar is None:
             print(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="", flush=True)

@@ -1,4 +1,4 @@
-"""Where a file comes from: command, code version, input files by hash, seed, library versions and machine.
+"""Where a file comes from: command, code version, input files by hash, seed, library versions and computer.
 
 `labkit info` shows it and `labkit info --check` recomputes the hashes. netCDF and PNG files hold it; beside any other
 output, a table or a page, lies a file of its name and `.provenance.json`. Two hashes are kept apart: that of the bytes
@@ -18,7 +18,9 @@ import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -27,10 +29,14 @@ import labkit
 from labkit.io.files import labkit_kind, write_text
 
 BESIDE = ".provenance.json"  # what the name of a file that cannot hold its provenance is followed by
+Name = str | os.PathLike[str]  # of a file
+
 LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotlib", "snakemake")
 
 
-def provenance(command=None, inputs=(), output=None, seed=None):
+def provenance(
+    command: str | None = None, inputs: Iterable[Name] = (), output: Name | None = None, seed: int | None = None
+) -> str:
     """JSON text of the provenance of a file that is made now.
 
     `command`: as a person would type it (default: that of this process); `inputs`: the files that were read; `output`:
@@ -54,20 +60,20 @@ def provenance(command=None, inputs=(), output=None, seed=None):
     return json.dumps(known)
 
 
-def write_told(file, text, inputs=(), command=None):
+def write_told(file: Name, text: str, inputs: Iterable[Name] = (), command: str | None = None) -> None:
     """Writes a text file, and beside it where it comes from; `inputs`: the files that were read."""
     write_text(file, text)
     tell(file, inputs, command)
 
 
-def tell(file, inputs=(), command=None):
+def tell(file: Name, inputs: Iterable[Name] = (), command: str | None = None) -> None:
     """Writes beside a file of any kind where it comes from, and its hash."""
     known = json.loads(provenance(command, inputs, file))
     write_text(f"{file}{BESIDE}", json.dumps({**known, "sha256": file_sha256(file)}, indent=1) + "\n")
 
 
 @functools.cache
-def commit():
+def commit() -> str:
     """The git commit that this code is from, with `+changes` if files differ from it; empty outside a checkout."""
     package = Path(__file__).resolve().parents[1]
     if _git(package, "rev-parse", "--show-prefix") != "labkit/":
@@ -76,7 +82,7 @@ def commit():
     return found + "+changes" * bool(found and _git(package, "status", "--porcelain", "--untracked-files=no"))
 
 
-def _git(folder, *words):
+def _git(folder: Path, *words: str) -> str | None:
     """What git says, or None where it fails or is not there."""
     try:
         done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True)
@@ -86,7 +92,7 @@ def _git(folder, *words):
 
 
 @functools.cache
-def libraries():
+def libraries() -> dict[str, str]:
     """Name -> version of the libraries that are installed for this interpreter."""
     found = {}
     for name in LIBRARIES:
@@ -98,12 +104,12 @@ def libraries():
 
 
 @functools.cache
-def machine():
-    """Name, processor, cores and system."""
+def machine() -> dict[str, object]:
+    """Name, processor, cores and system of this computer."""
     return {"name": platform.node(), "processor": processor(), "cores": os.cpu_count(), "system": platform.platform()}
 
 
-def processor():
+def processor() -> str:
     """The model of the processor, as Linux has it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -112,7 +118,7 @@ def processor():
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
-def file_sha256(file):
+def file_sha256(file: Name) -> str:
     """SHA-256 of the bytes of a file, hexadecimal."""
     state = os.stat(file)
     return _sha256(os.fspath(file), state.st_ino, state.st_mtime_ns, state.st_size)
@@ -127,7 +133,7 @@ def _sha256(file, *state):
     return digest.hexdigest()
 
 
-def data_sha256(dataset):
+def data_sha256(dataset: netCDF4.Dataset) -> str:
     """SHA-256 of the variables of an open netCDF4.Dataset and of its groups, hexadecimal.
 
     The checkpoint of a run is left out: it has room that older checkpoints may have written to.
@@ -153,8 +159,8 @@ def _add_group(digest, group):
         _add_group(digest, group.groups[name])
 
 
-def of_file(file):
-    """The provenance of a file as a dictionary, or None when it has none."""
+def of_file(file: Name) -> dict[str, Any] | None:
+    """The provenance of a file as a dictionary, or None if it has none."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
         return json.loads(beside.read_text())
@@ -171,7 +177,7 @@ def of_file(file):
     return json.loads(text) if text else None
 
 
-def check(file):
+def check(file: Name) -> list[tuple[str, str]]:
     """(what, verdict) of every hash of a file: its data's, if it has one, and those of its inputs.
 
     The verdict is `same`, `differs` or `missing`.
@@ -196,13 +202,13 @@ def check(file):
     return found
 
 
-def words(known):
+def words(known: Mapping[str, Any]) -> list[str]:
     """A provenance as lines of text."""
     return [f"  {name:<18} {value}" for name, value in rows(known).items()]
 
 
-def rows(known):
-    """A provenance as text under the names that people read."""
+def rows(known: Mapping[str, Any]) -> dict[str, str]:
+    """A provenance as text under the names that people read; what is empty is left out."""
     machine_ = known.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]
     found = {

@@ -62,7 +62,7 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass without the mean field"),
 )
 
-# Without these nothing can be said of a run. What else a file lacks, of an earlier version or of another program, is NaN.
+# Without these nothing can be said of a run. What else a file of an earlier version or of another program lacks is NaN.
 ESSENTIAL = ("axial_strain", "strain", "cell", "volume", "stress")
 
 CONTACTS = _table(
