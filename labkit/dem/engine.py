@@ -71,6 +71,7 @@ class Start:
     make: Callable[[State, int], Engine]
 
     def __call__(self, state: State) -> Engine:
+        """The engine, holding the state. Raises InputError if it cannot take it."""
         return self.make(state, self.threads)
 
 

@@ -33,6 +33,7 @@ class Control:
     target: np.ndarray
 
     def __post_init__(self) -> None:
+        """Makes arrays of sequences."""
         for name in ("measure", "free", "target"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
 
@@ -56,8 +57,8 @@ class Path(abc.ABC):
     """What is given, what is held, where it turns and ends, whether it is shear, and how it is drawn.
 
     A subclass has a `name` and a `direction`, the given strain rates in x, y and z over the axial `rate`; where it has
-    a `control`, the servo moves what that leaves free. Its fields are made with labkit.parameter, and so are known to the
-    command line and to campaigns. Raises InputError for values outside their ranges.
+    a `control`, the servo moves what that leaves free. Its fields are made with labkit.parameter, and so are known to
+    the command line and to campaigns. Raises InputError for values outside their ranges.
     """
 
     rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="axial strain rate")
@@ -71,6 +72,7 @@ class Path(abc.ABC):
     record_strain: ClassVar[float] = 1e-3  # axial strain between two records, unless the user says otherwise
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
 
     def turning_points(self) -> tuple[float, ...]:
@@ -181,6 +183,7 @@ class CyclicConstantMeanStress(ConstantMeanStress):
     line_style = "-."
 
     def __post_init__(self) -> None:
+        """Checks that it turns at every reversal. Raises InputError."""
         super().__post_init__()
         known = parameters_of(type(self))["reversals"]
         if not self.reversals:

@@ -45,7 +45,10 @@ class Recorder:
     `path` is the loading path, `settings` what else decides the records, `specimen` the State it starts from.
     """
 
-    def __init__(self, file: os.PathLike[str] | str, path: LoadingPath, settings: dict[str, Any], specimen: State) -> None:
+    def __init__(
+        self, file: os.PathLike[str] | str, path: LoadingPath, settings: dict[str, Any], specimen: State
+    ) -> None:
+        """Touches no file yet: `with` takes its lock."""
         self.table = record_table()
         self.file = Path(file)
         self.specimen = specimen.digest()
@@ -114,6 +117,7 @@ class Recorder:
         dataset["grains"]["radius"][:] = state.radius
 
     def parameters(self) -> str:
+        """The parameters of the path and the settings as JSON: the attribute `path_parameters`."""
         return json.dumps({**self.path.parameters(), **self.settings})
 
     def _append(self, dataset: netCDF4.Dataset) -> None:

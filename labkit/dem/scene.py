@@ -66,6 +66,7 @@ class Scene:
     beta_t: float = parameter(0.2, low=0.0, high=10.0, help="tangential dashpot, law spring_dashpot")
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
 
     @property

@@ -40,6 +40,7 @@ class Servo:
     interval: int = parameter(5, low=1, high=10**6, help="steps between two corrections")
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
 
 

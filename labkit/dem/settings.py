@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 
-from labkit.errors import InputError
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import SIDE
+from labkit.errors import InputError
 
 
 @dataclasses.dataclass(frozen=True)

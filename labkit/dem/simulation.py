@@ -49,6 +49,7 @@ class Options:
     guarded: bool = True
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
 
 
@@ -95,6 +96,7 @@ class Schedule:
         return self.turns[-1]
 
     def sign(self, step: int) -> float:
+        """Of the axial rate in this step, 1 or -1."""
         return self.signs[int(np.searchsorted(self.turns, step, side="right"))]
 
     def next_record(self, step: int) -> int:
@@ -103,9 +105,11 @@ class Schedule:
         return min(turn, (step // self.steps_per_record + 1) * self.steps_per_record)
 
     def is_snapshot(self, record: int, last: bool) -> bool:
+        """Whether a record is kept with all contacts; `last`: whether it ends the path."""
         return bool(self.records_per_snapshot) and (last or record % self.records_per_snapshot == 0)
 
     def is_save(self, record: int, last: bool) -> bool:
+        """Whether the file is saved after a record; `last`: whether it ends the path."""
         return last or record % self.records_per_save == 0
 
 

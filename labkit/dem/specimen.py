@@ -42,6 +42,7 @@ class Recipe:
     seed: int = parameter(1, low=0, high=2**31 - 1, help="of the random insertion")
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: leave one out", field="side", value=self.side)

@@ -50,6 +50,7 @@ class Layer:
     seed: int = parameter(3, low=0, high=2**31 - 1, help="of the random insertion")
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
 
     def to_json(self) -> str:

@@ -1,7 +1,7 @@
 """What a contact law says of itself: all that engines, statistics and the energy balance need of it.
 
-A law is one subclass of ContactLaw in one file. Its functions of arrays (stiffness, normal force, energy, dashpots) serve
-the statistics and the time step; `pair` is the law itself, one contact in one time step, which the engine `fused`
+A law is one subclass of ContactLaw in one file. Its functions of arrays (stiffness, normal force, energy, dashpots)
+serve the statistics and the time step; `pair` is the law itself, one contact in one time step, which the engine `fused`
 compiles; `yade` gives YADE's functors of the same law, where YADE has it.
 """
 

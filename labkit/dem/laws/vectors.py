@@ -13,22 +13,27 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 def plus(a: Vector, b: Vector) -> Vector:
+    """a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def minus(a: Vector, b: Vector) -> Vector:
+    """a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def times(s: float, a: Vector) -> Vector:
+    """s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
 def dot(a: Vector, b: Vector) -> float:
+    """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vector, b: Vector) -> Vector:
+    """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -66,4 +71,5 @@ def along_branch(d: Vector, v: Vector, dt: float, inverse: float) -> Vector:
 
 
 def times_right(a: Vector, s: float) -> Vector:
+    """a s."""
     return a[0] * s, a[1] * s, a[2] * s
