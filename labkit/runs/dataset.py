@@ -107,6 +107,7 @@ class Lab:
     """Computes from the contacts of a run opened with `open_run`, as `run.lab`."""
 
     def __init__(self, run: xr.Dataset) -> None:
+        """xarray makes it when `run.lab` is first used."""
         self._run = run
 
     @functools.cached_property

@@ -1,19 +1,20 @@
-"""What is in a state or run file, in words."""
+"""What is in a state or run file, as text."""
 
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
-from labkit.io import provenance
-from labkit.errors import InputError
-from labkit.io.files import labkit_kind, open_netcdf
-from labkit.io.schema import RECORD, STATE
 from labkit.dem.specimen import summary
 from labkit.dem.state import read_state
+from labkit.errors import InputError
+from labkit.io import provenance
+from labkit.io.files import labkit_kind, open_netcdf
+from labkit.io.schema import RECORD, STATE
 
 
-def describe_file(path):
+def describe_file(path: str | os.PathLike[str]) -> str:
     """A few lines on a labkit file. Raises InputError for another file."""
     kind = file_kind(path)
     if kind in ("figure", "statistics", "output"):
@@ -41,7 +42,7 @@ def describe_file(path):
     return "\n".join(lines)
 
 
-def check_file(path):
+def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
     """Recomputes the hashes of a file: lines of text, and whether all are the same. Raises InputError for a file that
     has none."""
     file_kind(path)
@@ -51,7 +52,7 @@ def check_file(path):
     return [f"  {what:<40} {verdict}" for what, verdict in found], all(verdict == "same" for _, verdict in found)
 
 
-def file_kind(path):
+def file_kind(path: str | os.PathLike[str]) -> str:
     """`state`, `run`, `statistics` of a campaign, `figure`, or `output` of another kind. Raises InputError."""
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist: give a labkit state or run file")

@@ -23,6 +23,7 @@ class Snapshots(Sequence[Snapshot]):
     """The snapshots of a run; one is read when it is asked for."""
 
     def __init__(self, data: xarray.Dataset) -> None:
+        """data: of labkit.open_run."""
         self._data = data
 
     def __len__(self) -> int:

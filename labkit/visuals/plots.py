@@ -55,7 +55,8 @@ def test(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figu
     """q, p and the path of stress of one run, Love's stress and C0 (`sff_against_love`), and its table."""
     columns = {"axial_strain": run["axial_strain"].values}
     for who, (name, _) in STYLES.items():
-        columns |= {f"p_{who}_Pa": run.lab.mean_stress(name).values, f"q_{who}_Pa": run.lab.deviatoric_stress(name).values}
+        columns[f"p_{who}_Pa"] = run.lab.mean_stress(name).values
+        columns[f"q_{who}_Pa"] = run.lab.deviatoric_stress(name).values
     return sff_against_love({run.attrs["path"]: run}), pandas.DataFrame(columns)
 
 
@@ -79,7 +80,8 @@ def records(
     for color, (label, column) in zip(_colors(len(columns) - 1), list(columns.items())[1:]):
         axes.plot(percent(run), column, color=color, label=label)
     units = values.attrs.get("units", "1")
-    axes.set(xlabel="axial strain (%)", ylabel=f"{values.attrs.get('long_name', variable)}" + f" ({units})" * (units != "1"))
+    label = f"{values.attrs.get('long_name', variable)}" + f" ({units})" * (units != "1")
+    axes.set(xlabel="axial strain (%)", ylabel=label)
     axes.grid(alpha=0.25)
     if len(columns) > 2:
         axes.legend(frameon=False, fontsize=8)

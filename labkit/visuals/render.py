@@ -34,7 +34,7 @@ class Canvas:
     color: np.ndarray
 
 
-def view_from(azimuth, elevation):
+def view_from(azimuth: float, elevation: float) -> np.ndarray:
     """The view (3, 3) of somebody who stands at these angles, degrees from x about z, and up from the plane x y."""
     a, b = np.radians([azimuth, elevation])
     toward = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
@@ -42,7 +42,7 @@ def view_from(azimuth, elevation):
     return np.stack([right, np.cross(toward, right), toward])
 
 
-def canvas(view, low, high, width):
+def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> Canvas:
     """An empty Canvas from `low` to `high` (2,), right and up in the view, `width` pixels wide in the picture."""
     pixel = (high[0] - low[0]) / (FINE * width)
     rows = FINE * round((high[1] - low[1]) / (FINE * pixel))
@@ -50,17 +50,17 @@ def canvas(view, low, high, width):
     return Canvas(view, np.asarray(low), pixel, np.full(shape, -np.inf), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
 
 
-def draw_spheres(on, centre, radius, color):
-    """Draws spheres: centre (n, 3), radius (n,), color (n, 3)."""
+def draw_spheres(on: Canvas, centre: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
+    """Draws spheres: centre (n, 3), radius (n,), color (n, 3), red, green and blue from 0 to 1."""
     _spheres(on.depth, on.normal, on.color, on.corner, on.pixel, centre @ on.view.T, radius, color)
 
 
-def draw_sticks(on, start, end, radius, color):
+def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
     """Draws round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3)."""
     _sticks(on.depth, on.normal, on.color, on.corner, on.pixel, start @ on.view.T, end @ on.view.T, radius, color)
 
 
-def haze(on, cell, length):
+def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
     """How white each pixel (rows, columns) fades, by how far it lies behind the faces of a cell at the origin.
 
     cell (3, 3): cell vectors as columns; `length`: in which two thirds of the colour go.
@@ -76,7 +76,7 @@ def haze(on, cell, length):
     return 1.0 - np.exp(-np.clip(behind, 0.0, None) / length)
 
 
-def shaded(on, reach, white=0.0):
+def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
     """The picture, (rows, columns, 4), red, green, blue and opacity, 0 to 1, first row at the bottom.
 
     `reach`: the length over which things darken what lies between them; `white`: 0 to 1 of each pixel, see `haze`.
@@ -95,7 +95,7 @@ def shaded(on, reach, white=0.0):
     return np.clip(image, 0.0, 1.0)
 
 
-def _open_sky(on, reach):
+def _open_sky(on: Canvas, reach: float) -> np.ndarray:
     """How much of the light from all around comes to each pixel: less where it lies lower than what is on both sides.
 
     Both sides together, so that a slope is not darkened by its upper side.
