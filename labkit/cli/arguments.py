@@ -14,6 +14,7 @@ from labkit.engines import ENGINES
 from labkit.errors import InputError, option_name
 from labkit.parameters import Parameter, help_of, parameters_of
 
+
 def add_parameters(
     parser: argparse.ArgumentParser, kind: type, leave_out: Iterable[str] = (), unset: bool = False
 ) -> None:  # fmt: skip
@@ -56,7 +57,8 @@ def given(options: argparse.Namespace, kind: type) -> dict[str, str]:
 
 def add_engine_options(parser: argparse.ArgumentParser) -> None:
     """--engine and --threads."""
-    parser.add_argument("--engine", choices=tuple(ENGINES), default="yade", help="what moves the grains (default: yade)")
+    engines = tuple(ENGINES)
+    parser.add_argument("--engine", choices=engines, default="yade", help="what moves the grains (default: yade)")
     parser.add_argument("--threads", type=threads, default=1, help="threads of the engine (default: 1)")
 
 

@@ -10,6 +10,7 @@ from labkit.io.progress import reporter
 
 
 def bench_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit bench`."""
     parser.add_argument("specimen", help="state file")
     parser.add_argument("--what", choices=("engines", "features", "sizes"), default="engines", help="compare engines "
                         "(default), what each feature of the engine fused costs, or sizes of specimens")  # fmt: skip
@@ -19,6 +20,7 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
 
 @command("bench", bench_options)
 def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
+    """Prints the table of speeds."""
     from labkit.dem.state import read_state
 
     state = read_state(options.specimen)
@@ -39,11 +41,13 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def statistics_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit bench-statistics`."""
     parser.add_argument("run", help="run file")
 
 
 @command("bench-statistics", statistics_options)
 def do_bench_statistics(options: argparse.Namespace, argv: list[str]) -> None:
+    """Prints the speed and memory of each statistic."""
     from labkit.bench.statistics import bench_statistics
 
     print(bench_statistics(options.run).to_string(index=False, float_format="%.2f", na_rep=""))

@@ -18,6 +18,7 @@ RATE = 20.0  # 1/s: twice the paper's, the inertial number stays below 3e-4 at t
 
 
 def demo_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit demo`."""
     parser.add_argument("-o", "--output", default="demo", help="folder for the results (default: demo)")
 
 

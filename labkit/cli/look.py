@@ -1,4 +1,4 @@
-"""`labkit verify`, `critical`, `figure`, `picture`, `paraview`, `watch` and `info`: what one sees of runs and specimens."""
+"""`labkit verify`, `critical`, `figure`, `picture`, `paraview`, `watch` and `info`: to look at runs and specimens."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def verify_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit verify`."""
     parser.add_argument("run", nargs="+", help="run files")
     parser.add_argument("-o", "--output", help="figure (default: beside the first run file)")
     parser.add_argument("--rows", type=positive_int, default=20, help="rows of the table (default: 20)")
@@ -50,6 +51,7 @@ def do_verify(options: argparse.Namespace, argv: list[str]) -> int:
 
 
 def critical_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit critical`."""
     parser.add_argument("run", nargs="+", help="run files")
     parser.add_argument("-o", "--output", default="critical.png", help="figure (default: critical.png)")
     parser.add_argument("--csv", help="file for the table as CSV")
@@ -57,6 +59,7 @@ def critical_options(parser: argparse.ArgumentParser) -> None:
 
 @command("critical", critical_options)
 def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
+    """Prints the table of critical states and draws the e-p paths."""
     from labkit.runs.critical import critical_states, is_shear
     from labkit.visuals import plots
 
@@ -64,7 +67,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     require_outputs(options.output, options.csv)
     runs = {name: run for name, run in runs.items() if is_shear(run)}
     if not runs:
-        raise InputError("there is no shear test among these runs: give runs of cv, cr, cp, or of another path of shear")
+        raise InputError("none of these runs is a shear test: give runs of cv, cr, cp, or of another path of shear")
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
     scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
@@ -76,6 +79,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def figure_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit figure`."""
     parser.add_argument("figure", metavar="FIGURE", choices=tuple(FIGURES), help=", ".join(FIGURES))
     parser.add_argument("run", help="run file")
     parser.add_argument("--variable", help="of the figure `records`: which recorded variable")
@@ -87,6 +91,7 @@ def figure_options(parser: argparse.ArgumentParser) -> None:
 
 @command("figure", figure_options)
 def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
+    """Draws a figure of a run; its table goes to a CSV file or is printed."""
     import labkit
     from labkit.runs.dataset import require_snapshots
     from labkit.visuals import plots
@@ -109,6 +114,7 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def picture_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit picture`."""
     parser.add_argument("file", help="state or run file")
     parser.add_argument("--snapshot", type=int, nargs="+", help="of a run: which ones, one below the other, from the "
                         "end if negative (default: -1)")  # fmt: skip
@@ -117,6 +123,7 @@ def picture_options(parser: argparse.ArgumentParser) -> None:
 
 @command("picture", picture_options)
 def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
+    """Draws the grains and contact forces of snapshots."""
     from labkit.runs.dataset import snapshots
     from labkit.visuals import plots
     from labkit.visuals.picture import picture
@@ -129,6 +136,7 @@ def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def paraview_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit paraview`."""
     parser.add_argument("file", help="state or run file")
     parser.add_argument("--snapshot", type=int, nargs="+", help="of a run: which ones, from the end if negative "
                         "(default: all)")  # fmt: skip
@@ -137,6 +145,7 @@ def paraview_options(parser: argparse.ArgumentParser) -> None:
 
 @command("paraview", paraview_options)
 def do_paraview(options: argparse.Namespace, argv: list[str]) -> None:
+    """Writes the files of snapshots that ParaView opens."""
     from labkit.runs.dataset import snapshots
     from labkit.visuals import paraview
 
@@ -147,6 +156,7 @@ def do_paraview(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def stratified_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit stratified`."""
     layer_options(parser)
     parser.add_argument("--figure", help="figure (default: beside the state file)")
     parser.add_argument("--csv", help="file for the table as CSV")
@@ -154,6 +164,7 @@ def stratified_options(parser: argparse.ArgumentParser) -> None:
 
 @command("stratified", stratified_options)
 def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
+    """Makes the layer, draws it and prints its strata."""
     import dataclasses
 
     import pandas
@@ -176,6 +187,7 @@ def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def watch_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit watch`."""
     parser.add_argument("run", nargs="+", help="run files")
     parser.add_argument("--interval", type=positive_int, default=5, help="seconds between two drawings")
     parser.add_argument("--once", action="store_true", help="draw once")
@@ -183,12 +195,14 @@ def watch_options(parser: argparse.ArgumentParser) -> None:
 
 @command("watch", watch_options)
 def do_watch(options: argparse.Namespace, argv: list[str]) -> None:
+    """Draws runs in the terminal."""
     from labkit.visuals.watch import watch
 
     watch(options.run, options.interval, options.once)
 
 
 def info_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit info`."""
     parser.add_argument("file")
     parser.add_argument("--check", action="store_true", help="recompute the hashes of its data and of its inputs")
 

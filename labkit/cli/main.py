@@ -11,6 +11,7 @@ from labkit.cli.parser import Parser, named
 from labkit.cli.registry import Command, find, helps
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 
+
 def main(argv: list[str] | None = None) -> int:
     """Runs a command; returns 0 done, 1 the physics or a check failed, 2 bad input, 128 + the number of a signal."""
     argv = sys.argv[1:] if argv is None else argv

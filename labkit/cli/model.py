@@ -40,14 +40,18 @@ class Start:
     stop_pressure: float | None = parameter(
         None, unit="Pa", above=0.0, help="mean stress where isoc (3e6) and isod (20e3) stop"
     )
-    record_strain: float | None = parameter(None, above=0.0, high=1.0, help="strain between records (default: the path's)")
+    record_strain: float | None = parameter(
+        None, above=0.0, high=1.0, help="strain between records (default: the path's)"
+    )
     tolerance: float = parameter(1e-6, above=0.0, high=1.0, help="error of an integration step")
 
     def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
         check_parameters(self)
 
 
 def model_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit model`."""
     parser.add_argument("path", nargs="?", help=f"loading path: {', '.join((*PATHS, 'oedometer'))}")
     add_parameters(parser, Start)
     add_path_parameters(parser, PATHS.values(), leave_out=("pressure",))
@@ -95,6 +99,7 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def calibrate_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit calibrate`."""
     parser.add_argument("run", nargs="+", help="run files: shear tests, better isoc and isod too")
     parser.add_argument("-o", "--output", help="JSON file for the fitted parameters, for labkit model --parameters")
     parser.add_argument("--csv", help="file for the table as CSV")
@@ -140,11 +145,13 @@ def require_output(file: str) -> None:
 
 
 def speed_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit model-speed`."""
     parser.add_argument("-o", "--output", default="results", help="folder that is there (default: results)")
 
 
 @command("model-speed", speed_options)
 def do_model_speed(options: argparse.Namespace, argv: list[str]) -> None:
+    """Measures the integrators and prints the table."""
     from labkit.bench.model import measure_all
 
     require_writable(Path(options.output) / "labkit")

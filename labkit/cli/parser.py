@@ -14,9 +14,11 @@ class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line: InputError instead of usage and exit. No abbreviations of options."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        """Arguments of argparse.ArgumentParser."""
         super().__init__(*arguments, allow_abbrev=False, **keywords)
 
     def error(self, message: str) -> NoReturn:
+        """Raises InputError with the message and where to find help."""
         raise InputError(f"{message} (see {self.prog} --help)")
 
 

@@ -1,4 +1,4 @@
-"""`labkit specimen`, `consolidate`, `run` and `stratified`: from options to a task of an engine, and what is said of it.
+"""`labkit specimen`, `consolidate`, `run` and `stratified`: from options to the task of an engine, and its report.
 
 The scripts of yade_scripts/ take the same options and do the same inside YADE, where only numpy and netCDF4 are.
 """
