@@ -83,7 +83,7 @@ def engines(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     for case in (design.baseline(), design.of_settings("standard")):
         file = specimen_file(work, case, case.seeds[0])
         grains = read_state(file).number_of_grains
-        found = bench(file, max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
+        found = bench(str(file), max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
         base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
         for name, turns in found.items():
             speed = [turn["steps_per_second"] for turn in turns]
