@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -104,6 +105,9 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
     if not of_records:
         require_snapshots(run, options.run, [options.snapshot], ", or draw its shares")
     more = {"variable": options.variable} if options.variable is not None else {}
+    if more and "variable" not in inspect.signature(draw).parameters:
+        raise InputError(f"is for the figure records, not for {options.figure}: leave it out", field="variable",
+                         value=options.variable)  # fmt: skip
     figure, table = draw(run, options.groups, options.snapshot, **more)
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
