@@ -7,9 +7,9 @@ import xarray as xr
 
 import labkit
 from labkit.cli import main
-from labkit.cli.app import FIGURES
 from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.runs.figures import FIGURES
 from labkit.sff.family import FORMS
 
 
@@ -21,13 +21,31 @@ def run(run_file):
 @pytest.mark.parametrize("figure", FIGURES)
 def test_figure_and_table(figure, run_file, tmp_path):
     picture, table = tmp_path / "f.png", tmp_path / "f.csv"
-    assert main(["figure", figure, str(run_file), "-o", str(picture), "--csv", str(table)]) == 0
+    more = ["--variable", "void_ratio"] if figure == "records" else []
+    assert main(["figure", figure, str(run_file), *more, "-o", str(picture), "--csv", str(table)]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG" and len(pandas.read_csv(table)) > 1
+
+
+@pytest.mark.parametrize(("variable", "columns"), [
+    ("overlap_ratio", ["overlap_ratio"]), ("stress", [f"stress_{ij}" for ij in ("xx", "xy", "xz", "yy", "yz", "zz")]),
+    ("drift_velocity", [f"drift_velocity_{i}" for i in "xyz"]),
+])  # fmt: skip
+def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ["figure", "records", str(run_file), "--variable", variable, "-o", "f.png", "--csv", "f.csv"]
+    assert main(words) == 0
+    found = pandas.read_csv("f.csv")
+    assert list(found.columns) == ["axial_strain", *columns] and len(found) == run.sizes["time"]
+    last = run[variable].values[-1]
+    last = last[np.triu_indices(3)] if last.ndim == 2 else np.ravel(last)
+    np.testing.assert_allclose(found[columns].values[-1], last, rtol=1e-4)
 
 
 @pytest.mark.parametrize(("words", "said"), [
     (["roses"], "roses"), (["groups", "--groups", "0"], "groups"), (["directions", "--snapshot", "99"], "snapshot 99"),
-    (["groups", "-o", "f.txt"], "ending"),
+    (["groups", "-o", "f.txt"], "ending"), (["records"], "--variable is missing: give one of strain, cell, volume"),
+    (["records", "--variable", "colour"], "--variable colour is not recorded: give one of strain, cell, volume"),
+    (["groups", "--variable", "stress"], "--variable stress is for the figure records, not for groups: leave it out"),
 ])  # fmt: skip
 def test_bad_input(words, said, run_file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
