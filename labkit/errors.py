@@ -1,4 +1,4 @@
-"""The ways in which labkit gives up, each with its exit code. An error carries values; a front end makes its sentence."""
+"""How labkit gives up, each way with its exit code. An error carries values; a front end makes the sentence."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from typing import Any
 class InputError(ValueError):
     """Something the user gave cannot be used: exit code 2, one line, nothing left behind.
 
-    field: the parameter that is wrong, by its name in Python; value: what was given, a word if the sentence is to have
-    it in quotes (`quoted`); allowed: what to give instead. `str()` names the field as Python does; `said(name)` lets a front end name it in its own way.
+    field: the parameter that is wrong, by its name in Python; value: what was given; allowed: what to give instead;
+    quoted: whether the sentence has the value in quotes. `str()` names the field as Python does; `said(name)` lets a
+    front end name it in its own way.
     """
 
     def __init__(
         self, problem: str = "is not possible", *, field: str | None = None, value: Any = None,
         allowed: str | None = None, quoted: bool = False,
     ) -> None:  # fmt: skip
+        """problem: what is wrong with the field, after its name and value; a whole sentence without a field."""
         super().__init__(problem)
         self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted
 
@@ -50,6 +52,7 @@ class Interrupted(Exception):
     """A signal ended a run after its checkpoint was written: exit code 128 + number, as shells have it."""
 
     def __init__(self, message: str, code: int) -> None:
+        """code: the exit code."""
         super().__init__(message)
         self.code = code
 

@@ -37,6 +37,7 @@ class Registry(Mapping[str, Any]):
     """
 
     def __init__(self, kind: str, builtin: dict[str, str], aliases: dict[str, str] | None = None) -> None:
+        """Registers nothing yet beyond `builtin`."""
         self.kind, self._entries, self._aliases = kind, dict[str, Any](builtin), aliases or {}
 
     def register(self, entry: Any) -> Any:
@@ -117,7 +118,8 @@ def use(file: str | os.PathLike[str]) -> None:
     """Loads a file that registers extensions, for this process and for its children. Raises InputError."""
     path = Path(file).resolve()
     if not path.is_file():
-        raise InputError("does not exist", field="use", value=str(file), allowed="a Python file that registers extensions")
+        allowed = "a Python file that registers extensions"
+        raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
     known = used()
     if str(path) not in known:
         os.environ[VARIABLE] = os.pathsep.join([*known, str(path)])
