@@ -23,6 +23,23 @@ def _divided(a, b):
 
 
 @compiled
+def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
+    """d(g rate X) of C1 and C3, X = f A^c - A of this size and g = f^e |X|^gamma; loss: -d(ln f^e)."""
+    dg = g * (gamma * _divided(dot(X, dX), size * size) - loss)
+    return plus(times(dg * rate + g * drate, X), times(g * rate, dX))
+
+
+@compiled
+def _add_one_sided(y, dev, compressing, c, row):
+    """Adds the mean of the two one-sided derivatives of |rate| in the direction `dev` to a row."""
+    forward, backward = np.empty(STATE + 6), np.empty(STATE + 6)
+    strain_driven(y, dev, compressing, c, forward)
+    strain_driven(y, times(-1.0, dev), compressing, c, backward)
+    for i in range(1, STATE):
+        row[i] += 0.5 * (forward[i] - backward[i])
+
+
+@compiled
 def rates_differentials(
     y: np.ndarray, D: Six, compressing: bool, c: Constants, dy: np.ndarray, dD: np.ndarray, out: np.ndarray
 ) -> None:
@@ -64,12 +81,10 @@ def rates_differentials(
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
         # C1
         dX = minus(plus(times(dfd * c.A_c, n), times(fd * c.A_c, dn)), dA)
-        dg = gA * (c.gamma_A * _divided(dot(XA, dX), mA * mA) - c.gamma_eA * dLam / Lam)
-        dA_rate = plus(times(dg * rate + gA * drate, XA), times(gA * rate, dX))
+        dA_rate = _relaxation(XA, dX, mA, gA, c.gamma_A, c.gamma_eA * dLam / Lam, rate, drate)
         # C3
         dX = minus(plus(times(dfd * c.F_c, n), times(fd * c.F_c, dn)), dF)
-        dg = gF * (c.gamma_F * _divided(dot(XF, dX), mF * mF) - c.gamma_eA * dLam / Lam)
-        dF_rate = plus(times(dg * rate + gF * drate, XF), times(gF * rate, dX))
+        dF_rate = _relaxation(XF, dX, mF, gF, c.gamma_F, c.gamma_eA * dLam / Lam, rate, drate)
         # C5
         missing = minus(times(c.Ft_c, n), Ft)
         dFt_rate = times(c.c_M, plus(times(drate, missing), times(rate, minus(times(c.Ft_c, dn), dFt))))
@@ -102,8 +117,4 @@ def rates_differentials(
         store(row, 9, dF_rate)
         store(row, 15, dFt_rate)
         if isotropic and not c.total_rate:
-            forward, backward = np.empty(STATE + 6), np.empty(STATE + 6)
-            strain_driven(y, dev, compressing, c, forward)
-            strain_driven(y, times(-1.0, dev), compressing, c, backward)
-            for i in range(1, STATE):
-                row[i] += 0.5 * (forward[i] - backward[i])
+            _add_one_sided(y, dev, compressing, c, row)
