@@ -43,7 +43,7 @@ BAD = {
     "pressure above the overlap limit": ("run cr s.state.nc --pressure 5e6 -o new.run.nc", "2 %"),
     "pressure above the limit, consolidation": ("consolidate s.state.nc --pressure 4e6 -o new.state.nc", "pressure"),
     "no pressure to consolidate to": ("consolidate s.state.nc -o new.state.nc", "--pressure"),
-    "strain of the wrong sign": ("run isod s.state.nc --strain 0.1 -o new.run.nc", "--strain 0.1 is not possible: give a "
+    "strain of the wrong sign": ("run isod s.state.nc --strain 0.1 -o new.run.nc", "strain 0.1 is not possible: give a "
                              "negative number from -2"),
     "empty reversals": ("run cyclic_cp s.state.nc --reversals= -o new.run.nc", "reversals is empty"),
     "reversals that do not turn": ("run cyclic_cp s.state.nc --reversals 0.01,0.02 -o new.run.nc", "turn"),

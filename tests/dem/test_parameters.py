@@ -56,7 +56,8 @@ def test_rates_densities_and_shares():
 @pytest.mark.parametrize(
     ("kind", "field", "text", "units"),
     [(ConstantMeanStress, "pressure", "5 bar", "Pa, kPa, MPa, GPa"),
-     (Scene, "mean_diameter", "1 inch", "m, cm, mm, um"), (ConstantMeanStress, "rate", "5 1/h", "1/s"), (Scene, "friction", "30 deg", "%"),
+     (Scene, "mean_diameter", "1 inch", "m, cm, mm, um"), (ConstantMeanStress, "rate", "5 1/h", "1/s"),
+     (Scene, "friction", "30 deg", "%"),
      (ConstantMeanStress, "pressure", "5 mPa", "Pa, kPa, MPa, GPa")],
 )  # fmt: skip
 def test_an_unknown_unit_is_refused_with_those_that_are_known(kind, field, text, units):
