@@ -89,8 +89,9 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     if result.failure:
         raise PhysicsError(f"{result.failure}; the {len(result)} records until there are in {output} (complete = 0)")
     if path.stops_early and not path.stops(result.p[-1]):
-        stop = path.parameters()["pressure"]
-        print(f"{output}: the strain of {path.strain:g} ended {path.name} before --stop-pressure {stop:g} Pa")
+        stop = path.parameters().get("pressure")
+        where = "it would stop by itself" if stop is None else f"--stop-pressure {stop:g} Pa"
+        print(f"{output}: the strain of {path.strain:g} ended {path.name} before {where}")
     for limit in exceeded(records(result), Scene(young_modulus=model.young_modulus)):
         print(f"{output}: {limit}")
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]

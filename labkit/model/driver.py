@@ -187,5 +187,6 @@ def _require_start(model, path, state):
             )
     if path.stops_early and path.stops(float(mean_stress(stress))):
         said = f"stops {path.name} at once, as the start has {mean_stress(stress):g} Pa"
-        raise InputError(said, field="stop_pressure", value=path.pressure, allowed="a stress that it reaches later")
+        value = path.parameters().get("pressure")  # a path of one's own may stop at something else
+        raise InputError(said, field="stop_pressure", value=value, allowed="a stress that it reaches later")
 

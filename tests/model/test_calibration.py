@@ -10,12 +10,12 @@ import xarray as xr
 
 import labkit
 from labkit.errors import InputError
+from labkit.io.schema import RECORD
 from labkit.model.calibration import critical_fit, fit, observe
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.run_file import records
 from labkit.model.state import isotropic_state
-from labkit.io.schema import RECORD
 
 NOISE = {"coordination_number": 0.03, "mean_normalised_force": 1e-4, "contact_anisotropy": 0.02,
          "normal_force_anisotropy": 0.02, "mobilisation": 0.002}  # fmt: skip

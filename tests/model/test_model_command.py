@@ -8,12 +8,12 @@ import pytest
 
 import labkit
 from labkit.cli import main
+from labkit.io.schema import RECORD
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.parameters import Model
 from labkit.model.run_file import as_run, model_of, records
 from labkit.model.state import isotropic_state
-from labkit.io.schema import RECORD
 
 START = ("--void-ratio", 0.67, "--pressure", 0.5e6)
 
