@@ -24,7 +24,8 @@ _NAMES = {
     "Adaptive": "integrators",
     "state_rate": "stiffness", "stress_rate": "stiffness", "rate_tangent": "stiffness", "hypoplastic_form": "stiffness",
     "states": "material_point", "update": "material_point",
-    "calibrate": "calibration", "fit": "calibration", "observe": "observation",
+    "calibrate": "calibration", "fit": "calibration", "Fit": "calibration", "observe": "observation",
+    "density_distance": "equations", "critical_coordination_number": "equations", "critical_force": "equations",
     "read_model": "run_file", "as_run": "run_file", "records": "run_file", "write_result": "run_file",
     "MODEL_ENGINE": "run_file:ENGINE",
 }  # fmt: skip
