@@ -1,29 +1,57 @@
-"""What YADE's interpreter imports needs numpy and netCDF4 alone."""
+"""YADE runs in the system's interpreter: the rooms below the line of the two Pythons need numpy and netCDF4 alone."""
 
 import subprocess
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+import pytest
 
-BARE = """
-import importlib.abc, sys
+ROOT = Path(__file__).resolve().parents[1]
+BELOW = ("io", "micro", "sff", "dem", "engines")  # whole rooms, but for the compiled engine
+COMPILED = ("engines/fused.py", "engines/kernel")
+COMMANDS = ("cli/yade_main.py", "cli/arguments.py", "cli/simulate.py")  # and what the scripts for YADE import
+
+REFUSE = """
+import importlib, importlib.abc, sys
 class Refuse(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[0] in {"scipy", "matplotlib", "pandas", "xarray", "tqdm", "numba"}:
             raise ImportError(name + " is not for YADE's interpreter")
 sys.meta_path.insert(0, Refuse())
 sys.path.append(sys.argv[1])
-import labkit.cli.arguments, labkit.cli.commands, labkit.dem.measure, labkit.micro.fabric, labkit.dem.paths, labkit.dem.recorder
-import labkit.dem.scene, labkit.sff.c0, labkit.dem.simulation, labkit.dem.specimen, labkit.dem.state, labkit.cli.yade_main, labkit.io.progress
-import labkit.io.provenance
-from labkit.dem.specimen import Recipe, insert_grains
+for name in sys.argv[2:]:
+    importlib.import_module(name)
+"""
+
+MEASURE = """
 from labkit.dem.measure import measure
-state = insert_grains(labkit.dem.scene.Scene(), Recipe(0.67, side=1e-3))
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe, insert_grains
+state = insert_grains(Scene(), Recipe(0.67, side=1e-3))
 print(sorted(measure(state, state.cell))[0])
 """
 
 
+def in_the_systems_interpreter(code, *modules):
+    command = ["/usr/bin/python3", "-W", "error", "-c", REFUSE + code, str(ROOT), *modules]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def modules():
+    """All modules below the line, and the commands that run inside YADE."""
+    labkit = ROOT / "labkit"
+    files = [file for room in BELOW for file in (labkit / room).rglob("*.py")] + [labkit / name for name in COMMANDS]
+    files += labkit.glob("*.py")
+    kept = (file for file in files if not any(file.is_relative_to(labkit / place) for place in COMPILED))
+    return sorted(".".join(file.relative_to(ROOT).with_suffix("").parts) for file in kept)
+
+
+@pytest.mark.parametrize("module", modules())
+def test_a_module_below_the_line_is_imported(module):
+    done = in_the_systems_interpreter("", module.removesuffix(".__init__"))
+    assert done.returncode == 0, done.stderr
+
+
 def test_the_systems_interpreter_is_enough():
-    done = subprocess.run(["/usr/bin/python3", "-W", "error", "-c", BARE, ROOT], capture_output=True, text=True)
+    done = in_the_systems_interpreter(MEASURE)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "axial_strain"
