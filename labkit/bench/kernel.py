@@ -85,7 +85,7 @@ def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
         seconds = statistics.median(turns[1:])
         ns = 1e9 * seconds / len(state.contact_grain)
         lines.append(f"{name:<36} {1e6 * seconds:9.1f} {ns:11.2f} {100 * seconds / base:10.1f}")
-    lines += ["", *_search_share(state, 40 * steps), "", *_limit(state, base)]
+    lines += ["", *_search_share(state, 40 * steps), "", *_limit(state.replace(scene=yade), base)]
     return "\n".join(lines)
 
 

@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
+from labkit.dem.laws.spring_dashpot import SpringDashpot
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
@@ -129,7 +130,7 @@ def _coefficients(scene: Scene, middle: np.ndarray) -> str:
                 stiffness(a, b)
                 for stiffness in (scene.normal_stiffness, scene.tangential_stiffness, scene.rolling_stiffness)
             )
-            cn, ct = scene.dashpots(a, b)
+            cn, ct = SpringDashpot().dashpots(scene, a, b)  # whatever the law: LAMMPS has no other damping
             if cn == 0.0 < ct:
                 raise InputError("beta_t without beta_n is nothing that LAMMPS has: give beta_n above 0 or beta_t = 0")
             share = ct / cn if cn > 0.0 else 0.0

@@ -1,0 +1,61 @@
+"""What the engine fused costs, feature by feature and size by size: the tables, with real measurements."""
+
+import re
+
+import numpy as np
+import pytest
+
+from labkit.bench import kernel
+from labkit.bench.lammps import write_input
+from labkit.cli import main
+from labkit.dem.scene import Scene
+from labkit.dem.state import read_state
+from labkit.dem.time_step import critical_time_step
+from labkit.errors import InputError
+
+
+def test_every_feature_is_measured_and_put_beside_what_the_computer_can_do(specimen_file, capsys):
+    assert main(["bench", str(specimen_file), "--what", "features", "--steps", "50", "--rounds", "1"]) == 0
+    text = capsys.readouterr().out
+    state = read_state(specimen_file)
+    assert f"{state.number_of_grains} grains, {len(state.contact_grain)} contacts" in text
+    rows = dict(re.findall(r"^(law .*?|\.\.\. .*?) +([\d.]+) +[\d.]+ +[\d.]+$", text, re.MULTILINE))
+    assert list(rows) == [
+        "law rolling_resistance, everything", "... stress every 5 steps as well", "... without energy sums",
+        "... without local damping", "... without rolling", "... without rolling and friction",
+        "law spring_dashpot, everything", "... without dashpots",
+    ]  # fmt: skip
+    assert all(float(value) > 0.0 for value in rows.values())
+    for said in ("neighbour search: ", "pairs kept at hand: ", "bytes that pass per pair: ", "GFLOP/s"):
+        assert said in text
+
+
+def test_sizes(specimen_file, monkeypatch, capsys):
+    monkeypatch.setattr(kernel, "SIZES", (500, 2000))
+    assert main(["bench", str(specimen_file), "--what", "sizes", "--steps", "2"]) == 0
+    grains = read_state(specimen_file).number_of_grains
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.split()[:1] != ["bench:"]]
+    assert [int(words[0]) for words in lines[1:]] == [grains, 4 * grains]
+    assert all(float(word) > 0.0 for words in lines[1:] for word in words)
+
+
+def test_copies_are_the_same_grains_in_another_cell(specimen_file):
+    state = read_state(specimen_file)
+    many = kernel.copies(state, (2, 1, 1))
+    assert many.number_of_grains == 2 * state.number_of_grains and many.volume == pytest.approx(2 * state.volume)
+    assert critical_time_step(many) == pytest.approx(critical_time_step(state), rel=1e-12)
+
+
+def test_the_input_of_lammps_has_the_grains_and_the_law(specimen_file, tmp_path):
+    """Where LAMMPS is not installed its input is written all the same."""
+    state = read_state(specimen_file).replace(scene=Scene(law="spring_dashpot"))
+    text = write_input(tmp_path, state, np.array([5.0, 5.0, -10.0]), 100, 20, 50, 1).read_text()
+    pair = next(line.split() for line in text.splitlines() if line.startswith("pair_coeff"))
+    middle = 0.5 * (state.radius.min() + state.radius.max())
+    cn, ct = state.scene.contact_law.dashpots(state.scene, middle, middle)
+    values = dict(zip(("kn", "cn", "kt", "share", "mu"), (float(pair[k]) for k in (4, 5, 8, 9, 10))))
+    kn, kt = state.scene.normal_stiffness(middle, middle), state.scene.tangential_stiffness(middle, middle)
+    assert values == pytest.approx({"kn": kn, "cn": cn, "kt": kt, "share": ct / cn, "mu": 0.4}, rel=1e-12)
+    assert f"{state.number_of_grains} atoms" in (tmp_path / "grains.data").read_text()
+    with pytest.raises(InputError, match="beta_t"):
+        write_input(tmp_path, state.replace(scene=Scene(beta_n=0.0)), np.zeros(3), 1, 1, 1, 1)
