@@ -27,14 +27,22 @@ numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
+def stamp_of(files: Iterable[Path]) -> str:
+    """A hash of the text of source files."""
+    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()
+
+
+ROOM = stamp_of(Path(__file__).parent.glob("*.py"))
+
+
 def compiled(function: Callable[..., Any]) -> Any:
     """Numba's decorator as the whole kernel uses it."""
     return numba.njit(**OPTIONS)(function)
 
 
-def stamp_of(files: Iterable[Path]) -> str:
-    """A hash of the text of source files."""
-    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()
+def kept(function: Callable[..., Any]) -> Any:
+    """The same, kept on disk: for functions of this room that Python calls."""
+    return cached(function, ROOM, **OPTIONS)
 
 
 def cached(function: Callable[..., Any], stamp: str, **options: Any) -> Any:

@@ -11,7 +11,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import compiled
+from labkit.engines.kernel.compiling import kept
 from labkit.errors import PhysicsError
 
 LOST = 1000  # periods away: no grain travels so far
@@ -26,7 +26,7 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
     return shape, np.ceil(reach * shape / widths * (1.0 - 1e-12)).astype(np.int64)
 
 
-@compiled
+@kept
 def place(
     position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray, period: np.ndarray, place_: np.ndarray
 ) -> bool:
@@ -47,7 +47,7 @@ def place(
     return True
 
 
-@compiled
+@kept
 def find(
     x: np.ndarray, radius: np.ndarray, cell: np.ndarray, period: np.ndarray, start: np.ndarray, shape: np.ndarray,
     span: np.ndarray, margin: float, pairs: np.ndarray, shifts: np.ndarray,
@@ -104,7 +104,7 @@ def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
     period = np.empty((len(position), 3), np.int64)
     where = np.empty(len(position), np.int64)
     if not place(position, np.linalg.inv(cell), shape, period, where):
-        raise PhysicsError("a grain is lost or its position no number: the time step is too large")
+        raise PhysicsError("a grain is lost or its position became NaN: the time step is too large")
     order = np.argsort(where, kind="stable")
     return Grid(order, period[order], np.searchsorted(where[order], np.arange(shape.prod() + 1)), shape, span)
 

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
-from labkit.engines.kernel.compiling import compiled
+from labkit.engines.kernel.compiling import compiled, kept
 from labkit.engines.kernel.contact import block_forces, block_stress
 from labkit.engines.kernel.lanes import add, add_opposite, prefetch, put, read, read_difference, take
 from labkit.engines.kernel.layout import (
@@ -138,7 +138,7 @@ def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
     return len(sites) - 1 - len(owner)
 
 
-@compiled
+@kept
 def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> None:
     """The sites of the n grains of a block."""
     for i in range(0, n, LANES):
@@ -174,7 +174,7 @@ def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int)
             copy[k] = 0.0
 
 
-@compiled
+@kept
 def image_sites(
     sites: np.ndarray, owner: np.ndarray, first: int, last: int, shift: np.ndarray, offset: np.ndarray,
     drift: np.ndarray,
