@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from labkit.dem.paths import PATHS, Consolidation, Path
-from labkit.dem.scene import Scene
+from labkit.dem.scene import MADE_WITH, Scene
 from labkit.dem.settings import SETTINGS
 from labkit.dem.simulation import Options
 from labkit.dem.specimen import Recipe
@@ -16,7 +16,6 @@ from labkit.engines import ENGINES
 from labkit.parameters import Parameter, parameter, parameters_of
 
 MOST_GRAINS = 100_000  # of one specimen: hours on one core already
-MADE_WITH = ("mean_diameter", "diameter_spread")  # of a Scene: a run cannot change them
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
 
 Keys = dict[str, Parameter]

@@ -23,7 +23,7 @@ from labkit.cli.registry import command
 from labkit.dem.consolidation import pressure_error
 from labkit.dem.limits import exceeded_by, exceeded_in, require_pressure
 from labkit.dem.paths import PATHS, Consolidation, Path, make_path
-from labkit.dem.scene import Scene
+from labkit.dem.scene import MADE_WITH, Scene
 from labkit.dem.settings import Settings, settings
 from labkit.dem.simulation import Options, Schedule
 from labkit.dem.specimen import Recipe, summary
@@ -37,7 +37,6 @@ from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import parameters_of, restored
 
-MADE_WITH = ("mean_diameter", "diameter_spread")  # of a Scene: a run cannot change them
 
 
 def history_of(argv: list[str]) -> str:

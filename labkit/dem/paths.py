@@ -17,7 +17,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.parameters import check_parameters, parameter, parameters_of, restored, with_unit
+from labkit.parameters import check_parameters, parameter, parameters_of, restored
 
 PRESSURE_LIMIT = 3e6  # Pa, of Table 1's grains: there the mean overlap reaches 2 %
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
@@ -109,6 +109,10 @@ class Path(abc.ABC):
         """Its fields, name -> value in SI units, for files."""
         return dataclasses.asdict(self)
 
+    def given(self) -> dict[str, Any]:
+        """Those of its fields that it is made with."""
+        return {name: getattr(self, name) for name in parameters_of(type(self))}
+
 
 @dataclasses.dataclass(frozen=True)
 class StressPath(Path):
@@ -127,7 +131,7 @@ class StressPath(Path):
         return self.pressure
 
     def starting_at(self, pressure: float) -> StressPath:
-        return self if self.pressure is not None else dataclasses.replace(self, pressure=with_unit(pressure, "Pa"))
+        return self if self.pressure is not None else restored(type(self), {**self.given(), "pressure": pressure})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -298,6 +302,9 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
     for key, value in given.items():
         if key not in parameters_of(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field=key)
+    for key, known in parameters_of(kind).items():
+        if known.default is dataclasses.MISSING and key not in given:
+            raise InputError("is missing", field=key, allowed=known.allowed)
     return kind(**given)
 
 

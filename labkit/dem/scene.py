@@ -134,6 +134,8 @@ class Scene:
             raise InputError(f"not a labkit scene: {error}") from None
 
 
+MADE_WITH = ("mean_diameter", "diameter_spread")  # what a run cannot change any more
+
 _INSTANCES: dict[type, ContactLaw] = {}
 
 
