@@ -60,7 +60,7 @@ class Mixed:
             if len(tensors) != target.size:
                 raise InputError(f"{name} has {len(tensors)} tensors for {target.size} targets: give as many")
         if not np.isfinite(target).all():
-            raise InputError("target holds what is no number: give stresses in Pa")
+            raise InputError("target has a value that is not finite: give stresses in Pa")
         object.__setattr__(self, "target", target)
         if not (np.isfinite(self.strain) and self.strain > 0.0 and self.record_strain > 0.0):
             raise InputError(f"strain {self.strain:g} is not possible: give a positive number")

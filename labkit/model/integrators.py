@@ -19,7 +19,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.model import rates as compiled_rates
 from labkit.model.adaptive import FLOOR, advance
 from labkit.model.parameters import Model
-from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORDS, Control
+from labkit.model.rates import FINE, NO_CONVERGENCE, REASONS, SIZE, TOO_MANY_STEPS, Control
 from labkit.model.tensors import to_tensor
 
 
@@ -29,7 +29,7 @@ class Failure(PhysicsError):
     def __init__(self, status: int, y: np.ndarray, travelled: float = 0.0) -> None:
         """The message names the reason and the state y (27,) where it holds."""
         super().__init__(
-            f"{WORDS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)"
+            f"{REASONS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)"
         )
         self.status = status
         self.y = y

@@ -18,9 +18,9 @@ from labkit.model.parameters import Model
 from labkit.model.rates import (
     FINE,
     NOT_FINITE,
+    REASONS,
     STATE,
     TOO_MANY_STEPS,
-    WORDS,
     outside,
     strain_driven,
     stress_of,
@@ -38,7 +38,7 @@ MOST_SUBSTEPS = 100_000
 class Update:
     """state (n, 21), stress (n, 6) Pa, tangent (n, 6, 6) Pa or None, status (n,), substeps (n,).
 
-    The status of a point is 0, or why its increment could not be taken (labkit.model.rates.WORDS): then its state
+    The status of a point is 0, or why its increment could not be taken (labkit.model.rates.REASONS): then its state
     is the one before, its stress and tangent are NaN, and the calling code should halve its increment.
     """
 
@@ -54,7 +54,7 @@ class Update:
         if failed.size:
             point = failed[0]
             raise PhysicsError(f"{failed.size} of {len(self.status)} points failed, point {point}: "
-                               f"{WORDS[int(self.status[point])]}")  # fmt: skip
+                               f"{REASONS[int(self.status[point])]}")  # fmt: skip
         return self
 
 
@@ -72,13 +72,13 @@ def update(
     keep the error of each below `tolerance` (Sloan's modified Euler with error control), and the tangent is
     the derivative of just these substeps: it belongs to the numbers that come out, not to the equations alone.
     Where the increment is isotropic see labkit.model.differentials. Raises InputError for shapes that do not fit
-    and for numbers that are none.
+    and for strains that are not finite.
     """
     state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
     if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
         raise InputError(f"state {state.shape} and increment {increment.shape}: give (n, {STATE}) and (n, 6)")
     if not np.isfinite(increment).all():
-        raise InputError("the strain increment holds what is no number: give finite strains")
+        raise InputError("the strain increment has a component that is not finite: give finite strains")
     if not 1e-12 <= tolerance <= 1.0:
         raise InputError(f"tolerance {tolerance:g} is not possible: give a number from 1e-12 to 1")
     n = len(state)

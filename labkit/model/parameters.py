@@ -18,7 +18,7 @@ ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a t
 class Parameters:
     """Table 2. A_c, F_c and Ft_c are norms: 0.45 sqrt(3/2) is A_zz = 0.45. All are dimensionless.
 
-    Raises InputError for a value that is no number or not positive (gamma_A, gamma_F, beta_* and c_Z may be zero).
+    Raises InputError for a value that is not a number or not positive (gamma_A, gamma_F, beta_* and c_Z may be zero).
     """
 
     # critical state

@@ -17,10 +17,10 @@ from labkit.model.tensors import Six, load, store
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
 SIZE = 27  # and the strain
-# Why a rate has no value. The first is no failure; WORDS are for people.
+# Why a rate has no value. The first is no failure; REASONS are for messages.
 FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE = range(9)
-WORDS = {
-    NOT_FINITE: "the state is no number any more",
+REASONS = {
+    NOT_FINITE: "the state became NaN",
     NO_FORCE: "Lambda falls to zero: the contacts have lost their forces",
     NO_CONTACTS: "Z falls to zero: there are no contacts left",
     TOO_LOOSE: "the void ratio reaches e_cmax, beyond which Z^c has no value: "

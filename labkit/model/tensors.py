@@ -38,7 +38,7 @@ def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -
     if tensor.shape[-2:] != (3, 3):
         raise InputError(f"{name} has the shape {tensor.shape}: give 3 x 3 tensors")
     if not np.isfinite(tensor).all():
-        raise InputError(f"{name} holds what is no number: give finite components")
+        raise InputError(f"{name} has a component that is not finite: give finite components")
     size = 1e-9 * np.linalg.norm(tensor, axis=(-2, -1)).max(initial=0.0) + 1e-300
     if np.abs(tensor - np.swapaxes(tensor, -1, -2)).max(initial=0.0) > size:
         raise InputError(f"{name} is not symmetric: give its symmetric part, (T + T^T)/2")
