@@ -186,6 +186,7 @@ class Runs:
     """What can be done with a campaign, or with a selection of its runs, as `campaign.runs`."""
 
     def __init__(self, campaign: xr.Dataset) -> None:
+        """`campaign`: what labkit.open_campaign gives, or a part of it."""
         self._campaign = campaign
 
     def open(self, name: str) -> xr.Dataset:

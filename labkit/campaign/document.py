@@ -22,6 +22,7 @@ class Mistakes:
     """Collects what is wrong in a file."""
 
     def __init__(self) -> None:
+        """None yet."""
         self.all: list[tuple[int, str]] = []
 
     def add(self, line: int, text: str) -> None:
