@@ -8,7 +8,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from labkit.cli.main import main as run_command
+from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
 
 STUDIES = {  # name -> (module with add_options(parser) and main(options, command), help); imported when asked for

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from labkit.campaign.own_files import read_copy
 from labkit.campaign.plan import FIGURES, RUNS, Job, Plan, plan_of
-from labkit.cli.main import main as run_command
+from labkit.cli.dispatch import main as run_command
 from labkit.engines import die_with_parent
 from labkit.errors import InputError, PhysicsError, exit_code, fail, sentence
 

@@ -14,7 +14,7 @@ from analysis.hard_cases.cases import CASES
 from analysis.hard_cases.cases.cycles import cycle_ends, turning_records
 from analysis.hard_cases.outcome import examine
 from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_SAID, SCENES, SILENT_WRONG
-from labkit.cli.main import main
+from labkit.cli.dispatch import main
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state, write_state
 

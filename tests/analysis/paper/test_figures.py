@@ -11,7 +11,7 @@ from analysis.paper.ends import ends, sheared
 from analysis.paper.ends import main as papers_tests
 from analysis.paper.lines import critical_lines
 from analysis.paper.model_runs import CALIBRATED, models
-from labkit.cli.main import main
+from labkit.cli.dispatch import main
 from labkit.io.provenance import of_file
 from labkit.model.parameters import Model
 

@@ -5,7 +5,7 @@ import pytest
 
 import labkit
 from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run, models, path_of, start_of
-from labkit.cli.main import main
+from labkit.cli.dispatch import main
 from labkit.errors import InputError
 from labkit.micro.stress import relative_error
 from labkit.model.parameters import Model
