@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from labkit.dem.laws import base, vectors
+from labkit.dem.laws import vectors
 from labkit.dem.laws.base import ContactLaw
 from labkit.engines.kernel import contact, steps
 from labkit.engines.kernel.compiling import OPTIONS, cached, compiled, compiled_with_callees, stamp_of, with_globals
+from labkit.extensions import file_of
 
 HERE = Path(__file__).parent
 
@@ -33,7 +34,7 @@ def kernel_of(law: ContactLaw) -> Kernel:
     block_forces = compiled(with_globals(contact.block_forces, names))
     block_stress = compiled(with_globals(contact.block_stress, names))
     domain_contacts = compiled(with_globals(steps.domain_contacts, {"block_forces": block_forces}))
-    stamp = stamp_of(_sources(law))
+    stamp = _stamp(law, known)
 
     def loop(function: Callable[..., Any], name: str, names: dict[str, Any], **options: Any) -> Any:
         fresh = with_globals(function, names)
@@ -54,7 +55,17 @@ def _compiled_functions(module: Any, known: dict[Any, Any]) -> dict[str, Any]:
     return {name: compiled_with_callees(f, known) for name, f in helpers.items() if inspect.isfunction(f)}
 
 
-def _sources(law: ContactLaw) -> list[Path]:
-    """The files that a kernel is made of: this room, and those of the law."""
-    modules = {inspect.getmodule(kind) for kind in type(law).__mro__ if issubclass(kind, ContactLaw)} | {base, vectors}
-    return [*HERE.glob("*.py"), *(Path(module.__file__) for module in modules if module and module.__file__)]
+def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:
+    """A stamp of all that a kernel is made of: this room, the files of the law and of the functions `known` that it
+    calls, and the constants that these have from elsewhere. None if a part of it has no file, as in a notebook: its
+    next version could not be told from this one."""
+    functions = set(known)
+    files = {function.__code__.co_filename for function in functions}
+    files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
+    if not all(Path(file).is_file() for file in files):
+        return None
+    constants = {
+        f"{name} = {function.__globals__[name]!r}" for function in functions for name in function.__code__.co_names
+        if isinstance(function.__globals__.get(name), (bool, int, float, tuple))
+    }  # fmt: skip
+    return "\n".join([stamp_of([*HERE.glob("*.py"), *map(Path, files)]), *sorted(constants)])

@@ -45,9 +45,14 @@ def kept(function: Callable[..., Any]) -> Any:
     return cached(function, ROOM, **OPTIONS)
 
 
-def cached(function: Callable[..., Any], stamp: str, **options: Any) -> Any:
-    """The function compiled at its first call, or read from the disk if it was compiled from sources of this stamp."""
+def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> Any:
+    """The function compiled at its first call, or read from the disk if it was compiled from sources of this stamp.
+
+    Without a stamp it is compiled anew in each process.
+    """
     dispatcher = numba.njit(function, **options)
+    if stamp is None:
+        return dispatcher
     try:
         dispatcher.enable_caching()
         dispatcher._cache._cache_file._source_stamp  # Numba's own name for it: without it no file is kept
