@@ -102,7 +102,7 @@ def _origin(entry: Any) -> str:
     """Where an entry was defined: a file that is loaded twice registers the same thing."""
     if isinstance(entry, str):
         return entry
-    kind = entry if inspect.isclass(entry) or inspect.isfunction(entry) else type(entry)
+    kind = getattr(entry, "function", entry)  # a statistic is made of one
     return f"{file_of(kind)}:{kind.__qualname__}"
 
 
@@ -120,10 +120,10 @@ def use(file: str | os.PathLike[str]) -> None:
     if not path.is_file():
         allowed = "a Python file that registers extensions"
         raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
+    _load(str(path))
     known = used()
     if str(path) not in known:
         os.environ[VARIABLE] = os.pathsep.join([*known, str(path)])
-    _load(str(path))
 
 
 def used() -> list[str]:
@@ -139,7 +139,11 @@ def load_extensions() -> None:
     from importlib.metadata import entry_points
 
     for point in entry_points(group=GROUP):
-        point.load()
+        try:
+            point.load()
+        except Exception as error:
+            said = f"the installed extension {point.value} cannot be loaded ({type(error).__name__}: {error})"
+            raise InputError(f"{said}: repair or remove it") from error
 
 
 def _load(file: str) -> None:

@@ -25,7 +25,7 @@ from labkit.dem.simulation import Options
 from labkit.dem.specimen import Recipe
 from labkit.dem.state import State, read_state, write_state
 from labkit.dem.stratified import Layer
-from labkit.engines import require_engine, starter
+from labkit.engines import ENGINES, require_engine, starter
 from labkit.errors import InputError
 from labkit.extensions import file_of, use, used
 from labkit.io.provenance import provenance
@@ -234,7 +234,8 @@ def from_job(job: Mapping[str, Any]) -> Task:
 
 def _extensions(task: Task) -> list[str]:
     """Files that define what the task uses beyond labkit."""
-    needed: list[Any] = [type(task.scene.contact_law), *(statistic.function for statistic in recorded())]
+    needed: list[Any] = [ENGINES[task.engine], type(task.scene.contact_law)]
+    needed += [statistic.function for statistic in recorded()]
     needed += [type(task.path)] if isinstance(task, RunTask) else []
     files = [file_of(one) for one in needed if not one.__module__.startswith("labkit.")]
     if None in files or any("ipython" in str(file).lower() for file in files):
