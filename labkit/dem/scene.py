@@ -130,6 +130,8 @@ class Scene:
             if not isinstance(values, dict):
                 raise TypeError(f"{text} holds no fields")
             return restored(cls, values)
+        except InputError:  # a value that is not possible, or a law of one's own that is not loaded
+            raise
         except (TypeError, ValueError) as error:
             raise InputError(f"not a labkit scene: {error}") from None
 

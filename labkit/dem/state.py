@@ -184,6 +184,8 @@ def read_state(path: str | os.PathLike) -> State:
             state = read_group(dataset, dataset)
             require_valid(state)
             return state
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
         except (IndexError, AttributeError, KeyError, RuntimeError, ValueError) as error:
             raise InputError(f"{path} is damaged ({error}): write it again") from None
 
