@@ -1,0 +1,440 @@
+"""Paths, laws, statistics, figures and engines of a user's own file: registered, used and refused. No file of labkit is
+changed, and none of these is one of examples/."""
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.dem.state import read_state
+
+MINE = '''
+"""What a user would write."""
+
+import dataclasses
+
+import numpy as np
+
+import labkit as lk
+from labkit.dem.laws.rolling_resistance import RollingResistance
+from labkit.dem.recorded import RECORD
+
+
+@lk.register_path
+@dataclasses.dataclass(frozen=True)
+class Oedometer(lk.Path):
+    """Axial strain alone, until the axial force would exceed `most`."""
+
+    most: float = lk.parameter(0.9, unit="N mm", low=0.0, high=1.0, help="an option with a unit of one's own")
+
+    name = "oedo"
+    direction = (0.0, 0.0, 1.0)
+    record_strain = 5e-4
+
+    def held(self):
+        return (lk.Held("radial strain", "strain", measure=np.eye(3)[:2]),)
+
+
+@lk.register_law
+class Tired(RollingResistance):
+    """YADE's law under another name, for both engines."""
+
+    name = "tired"
+
+
+@lk.register_statistic("largest_force", long_name="largest normal force", units="N")
+def largest_force(snapshot):
+    return snapshot.contacts.normal_force.max()
+
+
+@lk.register_statistic("moment_of_normals", long_name="second moment of the normals", dimensions=("i", "j"))
+def moment_of_normals(snapshot):
+    n = snapshot.contacts.normal
+    return n.T @ n / len(n)
+
+
+@lk.register_figure("largest")
+def largest(run, groups=5, snapshot=-1):
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    axes.plot(run["axial_strain"], run["largest_force"])
+    return figure, run["largest_force"].to_dataframe().reset_index()
+'''
+
+ENGINE = """
+import labkit as lk
+from labkit.engines.fused import FusedEngine
+
+
+@lk.register_engine
+class Slow(FusedEngine):
+    name = "slow"
+    version = "7"
+"""
+
+RUN = ("--strain", 0.004, "--rate", 40, "--snapshots", 2)
+
+
+@pytest.fixture(scope="module")
+def specimen(tmp_path_factory):
+    """About 150 grains at rest."""
+    file = tmp_path_factory.mktemp("own") / "s.state.nc"
+    lk.make_specimen(lk.Recipe(0.67, grains=150), file=file, progress=False)
+    return file
+
+
+@pytest.fixture
+def folder(tmp_path, specimen):
+    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "engine.py").write_text(ENGINE)
+    (tmp_path / "s.state.nc").write_bytes(specimen.read_bytes())
+    return tmp_path
+
+
+def python(code, folder, file=None, **environment):
+    """JSON that a program prints last; as a file of that name if it has one."""
+    code = textwrap.dedent(code)
+    if file is not None:
+        (folder / file).write_text(code)
+    words = ["-c", code] if file is None else [file]
+    done = subprocess.run(
+        [sys.executable, *words], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True,
+        timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+# --- the command line -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_a_path_a_law_and_statistics_of_ones_own_file(engine, folder, labkit_command):
+    """Run, verify, figures; on YADE the file goes with the task into its process."""
+    words = ["run", "oedo", "s.state.nc", *RUN, "--most", "0.5 N mm", "--law", "tired", "--engine", engine]
+    done = labkit_command(*words, "--use", "mine.py", "-o", "r.run.nc", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(folder / "r.run.nc") as run:
+        known = json.loads(run.path_parameters)
+        assert run.getncattr("path") == "oedo" and known["most"] == 0.5 and known["record_strain"] == 5e-4
+        assert run.complete == 1 and run.engine == engine and json.loads(run.scene)["law"] == "tired"
+        strain = run["strain"][:]
+        assert np.isclose(strain[-1, 2, 2], 0.004, atol=1e-5) and np.abs(strain[:, :2, :2]).max() < 1e-12
+        assert (run["largest_force"].units, run["largest_force"].long_name) == ("N", "largest normal force")
+        for number, record in enumerate(run["contacts/record"][:]):
+            first = int(run["contacts/row_size"][:number].sum())
+            some = slice(first, first + int(run["contacts/row_size"][number]))
+            assert run["largest_force"][record] == run["contacts/normal_force"][some].max()
+            n = run["contacts/normal"][some].filled()
+            np.testing.assert_allclose(run["moment_of_normals"][record], n.T @ n / len(n), rtol=1e-12)
+    done = labkit_command("verify", "r.run.nc", "--use=mine.py", "-o", "v.png", cwd=folder)
+    lines = {line[:52].strip(): line.split()[-1] for line in done.stdout.splitlines()}
+    for name in ("held: radial strain, difference", "stored largest_force against its contacts",
+                 "stored moment_of_normals against its contacts"):  # fmt: skip
+        assert lines[name] == "ok", done.stdout + done.stderr
+    for words in (["largest"], ["records", "--variable", "moment_of_normals"]):
+        done = labkit_command("figure", *words, "r.run.nc", "--use", "mine.py", "-o", "f.png", cwd=folder)
+        assert done.returncode == 0 and (folder / "f.png").read_bytes()[:4] == b"\x89PNG", done.stderr
+
+
+def test_a_run_of_an_own_path_is_read_without_its_file(folder, labkit_command):
+    words = ["run", "oedo", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "mine.py"]
+    assert labkit_command(*words, cwd=folder).returncode == 0
+    run = lk.Run.open(folder / "r.run.nc")
+    assert run.complete and run.path is None and run.data["largest_force"].dims == ("time",)
+    assert not run.data["largest_force"].isnull().any()
+    found = lk.verify(run)
+    assert "held: path oedo is unknown here, give --use FILE" in [finding.name for finding in found]
+    assert all(finding.holds for finding in found if finding.decides and "C0" not in finding.name)
+    assert lk.critical_states({}).empty
+    done = labkit_command("critical", "r.run.nc", cwd=folder)
+    assert done.returncode == 2 and "none of these runs is a shear test: give runs of cv, cr, cp" in done.stderr
+
+
+def test_the_law_of_a_file_is_that_of_yade_under_another_name(folder, labkit_command):
+    for law, name in (("tired", "a"), ("rolling_resistance", "b")):
+        words = ["run", "cv", "s.state.nc", *RUN, "--law", law, "--engine", "fused", "-o", f"{name}.run.nc"]
+        done = labkit_command(*words, "--use", "mine.py", cwd=folder)
+        assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(folder / "a.run.nc") as a, netCDF4.Dataset(folder / "b.run.nc") as b:
+        np.testing.assert_array_equal(a["stress"][:], b["stress"][:])
+
+
+def test_what_a_file_needs_is_said_without_it(folder, labkit_command):
+    words = ["run", "oedo", "s.state.nc", *RUN, "--law", "tired", "--engine", "fused", "-o", "r.run.nc"]
+    assert labkit_command(*words, "--use", "mine.py", cwd=folder).returncode == 0
+    for words, said in (
+        (["run", "oedo", "s.state.nc"], "path 'oedo' is unknown: give one of cv, cr, cp, isoc, isod, cyclic_cp, or "),
+        (["specimen", "--void-ratio", 0.67, "--law", "tired"], "--law 'tired' is unknown: give one of rolling_"),
+        (["run", "cv", "s.state.nc", "--engine", "slow"], "'slow'"),
+        (["figure", "largest", "r.run.nc"], "'largest'"),
+        (["info", "r.run.nc", "--most", "0.5"], "--most"),
+        (["verify", "r.run.nc"], "law 'tired' is unknown"),
+    ):
+        before = sorted(folder.iterdir())
+        done = labkit_command(*words, cwd=folder)
+        assert done.returncode == 2 and said in done.stderr and len(done.stderr.strip().splitlines()) == 1, done.stderr
+        assert sorted(folder.iterdir()) == before
+
+
+def test_the_help_has_the_options_of_ones_own_paths(folder, labkit_command):
+    said = labkit_command("run", "--help", "--use", "mine.py", cwd=folder).stdout
+    assert "--most" in said and "an option with a unit of one's own in N mm (default: 0.9)" in " ".join(said.split())
+    assert "oedo" in said and "--most" not in labkit_command("run", "--help", cwd=folder).stdout
+    done = labkit_command("run", "oedo", "s.state.nc", "--most", "2 N mm", "--use", "mine.py", cwd=folder)
+    assert done.returncode == 2 and "--most 2 is not possible: give 0 to 1 N mm" in done.stderr
+    done = labkit_command("run", "cv", "s.state.nc", "--most", "0.5", "--use", "mine.py", cwd=folder)
+    assert done.returncode == 2 and "--most is not a parameter of cv: leave it out" in done.stderr
+
+
+def test_an_engine_of_ones_own(folder, labkit_command):
+    for engine in ("slow", "fused"):
+        words = ["run", "cv", "s.state.nc", *RUN, "--engine", engine, "--use", "engine.py", "-o", f"{engine}.run.nc"]
+        done = labkit_command(*words, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(folder / "slow.run.nc") as slow, netCDF4.Dataset(folder / "fused.run.nc") as fused:
+        assert (slow.engine, slow.engine_version) == ("slow", "7")
+        np.testing.assert_array_equal(slow["stress"][:], fused["stress"][:])
+
+
+def test_files_in_the_environment_and_installed_packages(folder, labkit_command):
+    information = folder / "site" / "sand-1.0.dist-info"
+    information.mkdir(parents=True)
+    (folder / "site" / "sand_paths.py").write_text(MINE)
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: sand\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[labkit.extensions]\nsand = sand_paths\n")
+    for number, more in enumerate(({"LABKIT_USE": str(folder / "mine.py")}, {"PYTHONPATH": str(folder / "site")})):
+        words = ["run", "oedo", "s.state.nc", *RUN, "--engine", "fused", "-o", f"{number}.run.nc"]
+        done = labkit_command(*words, cwd=folder, environment={**os.environ, **more})
+        assert done.returncode == 0, done.stderr
+    (folder / "site" / "sand_paths.py").write_text("import nothing_of_that_name\n")
+    more = {**os.environ, "PYTHONPATH": str(folder / "site")}
+    done = labkit_command("run", "oedo", "s.state.nc", cwd=folder, environment=more)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert "installed extension sand_paths cannot be loaded (ModuleNotFoundError: " in done.stderr
+
+
+BROKEN = {
+    "no such file": (None, "does not exist: give a Python file"),
+    "syntax": ("def f(:\n", "cannot be loaded (SyntaxError: "),
+    "import": ("import nothing_of_that_name\n", "cannot be loaded (ModuleNotFoundError: "),
+    "exit": ("raise SystemExit(3)\n", "cannot be loaded (SystemExit: 3)"),
+    "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "name cv is the name of another path"),
+    "name of a law": (MINE.replace('"tired"', '"rolling_resistance"'), "is the name of another contact law"),
+    "earlier name of a law": (MINE.replace('"tired"', '"paper"'), "paper is the name of another contact law"),
+    "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is recorded already"),
+    "name of a figure": (MINE.replace('figure("largest")', 'figure("shares")'), "shares is the name of another figure"),
+    "name of an engine": (ENGINE.replace('"slow"', '"fused"'), "fused is the name of another engine"),
+    "dimensions": (MINE.replace('("i", "j")', '("i", "grain")'), "dimensions i,grain are not dimensions of a record"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(name, folder, labkit_command):
+    text, said = BROKEN[name]
+    if text is not None:
+        (folder / "bad.py").write_text(text)
+    before = {file for file in folder.rglob("*") if "__pycache__" not in file.parts}
+    words = ["run", "cv", "s.state.nc", "--engine", "fused", "-o", "new.run.nc", "--use", "bad.py"]
+    done = labkit_command(*words, cwd=folder)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert said in done.stderr and "--use " in done.stderr and "bad.py" in done.stderr
+    assert {file for file in folder.rglob("*") if "__pycache__" not in file.parts} == before
+
+
+def test_two_files_with_one_name_are_told_apart_and_one_file_may_be_loaded_twice(folder, labkit_command):
+    """So may its copy, as in the folder of a campaign."""
+    (folder / "other.py").write_text(MINE + "# another file\n")
+    words = ["run", "oedo", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "mine.py"]
+    done = labkit_command(*words, "--use", "other.py", cwd=folder)
+    assert done.returncode == 2 and "name oedo is the name of another path: give another name" in done.stderr
+    text = MINE[MINE.index("@lk.register_statistic") : MINE.index('@lk.register_statistic("moment')]
+    (folder / "other.py").write_text("import labkit as lk\n\n\n" + text)
+    done = labkit_command(*words, "--use", "other.py", cwd=folder)
+    assert done.returncode == 2 and "largest_force is the name of another statistic" in done.stderr
+    (folder / "same.py").write_text(MINE)
+    done = labkit_command(*words, "--use", "./mine.py", "--use", "same.py", cwd=folder)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_statistic_of_another_shape_than_it_says_is_refused(folder, labkit_command):
+    (folder / "bad.py").write_text(MINE.replace("return n.T @ n / len(n)", "return 3.0"))
+    before = sorted(folder.iterdir())
+    words = ["run", "cv", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "bad.py"]
+    done = labkit_command(*words, cwd=folder)
+    assert done.returncode == 2 and "statistic moment_of_normals returned the shape (): return (3, 3)" in done.stderr
+    assert [file for file in sorted(folder.iterdir()) if file.name != "__pycache__"] == before
+
+
+def test_an_unfinished_run_goes_on_with_the_same_statistics_alone(folder, labkit_command):
+    words = ["run", "oedo", "s.state.nc", *RUN, "--save-every", 1, "--engine", "fused", "-o", "r.run.nc"]
+    program = """
+        import json, os
+        from labkit.cli import main
+        from labkit.dem import recorder
+        save = recorder.Recorder.save
+
+        def die(self, *arguments):
+            save(self, *arguments)
+            if self.records == 4:
+                print(json.dumps(4), flush=True)
+                os._exit(0)
+
+        recorder.Recorder.save = die
+        main(json.loads(os.environ["WORDS"]))
+        """
+    assert python(program, folder, WORDS=json.dumps([*map(str, words), "--use", "mine.py"])) == 4
+    with netCDF4.Dataset(folder / "r.run.nc") as run:
+        begun = run["stress"][:]
+        assert run.complete == 0 and len(begun) == 4
+    kept = (folder / "r.run.nc").read_bytes()
+    (folder / "less.py").write_text(MINE[: MINE.index("@lk.register_statistic")])
+    done = labkit_command(*words, "--use", "less.py", cwd=folder)
+    assert done.returncode == 2 and "it has largest_force, moment_of_normals" in done.stderr
+    assert (folder / "r.run.nc").read_bytes() == kept
+    done = labkit_command(*words, "--use", "mine.py", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    with netCDF4.Dataset(folder / "r.run.nc") as run:
+        assert run.complete == 1
+        np.testing.assert_array_equal(run["stress"][:4], begun)
+        assert len(run["stress"]) > 4 and np.isfinite(run["largest_force"][:]).all()
+
+
+# --- Python -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_a_file_from_python(engine, folder):
+    found = python(
+        f"""
+        import json
+        import labkit as lk
+        lk.use("mine.py")
+        from labkit.dem.paths import PATHS
+        state = lk.read_state("s.state.nc")
+        run = lk.run(state, PATHS["oedo"](strain=0.004, rate=40), engine="{engine}", snapshots=1, progress=False)
+        names = [finding.name for finding in lk.verify(run) if finding.decides and not finding.holds]
+        figure = run.plot("largest")
+        print(json.dumps([run.complete, run.path.name, float(run.data["largest_force"][-1]), names,
+                          len(figure.axes), run.engine]))
+        """,
+        folder, MPLBACKEND="Agg",
+    )  # fmt: skip
+    assert found[:2] == [True, "oedo"] and found[2] > 0.0 and found[4:] == [1, engine]
+    assert [name for name in found[3] if "C0" not in name] == []  # 150 grains are too few for C0
+
+
+def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
+    """The program itself is the file that goes to YADE, where its guarded part must not run again."""
+    found = python(
+        MINE
+        + textwrap.dedent("""
+
+        if __name__ == "__main__":
+            import json
+
+            state, path = lk.read_state("s.state.nc"), Oedometer(strain=0.004, rate=40)
+            run = lk.run(state, path, engine="yade", snapshots=0, progress=False)
+            print(json.dumps([run.complete, run.path == path, float(run.data["largest_force"][0])]))
+        """),
+        folder, file="program.py",
+    )  # fmt: skip
+    assert found[:2] == [True, True] and found[2] > 0.0
+
+
+def test_a_path_without_a_file_is_refused_by_yade_and_runs_on_fused(folder):
+    """As in a notebook."""
+    found = python(
+        """
+        import dataclasses, json
+        import labkit as lk
+
+        @lk.register_path
+        @dataclasses.dataclass(frozen=True)
+        class Here(lk.Path):
+            name = "here"
+
+        state = lk.read_state("s.state.nc")
+        try:
+            lk.run(state, Here(strain=0.004, rate=40), engine="yade", progress=False)
+        except lk.InputError as error:
+            said = str(error)
+        run = lk.run(state, Here(strain=0.004, rate=40), snapshots=0, progress=False)
+        print(json.dumps([said, run.complete]))
+        """,
+        folder,
+    )
+    assert "keep it in a file and load it with labkit.use" in found[0] and found[1] is True
+
+
+def test_a_file_that_cannot_be_loaded_is_not_kept_for_child_processes(folder):
+    (folder / "bad.py").write_text("1 / 0\n")
+    found = python(
+        """
+        import json, os
+        import labkit as lk
+        try:
+            lk.use("bad.py")
+        except lk.InputError as error:
+            field, said = error.field, str(error)
+        lk.use("mine.py")
+        print(json.dumps([field, said, os.environ["LABKIT_USE"]]))
+        """,
+        folder,
+    )
+    assert found[0] == "use" and "ZeroDivisionError" in found[1]
+    assert found[2] == str(folder / "mine.py")
+
+
+LAW = """
+import json
+import numpy as np
+import labkit as lk
+from labkit.dem.laws import Response
+from labkit.dem.laws.vectors import ZERO, times
+from labkit.dem.state import grains_in_cell
+from labkit.engines.fused import FusedEngine
+
+@lk.register_law
+class Soft(lk.ContactLaw):
+    name = "soft"
+
+    @staticmethod
+    def pair(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
+        fn = FACTOR * contact.stiffness * contact.overlap if contact.overlap > 0.0 else 0.0
+        return Response(times(-fn, contact.normal), ZERO, ZERO, t, m, 0.0, 0.0, 0.0)
+
+scene = lk.Scene(law="soft", local_damping=0.0)
+pair = grains_in_cell(scene, np.full(2, 1e-4), np.array([[0, 0, 0], [0, 0, 1.9e-4]]), np.eye(3) * 1e-3)
+engine = FusedEngine(pair.replace(time_step=1e-9))
+engine.advance(2, np.zeros((3, 3)))
+acceleration = scene.normal_stiffness(1e-4, 1e-4) * 1e-5 / scene.mass(1e-4)
+print(json.dumps([float(engine.state().velocity[1, 2]), float(acceleration)]))
+"""
+
+
+@pytest.mark.parametrize("file", [None, "law.py"], ids=["without a file", "in a file"])
+def test_a_law_that_was_changed_is_compiled_again(file, folder):
+    """What is kept on the disk is that of the last version only if nothing of it has changed."""
+    for factor in ("1.0", "0.5"):
+        velocity, acceleration = python(LAW.replace("FACTOR", factor), folder, file)
+        assert np.isclose(velocity, float(factor) * acceleration * 2e-9, rtol=1e-3)
+
+
+def test_a_specimen_keeps_the_name_of_its_law(folder, labkit_command):
+    words = ["specimen", "--void-ratio", 0.6, "--grains", 120, "--law", "tired", "--engine", "fused"]
+    done = labkit_command(*words, "--use", "mine.py", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    file = folder / "e0.6_f0.15_r0.1_n120_s1_tired.state.nc"
+    with netCDF4.Dataset(file) as state:
+        assert json.loads(state.scene)["law"] == "tired"
+    with pytest.raises(lk.InputError, match="state.nc: law 'tired' is unknown: give one of .*, or load the file"):
+        read_state(file)
+    assert "nothing to do" in labkit_command(*words, "--use", "mine.py", cwd=folder).stdout
