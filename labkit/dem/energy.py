@@ -42,7 +42,15 @@ def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
 
 
 def opened(state: State) -> State:
-    """The same state with a new ledger, which begins with the energy that is stored now."""
+    """The same state with a new ledger, which begins with the energy that is stored now.
+
+    Forces of springs that the scene does not have, left from a scene with friction or rolling resistance, are dropped:
+    YADE would keep such moments for ever.
+    """
+    features = state.scene.contact_law.features(state.scene)
+    springs = {"tangential_force": features.friction, "rolling_moment": features.rolling}
+    dropped = {name: np.zeros_like(getattr(state, name)) for name, kept in springs.items() if kept is None}
+    state = state.replace(**dropped)
     return state.replace(ledger=Ledger(start=stored_energy(state)))
 
 

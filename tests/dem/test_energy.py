@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 
-from labkit.dem.energy import drift_velocity, kinetic_energy
+from labkit.dem.energy import balance_error, drift_velocity, kinetic_energy, opened
 from labkit.dem.scene import Scene
-from labkit.dem.state import grains_in_cell
+from labkit.dem.state import grains_in_cell, read_state
+from labkit.micro.indicators import elastic_energy
 
 
 def test_kinetic_energy_leaves_the_mean_field_out():
@@ -20,3 +22,16 @@ def test_kinetic_energy_leaves_the_mean_field_out():
     expected = 0.5 * (mass @ [0.01, 0.04] + 0.4 * mass[0] * radius[0] ** 2 * 100)
     assert np.isclose(kinetic_energy(moving), expected)
     np.testing.assert_allclose(drift_velocity(moving), mass @ extra / mass.sum())
+
+
+@pytest.mark.parametrize("law", ["rolling_resistance", "spring_dashpot"])
+@pytest.mark.parametrize(("friction", "rolling"), [(0.4, 0.1), (0.4, 0.0), (0.0, 0.1), (0.0, 0.0)])
+def test_a_ledger_begins_with_the_springs_that_the_scene_has(law, friction, rolling, specimen_file):
+    """A specimen may come from a scene with more of them."""
+    state = read_state(specimen_file)
+    assert state.tangential_force.any() and state.rolling_moment.any()
+    begun = opened(state.replace(scene=Scene(law=law, friction=friction, rolling_friction=rolling)))
+    for name, kept in (("tangential_force", friction > 0.0), ("rolling_moment", rolling > 0.0)):
+        np.testing.assert_array_equal(getattr(begun, name), getattr(state, name) if kept else 0.0)
+    assert begun.ledger.start == kinetic_energy(begun) + elastic_energy(begun.snapshot()) > 0.0
+    assert balance_error(begun) == 0.0
