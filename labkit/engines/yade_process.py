@@ -64,17 +64,30 @@ def run_script(name: str, arguments: Sequence[str], threads: int, progress: Prog
     errors = collections.deque(maxlen=20)
     reader = threading.Thread(target=lambda: errors.extend(child.stderr), daemon=True)
     reader.start()
-    with _forwarded_signals(child):
-        for line in child.stdout:
-            step = read_pipe(line)
-            if step:
-                progress(*step)
-            elif line.strip() and not line.startswith(NOISE):
-                print(line, end="")
-        code = child.wait()
-    reader.join()
+    try:
+        with _forwarded_signals(child):
+            _follow(child.stdout, progress)
+            code = child.wait()
+    except BaseException:  # of `progress`: YADE must not go on alone; a run writes its checkpoint
+        child.terminate()
+        child.wait()
+        raise
+    finally:
+        reader.join()
+        child.stdout.close()
+        child.stderr.close()
     if code:
         _raise(code, errors)
+
+
+def _follow(lines: Iterable[str], progress: Progress) -> None:
+    """Passes on the progress that a child writes, and prints what else it says."""
+    for line in lines:
+        step = read_pipe(line)
+        if step:
+            progress(*step)
+        elif line.strip() and not line.startswith(NOISE):
+            print(line, end="")
 
 
 def _raise(code: int, errors: Iterable[str]) -> NoReturn:

@@ -16,12 +16,14 @@ from pathlib import Path as File
 from typing import Any
 
 from labkit.dem.engine import Progress, silent
+from labkit.dem.limits import require_pressure
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
-from labkit.dem.simulation import Options
+from labkit.dem.simulation import Options, Schedule
 from labkit.dem.specimen import Recipe
 from labkit.dem.state import State
 from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
+from labkit.errors import InputError, Interrupted
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
@@ -49,8 +51,11 @@ def consolidate(
 
     pressure: Pa, or text with a unit. Raises InputError, PhysicsError.
     """
-    reached = make_path("cr", {"pressure": pressure}).start_pressure()
-    assert reached is not None
+    path = make_path("cr", {"pressure": pressure})
+    reached = path.start_pressure()
+    if reached is None:
+        raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
+    require_pressure(path, state.scene)
     task = ConsolidationTask(state=state, pressure=reached, engine=engine, threads=threads, output=_output(file))
     return _state(execute(task, _shown(progress, "consolidation")))
 
@@ -68,6 +73,8 @@ def run(
     """
     options = dataclasses.replace(options or Options(), **recording)
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    require_pressure(path, state.scene)
+    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # refuses before work begins
     shown = _shown(progress, path.name)
     if file is not None:
         require_writable(file, "run")
@@ -75,7 +82,10 @@ def run(
         return Run.open(file)
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         output = str(File(folder) / "memory.run.nc")
-        execute(_task(state, path, engine, threads, output, options), shown)
+        try:
+            execute(_task(state, path, engine, threads, output, options), shown)
+        except Interrupted as error:
+            raise Interrupted("stopped by a signal: a run without a file keeps nothing", error.code) from None
         with Run.open(output).data as data:
             return Run(data.load())
 
