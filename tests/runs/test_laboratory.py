@@ -1,0 +1,264 @@
+"""The front door: specimens, consolidation and tests from Python, on both engines."""
+
+import subprocess
+import sys
+import tempfile
+import threading
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray
+from matplotlib.figure import Figure
+
+import labkit as lk
+from labkit.io.provenance import check
+
+PATH = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.004, rate=40.0)
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """The working folder, and the place of temporary files beside it: what is left behind is seen."""
+    for name in ("work", "temporary"):
+        (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    yield tmp_path / "work"
+    assert [name for name in (tmp_path / "temporary").iterdir() if name.name.startswith("labkit")] == []
+
+
+@pytest.fixture(scope="module")
+def state():
+    """About 200 grains at rest."""
+    return lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), progress=False)
+
+
+# --- the program of the design, on both engines ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_the_front_door(engine, folder):
+    scene = lk.Scene(friction=0.5, rolling_friction=0.0)
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=300), scene, engine=engine, progress=False)
+    run = lk.run(
+        state, lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.01), engine=engine, snapshots=2, progress=False
+    )
+    assert run.complete is True and run.exceeded == () and run.file is None
+    assert isinstance(run.data, xarray.Dataset) and run.engine == state.engine == engine
+    assert run.scene == scene == state.scene and run.path == lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.01)
+    assert run.steps == run.data.attrs["steps"] > 1000 and run.wall_time > 0.0 and run.threads == 1
+    assert abs(state.number_of_grains / 300 - 1) < 0.03
+
+    snapshot = run.snapshots[-1]
+    assert len(run.snapshots) == 3 and snapshot.number == 2 and len(run.snapshots[1:]) == 2
+    assert isinstance(snapshot, lk.Snapshot) and snapshot.scene == scene
+    found, stored = lk.statistics(snapshot), run.data.isel(time=-1)
+    for name, value in vars(found).items():
+        np.testing.assert_allclose(value, stored[name], rtol=1e-12, atol=1e-15, err_msg=name)
+    np.testing.assert_allclose(lk.love_stress(snapshot), stored["stress"], rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(lk.sff_stress(snapshot), stored["stress_sff"], rtol=1e-12, atol=1e-6)
+    assert abs(lk.mean_stress(lk.love_stress(snapshot)) / 0.3e6 - 1.0) < 0.01
+    assert lk.deviatoric_stress(lk.love_stress(snapshot)) / 0.3e6 > 0.3
+    assert not snapshot.contacts.rolling_moment.any() and not state.rolling_moment.any()
+    assert snapshot.contacts.tangential_force.any()
+
+    failed = [finding.name for finding in lk.verify(run) if finding.decides and not finding.holds]
+    assert [name for name in failed if not name.startswith("C0 against Love")] == []  # 300 grains are too few for it
+    assert isinstance(run.plot(), Figure) and isinstance(run.plot("shares"), Figure)
+    assert len(lk.critical_states({"one": run.data})) == 1
+    assert f"on {engine}, complete" in repr(run) and "in memory" in repr(run)
+    assert list(folder.iterdir()) == []
+
+
+def test_both_engines_tell_the_same(state):
+    runs = {engine: lk.run(state, PATH, engine=engine, progress=False, snapshots=0) for engine in ("fused", "yade")}
+    fused, yade = (runs[name].data for name in ("fused", "yade"))
+    np.testing.assert_allclose(fused["axial_strain"], yade["axial_strain"], rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(fused["void_ratio"], yade["void_ratio"], rtol=1e-4)
+    np.testing.assert_allclose(fused.lab.mean_stress(), yade.lab.mean_stress(), rtol=5e-3)
+    np.testing.assert_allclose(fused["stress"][0], yade["stress"][0], rtol=1e-2, atol=1e3)
+
+
+# --- files ------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_holds_what_the_run_in_memory_holds(state, folder):
+    memory = lk.run(state, PATH, snapshots=2, progress=False)
+    run = lk.run(state, PATH, file="r.run.nc", snapshots=2, progress=False)
+    assert [name.name for name in folder.iterdir()] == ["r.run.nc"] and str(run.file) == "r.run.nc"
+    xarray.testing.assert_identical(
+        memory.data.drop_attrs(), lk.open_run("r.run.nc").load().drop_attrs()
+    )
+    assert set(memory.data.attrs) == set(run.data.attrs) and run.complete
+    assert run.provenance["labkit_version"] == lk.__version__ and run.provenance["inputs"] == []
+    assert [verdict for _, verdict in check("r.run.nc")] == ["same"]
+    assert "r.run.nc" in repr(run) and lk.Run.open("r.run.nc").path == PATH
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_a_run_that_was_cut_off_goes_on_with_the_same_call(engine, state, folder):
+    """What is thrown out of the progress stops it; on YADE the child writes its checkpoint and does not go on alone."""
+
+    class Enough(Exception):
+        pass
+
+    def until_half(fraction, text):
+        if fraction > 0.5:
+            raise Enough
+
+    words = {"engine": engine, "save_every": 1, "snapshots": 2}
+    with pytest.raises(Enough):
+        lk.run(state, PATH, file="r.run.nc", progress=until_half, **words)
+    begun = lk.Run.open("r.run.nc")
+    assert not begun.complete and 1 <= begun.data.sizes["time"] < 6 and "not complete" in repr(begun)
+    begun.data.close()
+    seen = []
+    run = lk.run(state, PATH, file="r.run.nc", progress=lambda fraction, text: seen.append(fraction), **words)
+    whole = lk.run(state, PATH, progress=False, **words)
+    assert run.complete and seen[-1] == 1.0 and [name.name for name in folder.iterdir()] == ["r.run.nc"]
+    np.testing.assert_array_equal(run.data["axial_strain"], whole.data["axial_strain"])
+    if engine == "fused":  # a save was the last thing that it did: to the last bit
+        np.testing.assert_array_equal(run.data["stress"], whole.data["stress"])
+    else:
+        np.testing.assert_allclose(run.data["stress"], whole.data["stress"], rtol=1e-2, atol=1e3)
+
+
+def test_a_finished_run_is_not_run_again(state):
+    first = lk.run(state, PATH, file="r.run.nc", snapshots=0, progress=False)
+    seen, before = [], first.file.read_bytes()
+    again = lk.run(state, PATH, file="r.run.nc", snapshots=0, progress=lambda *step: seen.append(step))
+    assert again.complete and seen == [] and first.file.read_bytes() == before
+    with pytest.raises(lk.InputError, match="r.run.nc holds another run .*strain 0.004, not 0.005"):
+        lk.run(state, lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.005, rate=40.0), file="r.run.nc",
+               snapshots=0, progress=False)  # fmt: skip
+    with pytest.raises(lk.InputError, match="another specimen"):
+        lk.run(state.replace(position=state.position + 1e-6), PATH, file="r.run.nc", snapshots=0, progress=False)
+    assert first.file.read_bytes() == before
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_specimens_and_consolidation_with_and_without_a_file(engine, state, folder):
+    reached = lk.consolidate(state, "200 kPa", engine=engine, file="c.state.nc", progress=False)
+    np.testing.assert_allclose(np.diag(lk.love_stress(reached.snapshot())), 2e5, rtol=2e-3)
+    assert [name.name for name in folder.iterdir()] == ["c.state.nc"]
+    there = lk.read_state("c.state.nc")
+    assert there.digest() == reached.digest() and there.recipe == state.recipe and there.engine == engine
+    assert lk.open_state("c.state.nc").sizes["grain"] == state.number_of_grains
+    made = lk.make_specimen(lk.Recipe(0.7, grains=120), engine=engine, file="s.state.nc", progress=False)
+    assert lk.read_state("s.state.nc").digest() == made.digest()
+    lk.write_state("copy.state.nc", made)
+    assert sorted(name.name for name in folder.iterdir()) == ["c.state.nc", "copy.state.nc", "s.state.nc"]
+
+
+def test_a_path_without_a_pressure_holds_that_of_the_specimen(state):
+    run = lk.run(state, lk.paths.ConstantRadialStress(strain=0.002, rate=40.0), snapshots=0, progress=False)
+    pressure = float(lk.mean_stress(lk.love_stress(state.snapshot())))
+    assert run.path.pressure == pressure
+    assert abs(run.data["stress"][-1, 0, 0] / pressure - 1.0) < 0.02
+
+
+# --- progress ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_progress_is_shown_asked_for_or_not(engine, state, capfd):
+    lk.make_specimen(lk.Recipe(0.7, grains=120), engine=engine, progress=False)
+    lk.consolidate(state, 0.4e6, engine=engine, progress=False)
+    lk.run(state, PATH, engine=engine, snapshots=0, progress=False)
+    assert capfd.readouterr() == ("", "")
+    lk.run(state, PATH, engine=engine, snapshots=0)
+    out, err = capfd.readouterr()
+    assert out.startswith("cp:   0%") and "cp: 100%" in out and err == ""
+    seen = []
+    lk.run(state, PATH, engine=engine, snapshots=0, progress=lambda fraction, text: seen.append((fraction, text)))
+    assert capfd.readouterr() == ("", "")
+    fractions = [fraction for fraction, _ in seen]
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0 and all("strain" in text for _, text in seen[-3:])
+
+
+# --- what is refused ----------------------------------------------------------------------------------------------
+
+
+def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
+    (folder / "text.nc").write_text("not a netCDF file")
+    lk.write_state("s.state.nc", state)
+    before = {name: name.read_bytes() for name in folder.iterdir()}
+    cp, cv = lk.paths.ConstantMeanStress, lk.paths.ConstantVolume
+    for call, field, said in (
+        (lambda: lk.make_specimen(lk.Recipe(0.67, side=2e-4), file="new.nc"), "side", "would hold 1.79 grains"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67), file="new.nc", engine="warp"), "engine", "'warp' is unknown"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67), lk.Scene(law="spring_dashpot"), engine="yade"), "engine",
+         "engine yade has no contact law spring_dashpot: give fused"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67), file="no/such/new.nc"), None, "no/such is not a directory"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67), file="text.nc"), None, "text.nc is no labkit file"),
+        (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "has no unit, and is less than 100 Pa"),
+        (lambda: lk.consolidate(state, None, file="new.nc"), "pressure", "is missing"),
+        (lambda: lk.consolidate(state, "4 MPa", file="new.nc"), "pressure", "give at most 3e.06 Pa"),
+        (lambda: lk.run(state, cp(pressure=4e6), file="new.nc"), "pressure", "give at most 3e.06 Pa"),
+        (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 makes .* steps"),
+        (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
+        (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 are too many"),
+        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not possible"),
+        (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 is not"),
+        (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
+        (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses' is unknown"),
+    ):
+        with pytest.raises(lk.InputError, match=said) as refused:
+            call()
+        assert refused.value.field == field
+        assert {name: name.read_bytes() for name in folder.iterdir()} == before
+
+
+def test_a_failure_of_the_physics_is_an_error_too(state, folder):
+    with pytest.raises(lk.PhysicsError, match="come apart"):
+        lk.make_specimen(lk.Recipe(1.2, step1_friction=0.0, grains=150), file="s.state.nc", progress=False)
+    unstable = state.replace(scene=lk.Scene(time_step_factor=0.5))
+    with pytest.raises(lk.PhysicsError, match="beyond the stable"):
+        lk.run(unstable, PATH, file="r.run.nc", progress=False)
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("kept", [True, False], ids=["with a file", "in memory"])
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_a_signal_ends_a_run_with_the_exit_code_of_a_shell(engine, kept, state, folder):
+    lk.write_state("s.state.nc", state)
+    code = f"""
+import os, signal
+import labkit as lk
+path = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05, rate=40.0)
+stop = lambda fraction, text: os.kill(os.getpid(), signal.SIGTERM) if 0.1 < fraction < 0.9 else None
+try:
+    lk.run(lk.read_state("s.state.nc"), path, engine="{engine}", file={"r.run.nc" if kept else None!r}, save_every=1,
+           progress=stop)
+except lk.Interrupted as error:
+    print(error)
+    raise SystemExit(error.code)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 143, done.stderr
+    if kept:
+        assert "stopped by signal 15; r.run.nc is saved" in done.stdout
+        with netCDF4.Dataset("r.run.nc") as run:
+            assert run.complete == 0 and len(run["time"]) >= 2
+    else:
+        assert done.stdout == "stopped by a signal: a run without a file keeps nothing\n"
+        assert [name.name for name in folder.iterdir()] == ["s.state.nc"]
+
+
+def test_a_run_in_a_thread_is_the_run_in_the_main_thread(state):
+    """As from a notebook's executor; only the main thread could listen to signals."""
+    found = []
+    worker = threading.Thread(target=lambda: found.append(lk.run(state, PATH, snapshots=0, progress=False)))
+    worker.start()
+    worker.join()
+    here = lk.run(state, PATH, snapshots=0, progress=False)
+    np.testing.assert_array_equal(found[0].data["stress"], here.data["stress"])
+
+
+def test_the_public_names_are_there():
+    assert set(lk.__all__) <= set(dir(lk)) and "run" in lk.__all__ and "Run" in lk.__all__
+    for name in lk.__all__:
+        assert getattr(lk, name) is not None
+    with pytest.raises(AttributeError, match="module 'labkit' has no attribute 'rum'"):
+        lk.rum
