@@ -1,0 +1,233 @@
+"""What version 0.1.0 wrote stays readable: the paper's runs in results/, and files that lack what came later."""
+
+import hashlib
+import json
+import shutil
+
+import matplotlib.pyplot as plt
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.dem.paths import PATHS
+from labkit.dem.state import read_state
+from labkit.io.schema import CONTACTS, ESSENTIAL, GRAINS, RECORD, STATE
+from tests.conftest import ROOT
+
+RUNS = sorted((ROOT / "results/paper/runs").glob("*.run.nc"))
+EARLIER = {"yade": "rolling_resistance", "paper": "spring_dashpot"}  # names of laws in version 0.1.0
+OTHER = sorted(set(RECORD) - set(ESSENTIAL))
+
+
+def without(old, new, names):
+    """A copy of a run file that lacks variables, `name` or `group/name`; a whole group if it ends in a slash."""
+    with netCDF4.Dataset(old) as source, netCDF4.Dataset(new, "w") as target:
+        for group in (source, *source.groups.values()):
+            prefix = "" if group is source else f"{group.name}/"
+            if prefix in names or prefix == "checkpoint/":
+                continue
+            into = target.createGroup(group.name) if prefix else target
+            into.setncatts({name: group.getncattr(name) for name in group.ncattrs()})
+            for name, dimension in group.dimensions.items():
+                into.createDimension(name, len(dimension))
+            for name, variable in group.variables.items():
+                if prefix + name not in names:
+                    made = into.createVariable(name, variable.dtype, variable.dimensions)
+                    made.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
+                    made[...] = variable[...]
+    return new
+
+
+def test_the_runs_are_there():
+    assert len(RUNS) == 51
+
+
+@pytest.mark.parametrize("file", RUNS, ids=lambda file: file.name.removesuffix(".run.nc"))
+def test_a_run_of_version_0_1_0_is_a_run(file):
+    with netCDF4.Dataset(file) as dataset:
+        assert dataset.labkit_version == "0.1.0"
+        law, known = json.loads(dataset.scene)["law"], json.loads(dataset.path_parameters)
+        stress = dataset["stress"][:].filled()
+    run = lk.Run.open(file)
+    assert run.scene.law == EARLIER[law] and run.scene.contact_law.name == EARLIER[law]
+    assert run.complete and run.engine in ("fused", "yade") and run.steps > 0 and run.threads is None
+    assert run.path.name in PATHS and (run.path.rate, run.path.strain) == (known["rate"], known["strain"])
+    assert run.path.parameters().get("pressure") == known.get("pressure")
+    np.testing.assert_array_equal(run.data["stress"], stress)
+    assert all(np.isfinite(run.data[name]).all() for name in RECORD)
+    for snapshot in run.snapshots:  # three files keep some of theirs, in single precision
+        at = run.data.isel(time=int(run.data["record"][snapshot.number]))
+        np.testing.assert_allclose(lk.love_stress(snapshot), at["stress"], rtol=1e-5, atol=1.0)
+        np.testing.assert_allclose(lk.sff_stress(snapshot), at["stress_sff"], rtol=1e-5, atol=1.0)
+    assert {limit.name for limit in run.exceeded} <= {"inertial number", "mean overlap", "mean stress in Pa"}
+    found = lk.verify(run)
+    held = [finding for finding in found if finding.name.startswith("held:")]
+    assert held and all(finding.holds for finding in held), [str(finding) for finding in held]
+    stored = "stored stress against its contacts" if len(run.snapshots) else "C0"
+    assert all(f.holds for f in found if f.decides and "C0" not in f.name and not f.name.startswith(stored))
+    run.data.close()
+
+
+SOME = [ROOT / f"results/paper/runs/{name}.run.nc" for name in ("cv-dense", "cr_500kPa-loose", "cyclic-cyclic_dense")]
+
+
+def test_commands_read_them(tmp_path, labkit_command):
+    """The contacts of the first are in single precision: verify says so, with its exit code 1."""
+    done = labkit_command("verify", *SOME, "-o", "v.png", "--csv", "v.csv", cwd=tmp_path)
+    assert done.returncode == 1 and done.stderr == "", done.stderr
+    failed = [line for line in done.stdout.splitlines() if line.endswith("FAILED")]
+    assert len(failed) == 1 and failed[0].startswith("stored stress against its contacts, 3 snapshots")
+    assert float(failed[0].split()[-4]) < 1e-6
+    assert done.stdout.count("held: ") == 1 + 2 + 2
+    done = labkit_command("critical", *SOME, "-o", "c.png", "--csv", "c.csv", cwd=tmp_path)
+    assert done.returncode == 0 and "cv-dense" in done.stdout and "cyclic" not in done.stdout, done.stderr
+    for figure, more in (("test", []), ("shares", []), ("records", ["--variable", "friction_loss"])):
+        done = labkit_command("figure", figure, SOME[0], *more, "-o", f"{figure}.png", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    done = labkit_command("figure", "groups", SOME[1], "-o", "g.png", cwd=tmp_path)
+    assert done.returncode == 2 and "holds no contacts" in done.stderr
+    done = labkit_command("watch", "--once", SOME[0], cwd=tmp_path)
+    assert done.returncode == 0 and "axial strain" in done.stdout, done.stderr
+    done = labkit_command("info", SOME[0], "--check", cwd=tmp_path)
+    assert "the data of this file" in done.stdout and "differs" not in done.stdout, done.stderr
+    pictures = ("v.png", "c.png", "test.png", "shares.png", "records.png")
+    assert {name.name for name in tmp_path.iterdir()} == {*pictures, "v.csv", "c.csv"} | {
+        f"{name}.csv.provenance.json" for name in "vc"
+    }
+    assert all((tmp_path / name).read_bytes()[:4] == b"\x89PNG" for name in pictures)
+
+
+def test_critical_states_are_the_ones_that_were_published():
+    """The same table from the same files: q/p at the end of the tests, as results/paper/critical_states.csv has it."""
+    import pandas
+
+    published = pandas.read_csv(ROOT / "results/paper/critical_states.csv").set_index("run")
+    shear = {file.name.removesuffix(".run.nc"): lk.open_run(file) for file in RUNS}
+    shear = {name: run for name, run in shear.items() if run.attrs["path"] in ("cv", "cr", "cp")}
+    found = lk.critical_states(shear).set_index("run")
+    common = found.index.intersection(published.index)
+    assert len(common) > 10
+    for column in found.columns.intersection(published.columns).difference(["path"]):
+        np.testing.assert_allclose(found.loc[common, column], published.loc[common, column], rtol=2e-4, err_msg=column)
+
+
+# --- files that lack something ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", OTHER)
+def test_a_file_that_lacks_a_variable_has_nan_in_its_place(name, run_file, tmp_path):
+    run = lk.Run.open(without(run_file, tmp_path / "r.run.nc", {name}))
+    lacking = run.data[name]
+    assert lacking.dims == RECORD[name].dimensions and np.isnan(lacking.values).all()
+    assert (lacking.attrs["units"], lacking.attrs["long_name"]) == (RECORD[name].units, RECORD[name].long_name)
+    assert all(np.isfinite(run.data[other]).all() for other in RECORD if other != name)
+    assert run.complete and isinstance(run.exceeded, tuple) and len(run.snapshots) == 5 + 1
+    np.testing.assert_allclose(lk.love_stress(run.snapshots[-1]), run.data["stress"][-1], rtol=1e-12, atol=1e-6)
+    whole = [finding.holds for finding in lk.verify(run_file) if finding.decides and "C0" not in finding.name]
+    found = [finding for finding in lk.verify(run) if finding.decides and "C0" not in finding.name]
+    judged = [finding for finding in found if name != "stress_sff" or "against its contacts" not in finding.name]
+    assert all(whole) and all(finding.holds for finding in judged), [str(finding) for finding in found]
+    assert lk.critical_states({"r": run.data})["M"].notna().all()
+    assert run.plot("test") is not None
+    plt.close("all")
+
+
+def test_a_file_of_another_program_with_the_essential_variables_alone(run_file, tmp_path, labkit_command):
+    without(run_file, tmp_path / "r.run.nc", set(OTHER))
+    for words in (["verify", "r.run.nc", "-o", "v.png"], ["critical", "r.run.nc"], ["watch", "--once", "r.run.nc"],
+                  ["figure", "test", "r.run.nc"], ["figure", "contacts", "r.run.nc"], ["picture", "r.run.nc"],
+                  ["info", "r.run.nc"]):  # fmt: skip
+        done = labkit_command(*words, cwd=tmp_path)
+        assert done.returncode == (1 if words[0] == "verify" else 0), (words, done.stderr)
+        assert done.stderr == ""
+
+
+LACKING = [
+    *ESSENTIAL, *(f"contacts/{name}" for name in CONTACTS), *(f"grains/{name}" for name in GRAINS), "contacts/",
+    "grains/",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LACKING)
+def test_a_file_that_lacks_what_is_essential_is_refused(name, run_file, tmp_path):
+    file = without(run_file, tmp_path / "r.run.nc", {name})
+    lacking = {"contacts/": "record", "grains/": "radius"}.get(name, name.split("/")[-1])
+    for read in (lk.open_run, lk.verify, lk.Run.open):
+        with pytest.raises(lk.InputError) as refused:
+            read(file)
+        assert str(refused.value) == f"{file} is damaged, it lacks {lacking}: run it again"
+
+
+def test_it_is_refused_in_one_line(run_file, tmp_path, labkit_command):
+    without(run_file, tmp_path / "stress.run.nc", {"stress"})
+    shutil.copy(run_file, tmp_path / "scene.run.nc")
+    with netCDF4.Dataset(tmp_path / "scene.run.nc", "a") as run:
+        del run.scene
+    shutil.copy(run_file, tmp_path / "law.run.nc")
+    with netCDF4.Dataset(tmp_path / "law.run.nc", "a") as run:
+        run.scene = run.scene.replace("rolling_resistance", "hertz")
+    before = sorted(tmp_path.iterdir())
+    for file, said in (
+        ("stress", "stress.run.nc is damaged, it lacks stress: run it again"),
+        ("scene", "scene.run.nc is damaged, it lacks the attribute scene: run it again"),
+        ("law", "law.run.nc: law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot"),
+    ):
+        for command in ("verify", "critical", "watch", "picture"):
+            words = [command, f"{file}.run.nc", *(["--once"] if command == "watch" else [])]
+            done = labkit_command(*words, cwd=tmp_path)
+            assert done.returncode == 2 and done.stderr.startswith(f"labkit: {said}"), (words, done.stderr)
+            assert len(done.stderr.strip().splitlines()) == 1 and sorted(tmp_path.iterdir()) == before
+
+
+# --- specimens and unfinished runs of version 0.1.0 ---------------------------------------------------------------
+
+
+def as_of_version_0_1_0(file):
+    """Gives a state or run file the names and the digest that version 0.1.0 wrote."""
+    with netCDF4.Dataset(file, "a") as dataset:
+        scene = dataset.scene
+        for earlier, name in EARLIER.items():
+            scene = scene.replace(f'"{name}"', f'"{earlier}"')
+        dataset.scene = scene
+        recipe = json.loads(dataset.recipe)
+        made = lk.Recipe(**recipe)
+        recipe = {name: recipe[name] for name in ("void_ratio", "step1_friction", "step1_rolling_friction")}
+        dataset.recipe = json.dumps({**recipe, "side": made.side_of(lk.Scene.from_json(scene)), "seed": made.seed})
+
+
+def digest(state, scene):
+    """What tells specimens apart in a run file: SHA-256 of the scene as JSON and of the arrays."""
+    found = hashlib.sha256(scene.encode())
+    for name in STATE:
+        found.update(np.ascontiguousarray(getattr(state, name)).tobytes())
+    return found.hexdigest()
+
+
+@pytest.mark.parametrize("law", EARLIER)
+def test_a_specimen_and_a_run_of_version_0_1_0_are_known_again(law, tmp_path, labkit_command):
+    words = ["--void-ratio", 0.67, "--grains", 120, "--engine", "fused", "--law", law, "-o", "s.state.nc"]
+    run = ["run", "cp", "s.state.nc", "--pressure", 0.5e6, "--strain", 0.01, "--rate", 40, "--snapshots", 1, "--engine",
+           "fused", "-o", "r.run.nc"]  # fmt: skip
+    for command in (["specimen", *words], run):
+        done = labkit_command(*command, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    for name in ("s.state.nc", "r.run.nc"):
+        as_of_version_0_1_0(tmp_path / name)
+    state = read_state(tmp_path / "s.state.nc")
+    assert state.scene.law == EARLIER[law]
+    with netCDF4.Dataset(tmp_path / "r.run.nc", "a") as dataset:
+        assert json.loads(dataset.scene)["law"] == law
+        assert dataset.specimen == digest(state, state.scene.to_json())
+        dataset.specimen = digest(state, dataset.scene)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    for command in (["specimen", *words], run):
+        done = labkit_command(*command, cwd=tmp_path)
+        assert done.returncode == 0 and "nothing to do" in done.stdout, done.stdout + done.stderr
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+    other = ["specimen", *words]
+    other[other.index(0.67)] = 0.66
+    done = labkit_command(*other, cwd=tmp_path)
+    assert done.returncode == 0 and "nothing to do" not in done.stdout  # another specimen is made
+    done = labkit_command(*run, cwd=tmp_path)
+    assert done.returncode == 2 and "r.run.nc was begun with another specimen" in done.stderr
