@@ -8,13 +8,15 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 BELOW = ("io", "micro", "sff", "dem", "engines")  # whole rooms, but for the compiled engine
 COMPILED = ("engines/fused.py", "engines/kernel")
-COMMANDS = ("cli/yade_main.py", "cli/arguments.py", "cli/simulate.py")  # and what the scripts for YADE import
+COMMANDS = [f"cli/{name}.py" for name in ("__init__", "arguments", "parser", "registry", "simulate", "yade_main")]
 
 REFUSE = """
 import importlib, importlib.abc, sys
+import netCDF4, numpy  # with what they need themselves
+known = {"labkit", "numpy", "netCDF4", *sys.stdlib_module_names, *(name.split(".")[0] for name in sys.modules)}
 class Refuse(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {"scipy", "matplotlib", "pandas", "xarray", "tqdm", "numba"}:
+        if name.split(".")[0] not in known:
             raise ImportError(name + " is not for YADE's interpreter")
 sys.meta_path.insert(0, Refuse())
 sys.path.append(sys.argv[1])
@@ -55,3 +57,15 @@ def test_the_systems_interpreter_is_enough():
     done = in_the_systems_interpreter(MEASURE)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "axial_strain"
+
+
+@pytest.mark.parametrize("library", ["scipy", "matplotlib", "pandas", "xarray", "tqdm", "numba", "yaml", "nothing"])
+def test_another_library_would_be_noticed(library):
+    done = in_the_systems_interpreter(f"import {library}")
+    assert done.returncode == 1 and f"{library} is not for YADE's interpreter" in done.stderr
+
+
+@pytest.mark.parametrize("module", ["labkit.engines.fused", "labkit.runs.dataset", "labkit.visuals.plots"])
+def test_a_module_above_the_line_is_not_imported(module):
+    done = in_the_systems_interpreter(f"import {module}")
+    assert done.returncode == 1 and "is not for YADE's interpreter" in done.stderr
