@@ -28,6 +28,7 @@ from labkit.dem.stratified import Layer
 from labkit.engines import ENGINES, require_engine, starter
 from labkit.errors import InputError
 from labkit.extensions import file_of, use, used
+from labkit.io.interruption import being_written, busy
 from labkit.io.provenance import provenance
 from labkit.parameters import restored
 
@@ -210,6 +211,8 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
         return task.do(progress)
     from labkit.engines.yade_process import run_script
 
+    if isinstance(task, RunTask) and being_written(File(str(task.output))):
+        raise busy(File(str(task.output)))  # before YADE has been started for nothing
     with tempfile.TemporaryDirectory(prefix="labkit-") as name:
         folder = File(name)
         output = task.output or str(folder / "made.state.nc")

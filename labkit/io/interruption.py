@@ -47,11 +47,16 @@ def only_writer(file: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise InputError(f"{file} is being written by another process: wait for it, or choose another -o") from None
+            raise busy(file) from None
         try:
             yield
         finally:
             lock.unlink(missing_ok=True)
+
+
+def busy(file: Path) -> InputError:
+    """The error of a file that another process writes."""
+    return InputError(f"{file} is being written by another process: wait for it, or choose another -o")
 
 
 def lock_of(file: Path) -> Path:
