@@ -7,6 +7,9 @@ import sys
 
 import pytest
 
+from labkit.cli import main
+from labkit.cli.registry import helps
+
 
 @pytest.fixture
 def folder(tmp_path, specimen_file, run_file):
@@ -157,6 +160,15 @@ def test_info_tells_what_is_in_a_file(folder, labkit_command):
     assert done.returncode == 0 and "cv" in done.stdout and "grain" in done.stdout
     done = labkit_command("info", "s.state.nc", cwd=folder)
     assert done.returncode == 0 and "void ratio" in done.stdout
+
+
+@pytest.mark.parametrize("name", sorted(helps()))
+def test_every_command_says_what_it_does(name, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([name, "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    assert ended.value.code == 0 and said.startswith(f"usage: labkit {name} ") and "--use FILE" in said
+    assert helps()[name][1:].split(":")[0] in said.replace("- ", "-")
 
 
 def test_the_command_is_installed():

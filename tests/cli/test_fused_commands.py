@@ -84,3 +84,41 @@ def test_a_specimen_is_not_made_again_under_another_name_of_its_law(specimen, la
         again = labkit_command(*SPECIMEN, "--law", law, "-o", specimen, environment=BARE)
         assert again.returncode == 0 and "nothing to do" in again.stdout
     assert read_state(specimen).scene.law == "spring_dashpot" and read_state(specimen).engine == "fused"
+
+
+def test_a_specimen_that_is_there_is_not_made_again(labkit_command, tmp_path):
+    """The name of a file that nobody chose is that of its parameters."""
+    words = ("specimen", "--void-ratio", 0.67, "--settings", "quick", "--grains", 150, "--engine", "fused")
+    assert labkit_command(*words, cwd=tmp_path, environment=BARE).returncode == 0
+    (file,) = tmp_path.iterdir()
+    assert file.name == "e0.67_f0.15_r0.1_n150_s1_t0.3.state.nc"
+    before = file.read_bytes()
+    for more in ((), ("-o", file.name), ("--step1-friction", "0.15", "--law", "yade")):
+        again = labkit_command(*words, *more, cwd=tmp_path, environment=BARE)
+        assert again.returncode == 0 and again.stdout == f"{file.name}: holds this specimen already, nothing to do\n"
+    assert file.read_bytes() == before and list(tmp_path.iterdir()) == [file]
+    other = labkit_command(*words, "--seed", 2, "-o", file.name, cwd=tmp_path, environment=BARE)
+    assert other.returncode == 0 and "nothing to do" not in other.stdout and read_state(file).seed == 2
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_checkpoint_from_which_the_same_command_goes_on(number, specimen, labkit_command, tmp_path):
+    file = tmp_path / "r.run.nc"
+    words = [sys.executable, "-m", "labkit.cli", "run", "cv", str(specimen), *map(str, RUN), "-o", str(file)]
+    child = subprocess.Popen(words, env=BARE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in child.stdout:
+        if file.exists() and not line.startswith("cv:   0%"):
+            child.send_signal(number)
+            break
+    _, said = child.communicate()
+    assert child.returncode == 128 + number
+    assert said == f"labkit: stopped by signal {number}; {file} is saved, the same command goes on from there\n"
+    with netCDF4.Dataset(file) as run:
+        assert run.complete == 0 and 1 <= len(run["time"]) < 21
+    done = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
+    assert done.returncode == 0 and f"{file}: complete\n" in done.stdout, done.stderr
+    again = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
+    assert again.returncode == 0 and f"{file}: was complete already, nothing to do\n" in again.stdout
+    assert list(tmp_path.iterdir()) == [file]
+    with netCDF4.Dataset(file) as run:
+        assert run.complete == 1 and len(run["time"]) == 21

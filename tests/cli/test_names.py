@@ -1,0 +1,56 @@
+"""Names of files that nobody chose: those of version 0.1.0, so that the same command finds its file again."""
+
+import pytest
+
+from labkit.cli.parser import Parser
+from labkit.cli.simulate import run_name, run_options, specimen_options, specimen_task
+from labkit.dem.paths import PATHS
+
+SPECIMENS = {
+    "--void-ratio 0.67": "e0.67_f0.15_r0.1_l0.004_s1",
+    "--void-ratio 0.67 --grains 500": "e0.67_f0.15_r0.1_n500_s1",
+    "--void-ratio 0.7 --side 2e-3 --seed 4": "e0.7_f0.15_r0.1_l0.002_s4",
+    "--void-ratio 0.7 --side 2mm --seed 4": "e0.7_f0.15_r0.1_l0.002_s4",
+    "--void-ratio 0.67 --settings quick": "e0.67_f0.15_r0.1_n2000_s1_t0.3",
+    "--void-ratio 0.67 --settings standard": "e0.67_f0.15_r0.1_l0.004_s1",
+    "--void-ratio 0.67 --settings reference": "e0.67_f0.15_r0.1_l0.004_s1_t0.1",
+    "--void-ratio 0.67 --step1-friction 0.3 --step1-rolling-friction 0.05 --grains 1000": "e0.67_f0.3_r0.05_n1000_s1",
+    "--void-ratio 0.67 --settings quick --grains 700 --time-step-factor 0.1": "e0.67_f0.15_r0.1_n700_s1_t0.1",
+    # what came later
+    "--void-ratio 0.67 --law yade": "e0.67_f0.15_r0.1_l0.004_s1",
+    "--void-ratio 0.67 --law paper --engine fused": "e0.67_f0.15_r0.1_l0.004_s1_spring_dashpot",
+    "--void-ratio 0.67 --friction 0.5 --rolling-friction 0": "e0.67_f0.15_r0.1_l0.004_s1_mu0.5_mur0",
+    "--void-ratio 0.67 --young-modulus 300MPa --side 4mm": "e0.67_f0.15_r0.1_l0.004_s1_E3e+08",
+}
+RUNS = {
+    "cv": "s_cv",
+    "cp --pressure 0.5e6": "s_cp_p500kPa",
+    "cr --pressure 500e3 --strain 0.05": "s_cr_p500kPa_e0.05",
+    "cp --pressure 1.5e5 --rate 20 --strain 0.1": "s_cp_p150kPa_e0.1_r20",
+    "cv --settings quick": "s_cv_quick",
+    "cv --settings quick --rate 5 --time-step-factor 0.1": "s_cv_r5_quick_t0.1",
+    "isoc --pressure 1.2e6": "s_isoc_p1200kPa",
+    "isod --strain -0.05": "s_isod_e-0.05",
+    "cyclic_cp --pressure 0.5e6 --reversals 0.01,-0.01,0.02": "s_cyclic_cp_p500kPa_c0.01_-0.01_0.02",
+    "cyclic_cp --reversals=-0.01,0.01 --rate 5": "s_cyclic_cp_r5_c-0.01_0.01",
+    "cv --record-strain 1e-4 --snapshots 3 --threads 2 --engine fused": "s_cv",
+    # what came later
+    "cp --pressure 0.5MPa --strain 10%": "s_cp_p500kPa_e0.1",
+    "cv --law paper --friction 0.30": "s_cv_mu0.3_spring_dashpot",
+}
+
+
+@pytest.mark.parametrize("words", SPECIMENS)
+def test_names_of_specimens(words):
+    parser = Parser()
+    specimen_options(parser)
+    assert specimen_task(parser.parse_args(words.split()), "").output == f"{SPECIMENS[words]}.state.nc"
+
+
+@pytest.mark.parametrize("words", RUNS)
+def test_names_of_runs_lie_beside_their_specimens(words):
+    parser = Parser()
+    run_options(parser)
+    path, *more = words.split()
+    options = parser.parse_args([path, "some/s.state.nc", *more])
+    assert run_name(options, PATHS[path]) == f"some/{RUNS[words]}.run.nc"
