@@ -38,7 +38,6 @@ from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import parameters_of, restored
 
 
-
 def history_of(argv: list[str]) -> str:
     """The command as a person would type it again."""
     return shlex.join(["labkit", *argv])

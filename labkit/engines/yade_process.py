@@ -61,12 +61,14 @@ def run_script(name: str, arguments: Sequence[str], threads: int, progress: Prog
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, errors="replace", preexec_fn=die_with_parent,
     )  # fmt: skip
-    errors = collections.deque(maxlen=20)
-    reader = threading.Thread(target=lambda: errors.extend(child.stderr), daemon=True)
+    output, complaints = child.stdout, child.stderr
+    assert output is not None and complaints is not None
+    errors: collections.deque[str] = collections.deque(maxlen=20)
+    reader = threading.Thread(target=lambda: errors.extend(complaints), daemon=True)
     reader.start()
     try:
         with _forwarded_signals(child):
-            _follow(child.stdout, progress)
+            _follow(output, progress)
             code = child.wait()
     except BaseException:  # of `progress`: YADE must not go on alone; a run writes its checkpoint
         child.terminate()
@@ -74,8 +76,8 @@ def run_script(name: str, arguments: Sequence[str], threads: int, progress: Prog
         raise
     finally:
         reader.join()
-        child.stdout.close()
-        child.stderr.close()
+        output.close()
+        complaints.close()
     if code:
         _raise(code, errors)
 
