@@ -1,6 +1,6 @@
 """A contact law of your own: linear springs with Coulomb friction, without rolling resistance, on the engine fused.
 
-    labkit specimen --void-ratio 0.67 --grains 500 --law linear --engine fused --use examples/own_law.py -o s.state.nc
+    labkit specimen --void-ratio 0.6 --grains 500 --law linear --engine fused --use examples/own_law.py -o s.state.nc
 """
 
 import labkit as lk
@@ -21,7 +21,7 @@ class Linear(lk.ContactLaw):
         fn = contact.stiffness * contact.overlap if contact.overlap > 0.0 else 0.0
         force = times(-fn, n)
         if friction is not None:
-            kt = constants[0] * contact.stiffness
+            kt = constants[0] * contact.stiffness  # constants: (kt/kn,), from lk.ContactLaw.features
             spin = plus(times(contact.radius_a, contact.spin_a), times(contact.radius_b, contact.spin_b))
             slip = minus(contact.velocity, cross(spin, n))
             t = plus(minus(t, times(dot(t, n), n)), times(kt * dt, minus(slip, times(dot(slip, n), n))))

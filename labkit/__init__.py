@@ -24,7 +24,7 @@ _NAMES = {
     "make_specimen": "runs.laboratory", "consolidate": "runs.laboratory", "run": "runs.laboratory",
     "read_state": "dem.state", "write_state": "dem.state",
     # what comes out
-    "Run": "runs.run", "Snapshot": "micro.snapshot", "Contacts": "micro.contacts",
+    "Run": "runs.run", "Exceeded": "dem.limits", "Snapshot": "micro.snapshot", "Contacts": "micro.contacts",
     "open_run": "runs.dataset", "open_state": "runs.dataset", "open_campaign": "campaign.collection",
     "statistics": "micro.fabric", "love_stress": "micro.stress", "sff_stress": "sff.c0", "mean_stress": "micro.stress",
     "deviatoric_stress": "micro.stress", "verify": "runs.verify", "critical_states": "runs.critical",

@@ -20,7 +20,8 @@ import importlib.util
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+import traceback
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,9 @@ class Registry(Mapping[str, Any]):
 
     def register(self, entry: Any) -> Any:
         """Makes an entry known under its `name`; a decorator. Raises InputError for a name that is taken."""
-        name = entry.name
+        name = getattr(entry, "name", None)
+        if not isinstance(name, str) or not name:
+            raise InputError(f"{_label(entry)} has no name: give it one, e.g. name = \"mine\"")
         taken = self._entries.get(name, self._aliases.get(name))
         if taken is not None and _origin(taken) != _origin(entry):
             raise InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
@@ -159,6 +162,9 @@ def _load(file: str) -> None:
     sys.modules[name] = module
     try:
         specification.loader.exec_module(module)
+    except InputError:
+        del sys.modules[name]
+        raise
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (SystemExit, Exception)):
@@ -167,6 +173,15 @@ def _load(file: str) -> None:
         raise
 
 
-def registering(registry: Callable[[], Registry]) -> Callable[[Any], Any]:
-    """A decorator that registers in a registry that is imported when it is needed."""
-    return lambda entry: registry().register(entry)
+def blamed(error: BaseException) -> str | None:
+    """Where in a file of the user's own an error arose, as one line; None if it did not arise there."""
+    files, line = used(), None
+    for frame in traceback.extract_tb(error.__traceback__):
+        if str(Path(frame.filename)) in files:
+            line = f"{Path(frame.filename).name} line {frame.lineno}"
+    text = (str(error).strip() or type(error).__name__).splitlines()[0]
+    return None if line is None else f"{line}: {type(error).__name__}: {text}"
+
+
+def _label(entry: Any) -> str:
+    return str(getattr(entry, "__qualname__", type(entry).__name__))

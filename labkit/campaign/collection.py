@@ -116,7 +116,7 @@ def _read(file: Path) -> _File:
         inputs, name = known["provenance"].get("inputs", []), run.getncattr("path")
         records = len(run.dimensions["time"])
         of_file = {
-            "path": name, "engine": str(run.engine), "specimen": Path(inputs[0]["file"]).name if inputs else "",
+            "path": name, "engine": str(run.engine), "specimen": _specimen_of(inputs),
             "seed": int(getattr(run, "seed", 0)), "grains": len(run["grains"].dimensions["grain"]),
             "records": records, "complete": bool(run.complete), "file": str(file),
         }  # fmt: skip
@@ -149,6 +149,11 @@ def _described(variable: netCDF4.Variable) -> Variable:
     attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
     own = Variable(variable.name, variable.dimensions, "f8", *attributes)
     return RECORD.get(variable.name, own)
+
+
+def _specimen_of(inputs: list[dict[str, Any]]) -> str:
+    """The state file among what a run was made of; files of the user's own stand beside it."""
+    return next((Path(one["file"]).name for one in inputs if str(one["file"]).endswith(".state.nc")), "")
 
 
 class _Records(BackendArray):

@@ -26,6 +26,11 @@ def main(argv: list[str] | None = None) -> int:
         return fail(sentence(error), 1)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
+    except Exception as error:  # of a path, law, statistic, engine or figure of the user's own
+        said = extensions.blamed(error)
+        if said is None:
+            raise
+        return fail(said, 2)
 
 
 def call(argv: list[str]) -> int:
@@ -34,7 +39,9 @@ def call(argv: list[str]) -> int:
     for file in files_to_use(argv):
         extensions.use(file)
     command = find(argv[0]) if argv else None
-    options = parser_for(command).parse_args(argv)
+    options, unknown = parser_for(command).parse_known_args(argv)
+    if unknown:
+        raise InputError(f"{unknown[0]} is not an option of {_told(command)}")
     if command is None:  # --help and --version have ended, and what is unknown was refused
         raise InputError("a command is missing: give one (see labkit --help)")
     return command.execute(options, argv) or 0
@@ -58,3 +65,8 @@ def parser_for(command: Command | None) -> Parser:
             one.add_argument("--use", action="append", metavar="FILE", help="Python file of your own that registers "
                              "paths, contact laws, statistics, engines or figures")  # fmt: skip
     return parser
+
+
+def _told(command: Command | None) -> str:
+    name = "labkit" if command is None else f"labkit {command.name}"
+    return f"{name} (see {name} --help)"

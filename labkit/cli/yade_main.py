@@ -15,6 +15,7 @@ from labkit.cli.arguments import parse_in_yade
 from labkit.cli.parser import Parser, named
 from labkit.engines.tasks import from_job
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.extensions import blamed
 from labkit.io.progress import ERROR, reporter
 
 
@@ -41,7 +42,12 @@ def _finish(work: Callable[[], object], tell: Callable[[BaseException], None] | 
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # YADE would ignore it; a run catches it for its checkpoint
     try:
         work()
-    except (InputError, PhysicsError, Interrupted, OSError) as error:
+    except Exception as error:
+        said = blamed(error)
+        if said is not None and not isinstance(error, (InputError, PhysicsError, Interrupted, OSError)):
+            error = InputError(said)
+        if not isinstance(error, (InputError, PhysicsError, Interrupted, OSError)):
+            raise
         if tell is not None:
             tell(error)
             sys.exit(exit_code(error))

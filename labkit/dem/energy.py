@@ -71,4 +71,5 @@ def require_balanced(state: State, snapshot: Snapshot | None = None) -> None:
         raise PhysicsError(
             f"the energy balance is off by {error:.1%} of the work at step {state.step}: the time step "
             f"{state.time_step:.3g} s is too large, lower time_step_factor from {state.scene.time_step_factor:g}"
+            + ("" if state.scene.contact_law.labkits else "; or the losses of your law do not match its forces")
         )

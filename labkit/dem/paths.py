@@ -36,6 +36,13 @@ class Control:
         """Makes arrays of sequences."""
         for name in ("measure", "free", "target"):
             object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
+        shapes = self.measure.shape, self.free.shape, self.target.shape
+        k = self.target.size
+        if shapes != ((k, 3), (3, k), (k,)):
+            raise InputError(
+                f"a Control has measure {shapes[0]}, free {shapes[1]} and target {shapes[2]}: give (k, 3), (3, k) and "
+                "(k,) for k held stresses"
+            )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +57,11 @@ class Held:
     kind: str
     measure: np.ndarray | None = None
     target: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        """Raises InputError for another kind."""
+        if self.kind not in ("stress", "strain", "volume"):
+            raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain or volume")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,6 +120,16 @@ class Path(abc.ABC):
     def parameters(self) -> dict[str, Any]:
         """Its fields, name -> value in SI units, for files."""
         return dataclasses.asdict(self)
+
+    def require_consistent(self) -> None:
+        """Raises InputError if the control moves a direction whose strain rate is given."""
+        control = self.control()
+        if control is not None:
+            both = control.free.any(axis=1) & (np.asarray(self.direction) != 0.0)
+            if both.any():
+                names = ", ".join("xyz"[k] for k in np.flatnonzero(both))
+                said = f"gives the strain rate in {names} and lets the servo find it too: do one of them"
+                raise InputError(f"path {self.name} {said}")
 
     def given(self) -> dict[str, Any]:
         """Those of its fields that it is made with."""
@@ -288,7 +310,14 @@ PATHS: Registry = Registry(
 
 
 def register_path(kind: type[Path]) -> type[Path]:
-    """A decorator that makes a subclass of Path known under its `name`."""
+    """A decorator that makes a subclass of Path known under its `name`.
+
+    Raises InputError for a direction that is not three numbers, or whose z is negative: extension is a negative strain.
+    """
+    direction = np.asarray(kind.direction, dtype=float)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] < 0.0:
+        allowed = "strain rates in x, y and z over `rate`, that of z not negative: extension is a negative `strain`"
+        raise InputError(field="direction", value=kind.direction, allowed=allowed)
     return PATHS.register(kind)
 
 

@@ -37,10 +37,16 @@ class Statistic:
 
     def __call__(self, snapshot: Snapshot) -> np.ndarray:
         """Its value for a Snapshot, of the shape that it says. Raises InputError for another shape."""
-        value = np.asarray(self.function(snapshot), dtype=float)
+        made = self.function(snapshot)
         shape = tuple(SIZES[dimension] for dimension in self.dimensions)
-        if value.shape != shape:
-            raise InputError(f"statistic {self.name} returned the shape {value.shape}: return {shape}")
+        value = np.full(shape, np.nan) if made is None else np.asarray(made, dtype=float)
+        if made is None or value.shape != shape:
+            what = "nothing" if made is None else f"the shape {value.shape}"
+            said = "one number" if not shape else f"the shape {shape}"
+            raise InputError(
+                f"statistic {self.name} returned {what}, and was registered as {said}: return that, or give other "
+                'dimensions, e.g. dimensions=("i", "j")'
+            )
         return value
 
 
@@ -53,8 +59,9 @@ def register_statistic(
     """A decorator for a function of a Snapshot, which is recorded from then on. Raises InputError for a name that is
     taken, or dimensions that are not i, j or side."""
     unknown = set(dimensions) - set(SIZES)
-    if unknown:
-        raise InputError("are not dimensions of a record", field="dimensions", value=dimensions, allowed="some of i, j")
+    if unknown or isinstance(dimensions, str) or len(set(dimensions)) < len(dimensions):
+        allowed = 'a tuple of different ones of "i", "j", "side"'
+        raise InputError("are not dimensions of a record", field="dimensions", value=dimensions, allowed=allowed)
     if name in RECORD:
         raise InputError("is recorded already", field="name", value=name, allowed="another name")
 

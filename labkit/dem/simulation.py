@@ -69,6 +69,7 @@ class Schedule:
 
         Raises InputError when the rate fits neither the strain nor the time step.
         """
+        path.require_consistent()
         record_strain = options.record_strain or path.record_strain
         step_strain = path.rate * time_step
         legs = np.diff((0.0, *path.turning_points()))

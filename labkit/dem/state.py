@@ -42,7 +42,7 @@ class Ledger:
         return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class State:
     """See labkit.io.schema.STATE for shapes and units."""
 
@@ -67,6 +67,10 @@ class State:
     recipe: str = ""  # JSON of the Recipe that made the specimen
     provenance: str = ""  # JSON of labkit.io.provenance
     ledger: Ledger = Ledger()
+
+    def __repr__(self) -> str:
+        contacts = len(self.contact_grain)
+        return f"State({self.number_of_grains} grains, {contacts} contacts, {self.scene.law}, step {self.step})"
 
     @property
     def number_of_grains(self) -> int:

@@ -76,7 +76,14 @@ class FusedEngine(Engine):
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
         )  # fmt: skip
         self._search((state.position, state.velocity, state.angular_velocity), history)
-        self._run(1, self._before, dt=0.0, moved_already=True)
+        try:
+            self._run(1, self._before, dt=0.0, moved_already=True)
+        except numba.core.errors.NumbaError as error:  # a law of the user's own that Python takes and Numba does not
+            said = next((line for line in str(error).splitlines() if line.strip()), "")
+            raise InputError(
+                f"contact law {scene.law} cannot be compiled ({said.strip()}): write its `pair` with numbers, tuples "
+                "and the functions of labkit.dem.laws.vectors alone"
+            ) from error
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.array(velocity_gradient, dtype=float)

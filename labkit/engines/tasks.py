@@ -65,7 +65,7 @@ class Task(abc.ABC):
     def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
         """The State with its origin, written to `output` if there is one."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        made = provenance(self.history or None, inputs, self.output, state.seed)
+        made = provenance(self.history or None, (*inputs, *used()), self.output, state.seed)
         state = state.replace(history=history, provenance=made)
         if self.output is not None:
             write_state(self.output, state)
@@ -180,7 +180,7 @@ class RunTask(_OfState):
         if self.output is None:
             raise InputError("a run needs a file: give its name")
         require_pressure(self.path, self.scene)
-        made = provenance(self.history or None, self.inputs, self.output, self.state.seed)
+        made = provenance(self.history or None, (*self.inputs, *used()), self.output, self.state.seed)
         history = "\n".join(line for line in (self.state.history, self.history) if line)
         start = starter(self.engine, self.threads)
         state = self.state.replace(history=history, provenance=made)

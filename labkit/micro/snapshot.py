@@ -41,7 +41,7 @@ class Material(typing.Protocol):
         """Mass of grains, kg. `radius` in m, any shape."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Snapshot:
     """Grains and contacts at one instant, of a State (`State.snapshot()`) or of a run file (`run.lab.snapshot(k)`).
 
@@ -60,6 +60,10 @@ class Snapshot:
     axial_strain: float | None = None
     velocity: np.ndarray | None = None
     number: int = 0
+
+    def __repr__(self) -> str:
+        strain = "" if self.axial_strain is None else f", axial strain {self.axial_strain:.2%}"
+        return f"Snapshot({self.number_of_grains} grains, {len(self.contacts)} contacts{strain})"
 
     @functools.cached_property
     def volume(self) -> float:

@@ -27,6 +27,7 @@ from labkit.errors import InputError, Interrupted
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
+from labkit.parameters import parameters_of
 from labkit.runs.run import Run
 
 
@@ -39,6 +40,8 @@ def make_specimen(
     progress: whether it is shown, or a function of the fraction done and a text. Raises InputError for values that are
     not possible, PhysicsError if the specimen does not come to rest.
     """
+    _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
+    _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
     task = SpecimenTask(recipe=recipe, material=scene or Scene(), engine=engine, threads=threads, output=_output(file))
     return _state(execute(task, _shown(progress, "specimen")))
 
@@ -51,6 +54,7 @@ def consolidate(
 
     pressure: Pa, or text with a unit. Raises InputError, PhysicsError.
     """
+    _require(state, State, "state", "what labkit.make_specimen or labkit.read_state gives")
     path = make_path("cr", {"pressure": pressure})
     reached = path.start_pressure()
     if reached is None:
@@ -71,6 +75,11 @@ def run(
     snapshots, save_every), in place of `options`. Raises InputError, PhysicsError if the simulation fails, Interrupted
     after Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
+    _require(state, State, "state", "what labkit.make_specimen or labkit.read_state gives")
+    _require(path, Path, "path", "labkit.paths.ConstantVolume()")
+    for name in recording:
+        if name not in parameters_of(Options):
+            raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(parameters_of(Options)))
     options = dataclasses.replace(options or Options(), **recording)
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
@@ -105,6 +114,13 @@ def _shown(progress: bool | Progress, title: str) -> Progress:
     if callable(progress):
         return progress
     return reporter(title) if progress else silent
+
+
+def _require(value: object, kind: type, field: str, example: str) -> None:
+    """Raises InputError for an argument of another type."""
+    if not isinstance(value, kind):
+        given = type(value).__name__
+        raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"one, e.g. {example}")
 
 
 def _state(made: State | None) -> State:

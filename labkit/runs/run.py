@@ -32,6 +32,8 @@ class Snapshots(Sequence[Snapshot]):
     def __getitem__(self, number: Any) -> Any:
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(len(self)))]
+        if not -len(self) <= number < len(self):
+            raise IndexError(f"snapshot {number}: this run has {len(self)}")
         return self._data.lab.snapshot(number)
 
 
@@ -55,7 +57,10 @@ class Run:
 
     @property
     def exceeded(self) -> tuple[Exceeded, ...]:
-        """The limits of quasi-static tests and small overlaps that it left, with where and by how much."""
+        """The limits that it left, each an Exceeded with name, limit, largest, records, of and strain; empty if none.
+
+        They are those of the inertial number (3e-4), of the mean overlap (2 % of D) and of the mean stress (0.02 E).
+        """
         return exceeded({name: self.data[name].values for name in RECORDED}, self.scene)
 
     @property

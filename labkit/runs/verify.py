@@ -118,7 +118,7 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
         name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
-        yield Finding(name, np.nan, "", False, False)
+        yield Finding(name, np.nan, "", False, True)
         return
     for held in path.held():
         if held.kind == "volume":
@@ -134,7 +134,9 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
 def _held_stress(run: xarray.Dataset, held: Held) -> Iterator[Finding]:
     stress = np.diagonal(run["stress"].values, axis1=1, axis2=2) @ np.transpose(held.measure)
     error = stress[travelled(run["axial_strain"].values) > HELD_AFTER] / held.target - 1.0
-    if error.size:
+    if not error.size:
+        yield Finding(f"held: {held.name}, not checked below {HELD_AFTER:.1%} strain", np.nan, "", False, False)
+    else:
         yield _below(f"held: {held.name}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS)
         yield _below(f"held: {held.name}, error at worst", np.abs(error).max(), HELD_WORST)
 

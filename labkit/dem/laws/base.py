@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Contact(NamedTuple):
     """One contact at one instant, as `pair` gets it. Vectors point from the first grain (a) to the second (b).
 
-    stiffness: the coefficient of `normal_stiffness`; radius_a, radius_b, distance, overlap: m; inverse: 1/distance;
+    stiffness: the coefficient of `normal_stiffness`; radius_a, radius_b, overlap: m; inverse: 1/distance, 1/m;
     branch: b - a, m; normal: branch/distance; velocity: of b relative to a (centres), m/s; spin_a, spin_b: rad/s.
     """
 
@@ -164,6 +164,11 @@ class ContactLaw(abc.ABC):
     def yade(self, scene: Scene) -> YadeLaw | None:
         """The same law in YADE; None where YADE has none. Called inside YADE alone."""
         return None
+
+    @property
+    def labkits(self) -> bool:
+        """Whether it is one of labkit's own."""
+        return type(self).__module__.startswith("labkit.")
 
     @property
     def on_yade(self) -> bool:

@@ -8,10 +8,14 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from labkit.dem.laws import vectors
-from labkit.dem.laws.base import ContactLaw
+from labkit.dem.laws.base import Contact, ContactLaw, Response
+from labkit.dem.scene import Scene
 from labkit.engines.kernel import contact, steps
 from labkit.engines.kernel.compiling import OPTIONS, cached, compiled, compiled_with_callees, stamp_of, with_globals
+from labkit.errors import InputError
 from labkit.extensions import file_of
 
 HERE = Path(__file__).parent
@@ -28,6 +32,8 @@ class Kernel(NamedTuple):
 @functools.cache
 def kernel_of(law: ContactLaw) -> Kernel:
     """The Kernel of a contact law: compiled at its first step, or read from the disk if its sources are the same."""
+    if not law.labkits:
+        try_out(law)
     known: dict[Any, Any] = {}
     pair, spring = compiled_with_callees(law.pair, known), compiled_with_callees(law.spring, known)
     names = {**_compiled_functions(contact, known), "pair": pair, "spring": spring}
@@ -47,6 +53,21 @@ def kernel_of(law: ContactLaw) -> Kernel:
         loop(steps.advance, "advance_threads", contacts, parallel=True),
         loop(steps.branch_force, "branch_force", {"block_stress": block_stress}),
     )
+
+
+def try_out(law: ContactLaw) -> None:
+    """Calls `pair` of a law of the user's own once, as plain Python: its mistakes are then Python's, with their line.
+
+    Raises InputError if what comes back is not a Response of finite numbers.
+    """
+    features = law.features(Scene(law=law.name))
+    branch, zero = (1.6e-4, 0.0, 0.0), (0.0, 0.0, 0.0)
+    touching = Contact(1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, (1.0, 0.0, 0.0), (0.0, 1e-3, 0.0), zero, zero)
+    known = features.constants, features.friction, features.rolling, features.dashpots
+    found = law.pair(touching, zero, zero, 1e-7, *known, True)
+    numbers = np.concatenate([np.ravel(part) for part in found]) if isinstance(found, Response) else np.full(1, np.nan)
+    if numbers.size != 18 or not np.isfinite(numbers).all():
+        raise InputError(f"contact law {law.name}: pair returned {found!r}: return a Response of finite numbers")
 
 
 def _compiled_functions(module: Any, known: dict[Any, Any]) -> dict[str, Any]:
