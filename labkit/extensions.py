@@ -162,9 +162,9 @@ def _load(file: str) -> None:
     sys.modules[name] = module
     try:
         specification.loader.exec_module(module)
-    except InputError:
+    except InputError as error:
         del sys.modules[name]
-        raise
+        raise InputError(f"is refused: {error}", field="use", value=file) from error
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (SystemExit, Exception)):

@@ -269,7 +269,8 @@ def test_a_statistic_of_another_shape_than_it_says_is_refused(folder, labkit_com
     before = sorted(folder.iterdir())
     words = ["run", "cv", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "bad.py"]
     done = labkit_command(*words, cwd=folder)
-    assert done.returncode == 2 and "statistic moment_of_normals returned the shape (): return (3, 3)" in done.stderr
+    said = "moment_of_normals returned the shape (), and was registered as the shape (3, 3)"
+    assert done.returncode == 2 and said in done.stderr
     assert [file for file in sorted(folder.iterdir()) if file.name != "__pycache__"] == before
 
 
@@ -438,3 +439,57 @@ def test_a_specimen_keeps_the_name_of_its_law(folder, labkit_command):
     with pytest.raises(lk.InputError, match="state.nc: law 'tired' is unknown: give one of .*, or load the file"):
         read_state(file)
     assert "nothing to do" in labkit_command(*words, "--use", "mine.py", cwd=folder).stdout
+
+
+LAW = """import labkit as lk
+from labkit.dem.laws import Response
+
+
+@lk.register_law
+class Mine(lk.ContactLaw):
+    name = "mine"
+
+    @staticmethod
+    def pair(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
+        {}
+"""
+PATH = """import dataclasses
+import labkit as lk
+
+
+@lk.register_path
+@dataclasses.dataclass(frozen=True)
+class Mine(lk.StressPath):
+    name, direction = "mine", {}
+
+    def control(self):
+        return {}
+"""
+ALONG = "lk.Control([[1, 0, 0]], [[1], [1], [0]], [self.pressure])"
+MISTAKES = {
+    "law, attribute": (LAW.format("return contact.stifness"), "bad.py line 11: AttributeError: "),
+    "law, response": (LAW.format("return Response(t, t, t, t, m, 0.0, 0.0)"), "bad.py line 11: TypeError: "),
+    "law, result": (LAW.format("return t"), "contact law mine: pair returned (0.0, 0.0, 0.0): return a Response"),
+    "law, not for Numba": (
+        LAW.format('return Response(t, t, t, t, m, float(f"{dt}"), 0.0, 0.0)'), "law mine cannot be compiled ("),
+    "law, no name": (LAW.format("return t").replace('name = "mine"', "other = 1"), "Mine has no name: give it one"),
+    "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not possible: give strain rates in x, y and z"),
+    "path, extension": (PATH.format("(0, 0, -1)", ALONG), "extension is a negative `strain`"),
+    "path, shapes": (PATH.format("(0, 0, 1)", "lk.Control([[1, 0]], [[1], [1]], [1])"), "a Control has measure (1, 2)"),
+    "path, given and free": (
+        PATH.format("(0, 1, 1)", ALONG), "path mine gives the strain rate in y and lets the servo find it too"),
+    "path, error": (PATH.format("(0, 0, 1)", "self.nothing"), "bad.py line 11: AttributeError: "),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_in_a_file_of_ones_own_is_said_in_one_line(name, folder, labkit_command):
+    text, said = MISTAKES[name]
+    (folder / "bad.py").write_text(text)
+    before = {file for file in folder.rglob("*") if "__pycache__" not in file.parts}
+    what = ["cv", "s.state.nc", "--law"] if name.startswith("law") else ["mine", "s.state.nc", "--pressure"]
+    what.append("mine" if name.startswith("law") else "1MPa")
+    done = labkit_command("run", *what, *RUN, "--engine", "fused", "--use", "bad.py", "-o", "new.run.nc", cwd=folder)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert said in done.stderr
+    assert {file for file in folder.rglob("*") if "__pycache__" not in file.parts} == before

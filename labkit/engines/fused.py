@@ -78,7 +78,9 @@ class FusedEngine(Engine):
         self._search((state.position, state.velocity, state.angular_velocity), history)
         try:
             self._run(1, self._before, dt=0.0, moved_already=True)
-        except numba.core.errors.NumbaError as error:  # a law of the user's own that Python takes and Numba does not
+        except Exception as error:  # of Numba, at a law of the user's own that is Python but nothing to compile
+            if scene.contact_law.labkits:
+                raise
             said = next((line for line in str(error).splitlines() if line.strip()), "")
             raise InputError(
                 f"contact law {scene.law} cannot be compiled ({said.strip()}): write its `pair` with numbers, tuples "

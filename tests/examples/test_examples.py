@@ -41,8 +41,8 @@ def test_each_is_short_and_all_are_tested():
 
 
 def test_own_path_holds_the_axial_stress_in_a_run_that_verify_judges(folder, labkit_command):
-    words = ["run", "ca", "s.state.nc", "--pressure", "300kPa", "--strain", 0.03, "--engine", "fused", "-o", "ca.run.nc"]
-    run(folder, labkit_command, *words, *used("own_path", "own_law"))
+    words = ["run", "ca", "s.state.nc", "--pressure", "300kPa", "--strain", 0.03, "--engine", "fused"]
+    run(folder, labkit_command, *words, "-o", "ca.run.nc", *used("own_path", "own_law"))
     with netCDF4.Dataset(folder / "ca.run.nc") as found:
         axial, late = found["stress"][:, 2, 2], found["axial_strain"][:] > 0.005
         assert np.abs(axial[late] / 300e3 - 1.0).max() < 0.02
@@ -81,7 +81,8 @@ def test_own_statistic_is_recorded_verified_and_drawn(folder, labkit_command):
 def test_own_engine_is_stiffer_than_grains_that_rearrange(folder, labkit_command):
     words = ["run", "cv", "s.state.nc", "--strain", 1e-3, "--record-strain", 1e-4]
     for engine in ("affine", "fused"):
-        run(folder, labkit_command, *words, "--engine", engine, "-o", f"{engine}.run.nc", *used("own_engine", "own_law"))
+        own = used("own_engine", "own_law")
+        run(folder, labkit_command, *words, "--engine", engine, "-o", f"{engine}.run.nc", *own)
     q = {}
     for engine in ("affine", "fused"):
         with netCDF4.Dataset(folder / f"{engine}.run.nc") as found:
