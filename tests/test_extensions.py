@@ -394,7 +394,7 @@ def test_a_file_that_cannot_be_loaded_is_not_kept_for_child_processes(folder):
     assert found[2] == str(folder / "mine.py")
 
 
-LAW = """
+SOFT = """
 import json
 import numpy as np
 import labkit as lk
@@ -425,7 +425,7 @@ print(json.dumps([float(engine.state().velocity[1, 2]), float(acceleration)]))
 def test_a_law_that_was_changed_is_compiled_again(file, folder):
     """What is kept on the disk is that of the last version only if nothing of it has changed."""
     for factor in ("1.0", "0.5"):
-        velocity, acceleration = python(LAW.replace("FACTOR", factor), folder, file)
+        velocity, acceleration = python(SOFT.replace("FACTOR", factor), folder, file)
         assert np.isclose(velocity, float(factor) * acceleration * 2e-9, rtol=1e-3)
 
 
