@@ -13,7 +13,7 @@ Everything is loaded when it is first used; what a simulation needs works inside
 
 from labkit.lazy import attach
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 _NAMES = {
     # what is modelled

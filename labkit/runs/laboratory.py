@@ -96,7 +96,8 @@ def run(
         except Interrupted as error:
             raise Interrupted("stopped by a signal: a run without a file keeps nothing", error.code) from None
         with Run.open(output).data as data:
-            return Run(data.load())
+            data.load().encoding.pop("source", None)  # the file that is gone in a moment
+            return Run(data)
 
 
 def _task(state: State, path: Path, engine: str, threads: int, output: str, options: Options) -> RunTask:
