@@ -27,7 +27,6 @@ from labkit.errors import InputError, Interrupted
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
-from labkit.parameters import parameters_of
 from labkit.runs.run import Run
 
 
@@ -77,9 +76,10 @@ def run(
     """
     _require(state, State, "state", "what labkit.make_specimen or labkit.read_state gives")
     _require(path, Path, "path", "labkit.paths.ConstantVolume()")
+    known = [field.name for field in dataclasses.fields(Options)]
     for name in recording:
-        if name not in parameters_of(Options):
-            raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(parameters_of(Options)))
+        if name not in known:
+            raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(known))
     options = dataclasses.replace(options or Options(), **recording)
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)

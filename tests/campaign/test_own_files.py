@@ -18,19 +18,12 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dem.paths import Control, Path
+from labkit.dem.paths import Control, Path, register_path
 from labkit.dem.recorded import register_statistic
-from labkit.extensions import registering
 from labkit.parameters import parameter
 
 
-def paths():
-    from labkit.dem.paths import PATHS
-
-    return PATHS
-
-
-@registering(paths)
+@register_path
 @dataclasses.dataclass(frozen=True)
 class ConstantAxialStress(Path):
     strain: float = parameter(0.1, above=0.0, high=1.0, help="axial strain to reach")
