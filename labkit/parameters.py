@@ -114,8 +114,8 @@ class Parameter:
             value = self._text(value, unit_needed)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise self.error(value, "is not a number")
-        elif self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
-            self._suspect(float(value))
+        else:
+            self._require_likely(float(value))
         if self.kind is int:
             if value != value or abs(value) > 1e18 or int(value) != value:
                 raise self.error(value, "is not a whole number")
@@ -135,13 +135,16 @@ class Parameter:
             raise self.error(text, f"has an unknown unit {unit!r}", f"it in {', '.join(units)}")
         if not unit and unit_needed and self.unit != "1":
             raise self.error(text, "has no unit", f"e.g. {self.example}")
-        if not unit and self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
-            self._suspect(value)
-        return value * units[unit] if unit else value
+        if unit:
+            return value * units[unit]
+        self._require_likely(value)
+        return value
 
-    def _suspect(self, value: float) -> None:
-        said = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
-        raise self.error(value, said, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
+    def _require_likely(self, value: float) -> None:
+        """Raises InputError for a bare number that is too small to be a pressure in Pa."""
+        if self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
+            said = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
+            raise self.error(value, said, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
 
     def check(self, value: Any) -> Any:
         """The value itself. Raises InputError outside the range."""
