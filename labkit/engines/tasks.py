@@ -62,11 +62,15 @@ class Task(abc.ABC):
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> Task:
         """The task of such values; `common`: engine, threads, output, history."""
 
-    def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
-        """The State with its origin, written to `output` if there is one."""
+    def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
+        """The State with the history and provenance of what this task makes of it."""
         history = "\n".join(line for line in (state.history, self.history) if line)
         made = provenance(self.history or None, (*inputs, *used()), self.output, state.seed)
-        state = state.replace(history=history, provenance=made)
+        return state.replace(history=history, provenance=made)
+
+    def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
+        """The State with its origin, written to `output` if there is one."""
+        state = self.with_origin(state, inputs)
         if self.output is not None:
             write_state(self.output, state)
         return state
@@ -180,10 +184,8 @@ class RunTask(_OfState):
         if self.output is None:
             raise InputError("a run needs a file: give its name")
         require_pressure(self.path, self.scene)
-        made = provenance(self.history or None, (*self.inputs, *used()), self.output, self.state.seed)
-        history = "\n".join(line for line in (self.state.history, self.history) if line)
+        state = self.with_origin(self.state, self.inputs)
         start = starter(self.engine, self.threads)
-        state = self.state.replace(history=history, provenance=made)
         simulation.run(state, self.path, File(self.output), start, self.options, progress)
 
     def values(self, folder: File) -> dict[str, Any]:
