@@ -26,13 +26,13 @@ from labkit.dem.paths import PATHS, Consolidation, Path, make_path
 from labkit.dem.scene import MADE_WITH, Scene
 from labkit.dem.settings import Settings, settings
 from labkit.dem.simulation import Options, Schedule
-from labkit.dem.specimen import Recipe, summary
+from labkit.dem.specimen import SIDE, Recipe, summary
 from labkit.dem.state import State, read_state
 from labkit.dem.stratified import Layer
 from labkit.engines import require_engine
 from labkit.engines.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute
 from labkit.errors import InputError, shown
-from labkit.io.files import labkit_kind, require_writable
+from labkit.io.files import labkit_kind, open_netcdf, require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import parameters_of, restored
@@ -78,7 +78,7 @@ SHORT = {
 
 def specimen_name(recipe: Recipe, scene: Scene) -> str:
     """A file name from the parameters; of the scene those that are not Table 1's."""
-    size = f"n{recipe.grains}" if recipe.grains else f"l{4e-3 if recipe.side is None else recipe.side:g}"
+    size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
     words = [f"e{recipe.void_ratio:g}", f"f{recipe.step1_friction:g}", f"r{recipe.step1_rolling_friction:g}", size,
              f"s{recipe.seed}"]  # fmt: skip
     for name in parameters_of(Scene):
@@ -246,8 +246,6 @@ def run(options: argparse.Namespace, history: str) -> None:
 
 def _finished(file: str) -> bool:
     """Whether a file is a run that is complete."""
-    from labkit.io.files import open_netcdf
-
     if not (File(file).exists() and labkit_kind(file) == "run"):
         return False
     with open_netcdf(file, "run") as dataset:
