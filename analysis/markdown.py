@@ -27,8 +27,8 @@ def frame_table(frame: pandas.DataFrame, marks: Sequence[str] = ()) -> str:
     """
     names = list(frame.columns)
     columns = [[_cell(x, name) for x in frame[name].astype(object)] for name in names]
-    rows = [list(cells) for cells in zip(*columns)]
-    for row, mark in zip(rows, marks):
+    rows = [list(cells) for cells in zip(*columns, strict=True)]
+    for row, mark in zip(rows, marks, strict=True):
         row[:] = [f"[{cell}]{{.{mark}}}" if mark and cell else cell for cell in row]
     numbers = {k for k, name in enumerate(names) if all(_is_number(x) for x in frame[name].dropna())}
     return table([literal(_heading(name)) for name in names], rows, numbers)
@@ -41,7 +41,8 @@ def literal(text: object) -> str:
 
 def number(value: float, digits: int = 4) -> str:
     """A number in so many digits, all that stand before its point, and a power of ten where it is very long; NaN and
-    infinity are empty."""
+    infinity are empty.
+    """
     if not np.isfinite(value):
         return ""
     mantissa, power = f"{value:.{digits - 1}e}".split("e")

@@ -1,6 +1,6 @@
 """An engine of your own: grains that follow the cell and do not slide, the upper bound of every stiffness.
 
-    labkit run cv s.state.nc --strain 1e-3 --record-strain 1e-4 --engine affine --use examples/own_engine.py
+labkit run cv s.state.nc --strain 1e-3 --record-strain 1e-4 --engine affine --use examples/own_engine.py
 """
 
 import numpy as np
@@ -16,6 +16,7 @@ class AffineEngine(lk.Engine):
 
     def __init__(self, state, threads=1):
         self.load(state)
+
     def load(self, state):
         self._state = state.replace(engine=self.name, engine_version=self.version)
 
@@ -34,6 +35,11 @@ class AffineEngine(lk.Engine):
         work = -0.5 * s.volume * dt * np.sum((stress + self.stress()) * L)
         self._state = moved.replace(ledger=s.ledger.plus(work, 0.0, 0.0, 0.0))
 
-    stress = lambda self: lk.love_stress(self._state.snapshot())  # noqa: E731
-    state = lambda self: self._state  # noqa: E731
-    stop_grains = lambda self: None  # noqa: E731
+    def stress(self):
+        return lk.love_stress(self._state.snapshot())
+
+    def state(self):
+        return self._state
+
+    def stop_grains(self):
+        return None

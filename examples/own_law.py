@@ -1,6 +1,6 @@
 """A contact law of your own: linear springs with Coulomb friction, without rolling resistance, on the engine fused.
 
-    labkit specimen --void-ratio 0.6 --grains 500 --law linear --engine fused --use examples/own_law.py -o s.state.nc
+labkit specimen --void-ratio 0.6 --grains 500 --law linear --engine fused --use examples/own_law.py -o s.state.nc
 """
 
 import labkit as lk

@@ -1,8 +1,8 @@
 """A recorded statistic and a figure of your own: the share of contacts that slide.
 
-    labkit run cv s.state.nc --strain 0.05 --engine fused --use examples/own_statistic.py -o r.run.nc
-    labkit figure records r.run.nc --variable sliding_fraction
-    labkit figure sliding r.run.nc --use examples/own_statistic.py
+labkit run cv s.state.nc --strain 0.05 --engine fused --use examples/own_statistic.py -o r.run.nc
+labkit figure records r.run.nc --variable sliding_fraction
+labkit figure sliding r.run.nc --use examples/own_statistic.py
 """
 
 import matplotlib.pyplot as plt

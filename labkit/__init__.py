@@ -17,26 +17,59 @@ __version__ = "0.2.0.dev0"
 
 _NAMES = {
     # what is modelled
-    "Scene": "dem.scene", "Recipe": "dem.specimen", "State": "dem.state", "Options": "dem.simulation",
-    "paths": "dem.paths:", "Path": "dem.paths", "StressPath": "dem.paths", "Control": "dem.paths", "Held": "dem.paths",
-    "laws": "dem.laws:", "ContactLaw": "dem.laws", "Engine": "dem.engine", "Servo": "dem.servo",
+    "Scene": "dem.scene",
+    "Recipe": "dem.specimen",
+    "State": "dem.state",
+    "Options": "dem.simulation",
+    "paths": "dem.paths:",
+    "Path": "dem.paths",
+    "StressPath": "dem.paths",
+    "Control": "dem.paths",
+    "Held": "dem.paths",
+    "laws": "dem.laws:",
+    "ContactLaw": "dem.laws",
+    "Engine": "dem.engine",
+    "Servo": "dem.servo",
     # what is done
-    "make_specimen": "runs.laboratory", "consolidate": "runs.laboratory", "run": "runs.laboratory",
-    "read_state": "dem.state", "write_state": "dem.state",
+    "make_specimen": "runs.laboratory",
+    "consolidate": "runs.laboratory",
+    "run": "runs.laboratory",
+    "read_state": "dem.state",
+    "write_state": "dem.state",
     # what comes out
-    "Run": "runs.run", "Exceeded": "dem.limits", "Snapshot": "micro.snapshot", "Contacts": "micro.contacts",
-    "open_run": "runs.dataset", "open_state": "runs.dataset", "open_campaign": "campaign.collection",
-    "statistics": "micro.fabric", "love_stress": "micro.stress", "sff_stress": "sff.c0", "mean_stress": "micro.stress",
-    "deviatoric_stress": "micro.stress", "verify": "runs.verify", "critical_states": "runs.critical",
+    "Run": "runs.run",
+    "Exceeded": "dem.limits",
+    "Snapshot": "micro.snapshot",
+    "Contacts": "micro.contacts",
+    "open_run": "runs.dataset",
+    "open_state": "runs.dataset",
+    "open_campaign": "campaign.collection",
+    "statistics": "micro.fabric",
+    "love_stress": "micro.stress",
+    "sff_stress": "sff.c0",
+    "mean_stress": "micro.stress",
+    "deviatoric_stress": "micro.stress",
+    "verify": "runs.verify",
+    "critical_states": "runs.critical",
     "calibrate": "model.calibration",
     # the rooms
-    "micro": "micro:", "sff": "sff:", "model": "model:", "visuals": "visuals:",
+    "micro": "micro:",
+    "sff": "sff:",
+    "model": "model:",
+    "visuals": "visuals:",
     # extending
-    "parameter": "parameters", "use": "extensions", "register_path": "dem.paths", "register_law": "dem.laws",
-    "register_engine": "engines", "register_statistic": "dem.recorded", "register_figure": "runs.figures",
+    "parameter": "parameters",
+    "use": "extensions",
+    "register_path": "dem.paths",
+    "register_law": "dem.laws",
+    "register_engine": "engines",
+    "register_statistic": "dem.recorded",
+    "register_figure": "runs.figures",
     # giving up
-    "InputError": "errors", "PhysicsError": "errors", "Interrupted": "errors",
-}  # fmt: skip
+    "InputError": "errors",
+    "PhysicsError": "errors",
+    "Interrupted": "errors",
+}
 
 __getattr__, __dir__, __all__ = attach(__name__, _NAMES)
 __all__ += ["__version__"]

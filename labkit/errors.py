@@ -16,9 +16,14 @@ class InputError(ValueError):
     """
 
     def __init__(
-        self, problem: str = "is not possible", *, field: str | None = None, value: Any = None,
-        allowed: str | None = None, quoted: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        problem: str = "is not possible",
+        *,
+        field: str | None = None,
+        value: Any = None,
+        allowed: str | None = None,
+        quoted: bool = False,
+    ) -> None:
         """problem: what is wrong with the field, after its name and value; a whole sentence without a field."""
         super().__init__(problem)
         self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted

@@ -45,7 +45,7 @@ class Registry(Mapping[str, Any]):
         """Makes an entry known under its `name`; a decorator. Raises InputError for a name that is taken."""
         name = getattr(entry, "name", None)
         if not isinstance(name, str) or not name:
-            raise InputError(f"{_label(entry)} has no name: give it one, e.g. name = \"mine\"")
+            raise InputError(f'{_label(entry)} has no name: give it one, e.g. name = "mine"')
         taken = self._entries.get(name, self._aliases.get(name))
         if taken is not None and _origin(taken) != _origin(entry):
             raise InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")

@@ -73,7 +73,7 @@ class Parameter:
 
     def error(
         self, value: Any, problem: str = "is not possible", allowed: str | None = None, quoted: bool = False
-    ) -> InputError:  # fmt: skip
+    ) -> InputError:
         """The InputError for a value of this field."""
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
 
@@ -154,15 +154,30 @@ class Parameter:
 
 
 def parameter(
-    default: Any = dataclasses.MISSING, *, help: str, unit: str = "1", low: float = -math.inf, high: float = math.inf,
-    above: float = -math.inf, choices: Any = None, kind: type | None = None, option: bool = True,
-) -> Any:  # fmt: skip
+    default: Any = dataclasses.MISSING,
+    *,
+    help: str,
+    unit: str = "1",
+    low: float = -math.inf,
+    high: float = math.inf,
+    above: float = -math.inf,
+    choices: Any = None,
+    kind: type | None = None,
+    option: bool = True,
+) -> Any:
     """A dataclass field that is a parameter; see Parameter. The kind is that of the default unless given."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
     known = {
-        "help": help, "unit": unit, "kind": kind, "low": low, "high": high, "above": above, "choices": choices,
-        "optional": default is None, "option": option,
-    }  # fmt: skip
+        "help": help,
+        "unit": unit,
+        "kind": kind,
+        "low": low,
+        "high": high,
+        "above": above,
+        "choices": choices,
+        "optional": default is None,
+        "option": option,
+    }
     return dataclasses.field(default=default, metadata={"parameter": known})
 
 
@@ -171,8 +186,9 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
     """The Parameters of a dataclass, name -> Parameter; fields that are none are left out."""
     return {
         field.name: Parameter(field.name, field.default, **field.metadata["parameter"])
-        for field in dataclasses.fields(kind) if "parameter" in field.metadata
-    }  # fmt: skip
+        for field in dataclasses.fields(kind)
+        if "parameter" in field.metadata
+    }
 
 
 def check_parameters(value: Any) -> None:

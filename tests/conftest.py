@@ -20,9 +20,13 @@ ROOT = Path(__file__).resolve().parents[1]
 def run_labkit(*words, cwd=None, environment=None):
     """`labkit words` as a user runs it; the finished process with its output as text."""
     return subprocess.run(
-        [sys.executable, "-m", "labkit.cli", *map(str, words)], cwd=cwd, env=environment,
-        capture_output=True, text=True, timeout=600,
-    )  # fmt: skip
+        [sys.executable, "-m", "labkit.cli", *map(str, words)],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
 
 
 @pytest.fixture(scope="session")

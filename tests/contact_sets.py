@@ -35,6 +35,10 @@ def make(seed, contacts, grains, size_ratio, anisotropy):
 
 
 contact_sets = st.builds(
-    make, seed=st.integers(0, 10**6), contacts=st.sampled_from([0, 1, 2, 3, 40, 300]), grains=st.integers(2, 40),
-    size_ratio=st.sampled_from([1.0, 1.5, 5.0]), anisotropy=st.sampled_from([0.0, 0.5, 0.95]),
-)  # fmt: skip
+    make,
+    seed=st.integers(0, 10**6),
+    contacts=st.sampled_from([0, 1, 2, 3, 40, 300]),
+    grains=st.integers(2, 40),
+    size_ratio=st.sampled_from([1.0, 1.5, 5.0]),
+    anisotropy=st.sampled_from([0.0, 0.5, 0.95]),
+)

@@ -1,5 +1,6 @@
 """Paths, laws, statistics, figures and engines of a user's own file: registered, used and refused. No file of labkit is
-changed, and none of these is one of examples/."""
+changed, and none of these is one of examples/.
+"""
 
 import json
 import os
@@ -105,9 +106,13 @@ def python(code, folder, file=None, **environment):
         (folder / file).write_text(code)
     words = ["-c", code] if file is None else [file]
     done = subprocess.run(
-        [sys.executable, *words], cwd=folder, env={**os.environ, **environment}, capture_output=True, text=True,
+        [sys.executable, *words],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
         timeout=300,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout.strip().splitlines()[-1])
 
@@ -136,8 +141,11 @@ def test_a_path_a_law_and_statistics_of_ones_own_file(engine, folder, labkit_com
             np.testing.assert_allclose(run["moment_of_normals"][record], n.T @ n / len(n), rtol=1e-12)
     done = labkit_command("verify", "r.run.nc", "--use=mine.py", "-o", "v.png", cwd=folder)
     lines = {line[:52].strip(): line.split()[-1] for line in done.stdout.splitlines()}
-    for name in ("held: radial strain, difference", "stored largest_force against its contacts",
-                 "stored moment_of_normals against its contacts"):  # fmt: skip
+    for name in (
+        "held: radial strain, difference",
+        "stored largest_force against its contacts",
+        "stored moment_of_normals against its contacts",
+    ):
         assert lines[name] == "ok", done.stdout + done.stderr
     for words in (["largest"], ["records", "--variable", "moment_of_normals"]):
         done = labkit_command("figure", *words, "r.run.nc", "--use", "mine.py", "-o", "f.png", cwd=folder)
@@ -326,8 +334,9 @@ def test_a_file_from_python(engine, folder):
         print(json.dumps([run.complete, run.path.name, float(run.data["largest_force"][-1]), names,
                           len(figure.axes), run.engine]))
         """,
-        folder, MPLBACKEND="Agg",
-    )  # fmt: skip
+        folder,
+        MPLBACKEND="Agg",
+    )
     assert found[:2] == [True, "oedo"] and found[2] > 0.0 and found[4:] == [1, engine]
     assert [name for name in found[3] if "C0" not in name] == []  # 150 grains are too few for C0
 
@@ -345,8 +354,9 @@ def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
             run = lk.run(state, path, engine="yade", snapshots=0, progress=False)
             print(json.dumps([run.complete, run.path == path, float(run.data["largest_force"][0])]))
         """),
-        folder, file="program.py",
-    )  # fmt: skip
+        folder,
+        file="program.py",
+    )
     assert found[:2] == [True, True] and found[2] > 0.0
 
 
@@ -471,15 +481,19 @@ MISTAKES = {
     "law, response": (LAW.format("return Response(t, t, t, t, m, 0.0, 0.0)"), "bad.py line 11: TypeError: "),
     "law, result": (LAW.format("return t"), "contact law mine: pair returned (0.0, 0.0, 0.0): return a Response"),
     "law, not for Numba": (
-        LAW.format('return Response(t, t, t, t, m, float(f"{dt}"), 0.0, 0.0)'), "law mine cannot be compiled ("),
+        LAW.format('return Response(t, t, t, t, m, float(f"{dt}"), 0.0, 0.0)'),
+        "law mine cannot be compiled (",
+    ),
     "law, no name": (LAW.format("return t").replace('name = "mine"', "other = 1"), "Mine has no name: give it one"),
     "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not possible: give strain rates in x, y and z"),
     "path, extension": (PATH.format("(0, 0, -1)", ALONG), "extension is a negative `strain`"),
     "path, shapes": (PATH.format("(0, 0, 1)", "lk.Control([[1, 0]], [[1], [1]], [1])"), "a Control has measure (1, 2)"),
     "path, given and free": (
-        PATH.format("(0, 1, 1)", ALONG), "path mine gives the strain rate in y and lets the servo find it too"),
+        PATH.format("(0, 1, 1)", ALONG),
+        "path mine gives the strain rate in y and lets the servo find it too",
+    ),
     "path, error": (PATH.format("(0, 0, 1)", "self.nothing"), "bad.py line 11: AttributeError: "),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", MISTAKES)

@@ -33,9 +33,13 @@ def folder(tmp_path_factory):
 def test_python(folder):
     for code in snippets("python"):
         done = subprocess.run(
-            [sys.executable, "-c", code], cwd=folder, env={**os.environ, "MPLBACKEND": "Agg"}, capture_output=True,
-            text=True, timeout=300,
-        )  # fmt: skip
+            [sys.executable, "-c", code],
+            cwd=folder,
+            env={**os.environ, "MPLBACKEND": "Agg"},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
         assert done.returncode == 0, done.stderr
         assert "True" in done.stdout  # run.complete
 

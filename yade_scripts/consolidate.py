@@ -1,6 +1,6 @@
 """Isotropic consolidation on YADE, by hand or from a table:
 
-    yade -n -x yade_scripts/consolidate.py s.state.nc --pressure 0.5e6 -o s500.state.nc
+yade -n -x yade_scripts/consolidate.py s.state.nc --pressure 0.5e6 -o s500.state.nc
 """
 
 import os
@@ -8,6 +8,6 @@ import sys
 
 sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
 
-from labkit.cli import simulate, yade_main  # noqa: E402
+from labkit.cli import simulate, yade_main
 
 yade_main.main(simulate.consolidation_options, simulate.consolidation)

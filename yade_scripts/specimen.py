@@ -1,7 +1,7 @@
 """A specimen on YADE, by hand or from a table:
 
-    yade -n -x yade_scripts/specimen.py --void-ratio 0.67 --side 2e-3 -o s.state.nc
-    yade-batch --log %.log yade_scripts/specimen.table yade_scripts/specimen.py
+yade -n -x yade_scripts/specimen.py --void-ratio 0.67 --side 2e-3 -o s.state.nc
+yade-batch --log %.log yade_scripts/specimen.table yade_scripts/specimen.py
 """
 
 import os
@@ -9,6 +9,6 @@ import sys
 
 sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
 
-from labkit.cli import simulate, yade_main  # noqa: E402
+from labkit.cli import simulate, yade_main
 
 yade_main.main(simulate.specimen_options, simulate.specimen)

@@ -1,6 +1,6 @@
 """Speed of labkit's YADE engine on a CV scene, and what a record costs it; run by `labkit bench`.
 
-    yade -n -x yade_scripts/speed.py s.state.nc 500
+yade -n -x yade_scripts/speed.py s.state.nc 500
 """
 
 import os
@@ -8,6 +8,6 @@ import sys
 
 sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
 
-from labkit.engines.speed import print_speed  # noqa: E402
+from labkit.engines.speed import print_speed
 
-print_speed("yade", sys.argv[1], int(sys.argv[2]), O.numThreads)  # noqa: F821
+print_speed("yade", sys.argv[1], int(sys.argv[2]), O.numThreads)

@@ -19,10 +19,22 @@ random.Random(1).shuffle(order)
 
 O.periodic = True
 O.cell.hSize = Matrix3(*state["cell"][:].ravel().tolist())
-O.materials.append(CohFrictMat(
-    young=pi / 2 * 0.15e9, poisson=0.5, density=2650, frictionAngle=atan(0.4), isCohesive=False, normalCohesion=0,
-    shearCohesion=0, momentRotationLaw=True, alphaKr=0.25, alphaKtw=0, etaRoll=0.05, etaTwist=0,
-))  # fmt: skip
+O.materials.append(
+    CohFrictMat(
+        young=pi / 2 * 0.15e9,
+        poisson=0.5,
+        density=2650,
+        frictionAngle=atan(0.4),
+        isCohesive=False,
+        normalCohesion=0,
+        shearCohesion=0,
+        momentRotationLaw=True,
+        alphaKr=0.25,
+        alphaKtw=0,
+        etaRoll=0.05,
+        etaTwist=0,
+    )
+)
 for k in order:
     O.bodies.append(sphere(position[k], radius[k]))
 O.engines = [

@@ -1,6 +1,6 @@
 """The stratified layer of Fig. 3 on YADE, by hand or from a table:
 
-    yade -n -x yade_scripts/stratified.py --size-ratio 2 -o stratified.state.nc
+yade -n -x yade_scripts/stratified.py --size-ratio 2 -o stratified.state.nc
 """
 
 import os
@@ -8,6 +8,6 @@ import sys
 
 sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
 
-from labkit.cli import simulate, yade_main  # noqa: E402
+from labkit.cli import simulate, yade_main
 
 yade_main.main(simulate.layer_options, simulate.stratified)

@@ -32,10 +32,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="*", help=f"which ones: {', '.join(SCENES)} (default: all)")
     parser.add_argument("--engine", choices=(*ENGINES, "both"), default="both", help="(default: both)")
     parser.add_argument("--grains", type=positive_int, default=GRAINS, help=f"of a specimen (default: {GRAINS})")
-    parser.add_argument("-o", "--output", default=results_folder("hard_cases"), help="folder of the page, the table "
-                        "and the figure (default: results/hard_cases)")  # fmt: skip
-    parser.add_argument("--work", default="hard_cases", help="folder of the run files; finished cases there are not "
-                        "run again (default: hard_cases)")  # fmt: skip
+    parser.add_argument(
+        "-o",
+        "--output",
+        default=results_folder("hard_cases"),
+        help="folder of the page, the table and the figure (default: results/hard_cases)",
+    )
+    parser.add_argument(
+        "--work",
+        default="hard_cases",
+        help="folder of the run files; finished cases there are not run again (default: hard_cases)",
+    )
 
 
 def main(options: argparse.Namespace, command: str) -> int:
@@ -48,9 +55,14 @@ def main(options: argparse.Namespace, command: str) -> int:
 
 
 def study(
-    names: Sequence[str], engines: Sequence[str], grains: int, output: str | Path, work: str | Path,
-    progress: Progress, history: str,
-) -> int:  # fmt: skip
+    names: Sequence[str],
+    engines: Sequence[str],
+    grains: int,
+    output: str | Path,
+    work: str | Path,
+    progress: Progress,
+    history: str,
+) -> int:
     """Runs the named scenes on the engines and writes hard_cases.csv, hard_cases.png and README.md to `output`.
 
     `work`: folder of the run files, where finished cases are kept; `history`: the command that makes the page. Returns

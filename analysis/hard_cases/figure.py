@@ -31,7 +31,7 @@ def draw(folder: Path, engines: Sequence[str], names: Sequence[str]) -> Figure |
     for axes in grid.ravel()[len(wanted) :]:
         axes.axis("off")
     handles = {}
-    for axes, (name, panel) in zip(grid.ravel(), wanted):
+    for axes, (name, panel) in zip(grid.ravel(), wanted, strict=False):
         references = folder.glob(f"shared/{name}_n*.run.nc")
         curves = [(file, REFERENCE) for file in references]
         curves += [(folder / e / name / "run.run.nc", {**STYLES[e], "lw": 1.3, "label": e}) for e in engines]
@@ -79,6 +79,10 @@ def _long(axes, run, style):
 
 
 PANELS = {
-    "loose_cv": _loose, "isod_to_nothing": _nothing, "isoc_beyond": _overlap, "growing_cycles": _cycles,
-    "many_cycles": _ratchet, "strain_100": _long,
-}  # fmt: skip
+    "loose_cv": _loose,
+    "isod_to_nothing": _nothing,
+    "isoc_beyond": _overlap,
+    "growing_cycles": _cycles,
+    "many_cycles": _ratchet,
+    "strain_100": _long,
+}

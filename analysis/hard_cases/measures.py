@@ -53,7 +53,8 @@ def measure(file: str | Path) -> dict[str, Any]:
 
 def undamped_momentum(state: State) -> float:
     """Change of sum m c over sum m |c| while a state goes on in a held cell without local damping: rounding, as long
-    as contact forces come in pairs. Local damping acts on each grain by itself and is no pair of forces."""
+    as contact forces come in pairs. Local damping acts on each grain by itself and is no pair of forces.
+    """
     mass, still = state.scene.mass(state.radius)[:, None], np.zeros((3, 3))
     engine = FusedEngine(state.replace(scene=dataclasses.replace(state.scene, local_damping=0.0)))
     engine.advance(1, still)  # takes the mean field off

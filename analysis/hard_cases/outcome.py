@@ -66,11 +66,18 @@ def examine(
     else:
         verdict = SILENT_WRONG if failed else scene.verdict
     return Outcome(
-        case=scene.name, engine=engine, should=scene.should, did=error or did, verdict=verdict,
-        failed="; ".join(failed), checks=len(checks), guard=" | ".join(dict.fromkeys(lab.said)),
+        case=scene.name,
+        engine=engine,
+        should=scene.should,
+        did=error or did,
+        verdict=verdict,
+        failed="; ".join(failed),
+        checks=len(checks),
+        guard=" | ".join(dict.fromkeys(lab.said)),
         **{name: _worst(found[name] for found in measured) for name in MEASURED},
-        grains=grains, seconds=time.monotonic() - begun,
-    )  # fmt: skip
+        grains=grains,
+        seconds=time.monotonic() - begun,
+    )
 
 
 def _worst(values):

@@ -9,9 +9,13 @@ from analysis.hard_cases.outcome import Outcome
 from analysis.hard_cases.scenes import CLEAR_ERROR, CORRECT, LIMIT_SAID, SILENT_WRONG
 
 NUMBERS = {
-    "energy": "energy_balance_error", "stress": "stress_error", "held": "held_error", "C0": "c0_error",
-    "momentum": "momentum", "undamped": "undamped_momentum",
-}  # fmt: skip
+    "energy": "energy_balance_error",
+    "stress": "stress_error",
+    "held": "held_error",
+    "C0": "c0_error",
+    "momentum": "momentum",
+    "undamped": "undamped_momentum",
+}
 
 
 def table(outcomes: Iterable[Outcome]) -> str:
@@ -78,16 +82,29 @@ def page(outcomes: Sequence[Outcome], grains: int, history: str, drawn: bool) ->
             guards.append(f"- {name}, {o.engine}: {_cell(o.guard) or 'nothing'}")
         cases.append("")
     numbers = [
-        [o.case, o.engine, str(o.checks or ""), *(_number(getattr(o, field)) for field in NUMBERS.values()),
-         f"{o.seconds:.0f}"]
+        [
+            o.case,
+            o.engine,
+            str(o.checks or ""),
+            *(_number(getattr(o, field)) for field in NUMBERS.values()),
+            f"{o.seconds:.0f}",
+        ]
         for o in outcomes
-    ]  # fmt: skip
+    ]
     header = ["case", "engine", "checks", *NUMBERS, "seconds"]
     return PAGE.format(
-        history=history, grains=grains, summary=summary, correct=CORRECT, limit=LIMIT_SAID, clear=CLEAR_ERROR,
-        silent=SILENT_WRONG, cases="\n".join(cases), numbers=markdown.table(header, numbers), guards="\n".join(guards),
+        history=history,
+        grains=grains,
+        summary=summary,
+        correct=CORRECT,
+        limit=LIMIT_SAID,
+        clear=CLEAR_ERROR,
+        silent=SILENT_WRONG,
+        cases="\n".join(cases),
+        numbers=markdown.table(header, numbers),
+        guards="\n".join(guards),
         figure="![Six of the cases on both engines](hard_cases.png)\n" if drawn else "",
-    )  # fmt: skip
+    )
 
 
 def _cell(text):

@@ -1,5 +1,6 @@
 """What the paper bounds, as rows of the table of fidelity: grains, restitution, inertial number, overlap, pressure, C0,
-reversals."""
+reversals.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +30,31 @@ def limits(runs: Runs) -> Iterator[dict]:
     yield _grains(matching(runs, "cv-.*"))
     yield _restitution(own)
     yield from _inertial(own)
-    yield _bound("overlap", "mean overlap delta/D, worst record", own, lambda run: run["overlap_ratio"].values,
-                 OVERLAP_LIMIT, "below 2 %")  # fmt: skip
-    yield _bound("pressure", "mean stress p, worst record (MPa)", own, lambda run: run.lab.mean_stress().values / MPA,
-                 pressure_limit(lk.Scene()) / MPA, "below 3 MPa")  # fmt: skip
+    yield _bound(
+        "overlap",
+        "mean overlap delta/D, worst record",
+        own,
+        lambda run: run["overlap_ratio"].values,
+        OVERLAP_LIMIT,
+        "below 2 %",
+    )
+    yield _bound(
+        "pressure",
+        "mean stress p, worst record (MPa)",
+        own,
+        lambda run: run.lab.mean_stress().values / MPA,
+        pressure_limit(lk.Scene()) / MPA,
+        "below 3 MPa",
+    )
     monotonic = {name: run for name, run in own.items() if run.attrs["path"] != "cyclic_cp"}
-    row = _bound("C0", "C0 against Love, worst record with p > 50 kPa", monotonic, _sff_error, SFF_TOLERANCE,
-                 "(labkit: below 2 %)")  # fmt: skip
+    row = _bound(
+        "C0",
+        "C0 against Love, worst record with p > 50 kPa",
+        monotonic,
+        _sff_error,
+        SFF_TOLERANCE,
+        "(labkit: below 2 %)",
+    )
     row["explanation"] = row.get("explanation") and f"{row['explanation']}; sff.csv has what the error is made of"
     yield row
     yield _reversals(matching(runs, "cyclic-.*"))
@@ -55,33 +74,48 @@ def _grains(cubes):
     inside = low <= fewest and most <= high
     outside = [name for name, count in counts.items() if not low <= count <= high]
     return {
-        **row, "ours": most, "within": math.nan, "tests": len(counts), "agrees": "yes" if inside else "no",
-        "uncertainty_of": f"{fewest} to {most} over the CV tests: exact counts", "runs": " ".join(counts),
-        "explanation": "" if inside else f"Other numbers in {', '.join(outside)}: the seed's diameters and the volume "
-        "of the cube decide it",
-    }  # fmt: skip
+        **row,
+        "ours": most,
+        "within": math.nan,
+        "tests": len(counts),
+        "agrees": "yes" if inside else "no",
+        "uncertainty_of": f"{fewest} to {most} over the CV tests: exact counts",
+        "runs": " ".join(counts),
+        "explanation": ""
+        if inside
+        else f"Other numbers in {', '.join(outside)}: the seed's diameters and the volume of the cube decide it",
+    }
 
 
 def _restitution(own):
     scenes = {run.lab.scene for run in own.values() if run.lab.scene.law == "spring_dashpot"}
-    row = {"number": "restitution", "label": "restitution of a head-on pair", "paper": 0.5, "paper_rounding": 0.05,
-           "paper_says": "about 0.5"}  # fmt: skip
+    row = {
+        "number": "restitution",
+        "label": "restitution of a head-on pair",
+        "paper": 0.5,
+        "paper_rounding": 0.05,
+        "paper_says": "about 0.5",
+    }
     if not scenes:
         return {**row, "agrees": NO_RUNS}
     scene = max(scenes, key=lambda scene: scene.time_step)
-    measured = np.array([
-        one["restitution"]
-        for one in sampled_outcomes(Collision(scene, 0.0, {}), scene.time_step / scene.time_unit)
-    ])  # fmt: skip
+    measured = np.array(
+        [one["restitution"] for one in sampled_outcomes(Collision(scene, 0.0, {}), scene.time_step / scene.time_unit)]
+    )
     found = Estimate(float(measured.mean()), float(1.96 * measured.std()), len(measured))
     difference = found.value - 0.5
     agrees = abs(difference) <= found.within + 0.05
     return {
-        **row, "ours": found.value, "within": found.within, "tests": found.n, "difference": difference,
-        "uncertainty_of": f"{found.n} collisions at the time step of the tests", "agrees": "yes" if agrees else "no",
+        **row,
+        "ours": found.value,
+        "within": found.within,
+        "tests": found.n,
+        "difference": difference,
+        "uncertainty_of": f"{found.n} collisions at the time step of the tests",
+        "agrees": "yes" if agrees else "no",
         "in_units": abs(difference) / found.within if found.within else math.nan,
         "explanation": "" if agrees else f"The closed form of beta_n = {scene.beta_n:g} is {restitution(scene):.3f}",
-    }  # fmt: skip
+    }
 
 
 def _inertial(own):
@@ -89,8 +123,14 @@ def _inertial(own):
         return run["inertial_number"].values[1:]  # the first record is of a specimen at rest
 
     sheared_ = {name: run for name, run in own.items() if run.attrs["path"] in SHEAR}
-    row = _bound("inertial number", "inertial number I, worst record of shear tests", sheared_, inertial,
-                 INERTIAL_LIMIT, "below 3e-4")  # fmt: skip
+    row = _bound(
+        "inertial number",
+        "inertial number I, worst record of shear tests",
+        sheared_,
+        inertial,
+        INERTIAL_LIMIT,
+        "below 3e-4",
+    )
     if row["agrees"] == "no":
         above = {name: inertial(run) > INERTIAL_LIMIT for name, run in sheared_.items()}
         by_rate = sum(
@@ -103,10 +143,13 @@ def _inertial(own):
         )
     yield row
     yield _bound(
-        "inertial number, p > 0.1 MPa", "inertial number I, worst record with p > 0.1 MPa", sheared_,
-        lambda run: np.where(run.lab.mean_stress().values[1:] > 0.1 * MPA, inertial(run), np.nan), INERTIAL_LIMIT,
+        "inertial number, p > 0.1 MPa",
+        "inertial number I, worst record with p > 0.1 MPa",
+        sheared_,
+        lambda run: np.where(run.lab.mean_stress().values[1:] > 0.1 * MPA, inertial(run), np.nan),
+        INERTIAL_LIMIT,
         "below 3e-4",
-    )  # fmt: skip
+    )
 
 
 def _pressure_of_limit(run):
@@ -128,15 +171,24 @@ def _bound(name, label, runs, values, limit, says):
     where = ", ".join(f"{k} (at most {highest[k]:.3g}, {beyond[k]} of {len(worst[k])} records)" for k in named)
     where += f" and {len(beyond) - len(named)} more" if len(beyond) > len(named) else ""
     return {
-        **row, "ours": max(highest.values()), "tests": len(worst), "uncertainty_of": "exact: the worst of all records",
-        "difference": max(highest.values()) - limit, "agrees": "no" if beyond else "yes",
+        **row,
+        "ours": max(highest.values()),
+        "tests": len(worst),
+        "uncertainty_of": "exact: the worst of all records",
+        "difference": max(highest.values()) - limit,
+        "agrees": "no" if beyond else "yes",
         "explanation": f"Beyond the limit: {where}" if beyond else "",
-    }  # fmt: skip
+    }
 
 
 def _reversals(cyclic):
-    row = {"number": "reversals", "label": "cyclic CP: largest miss of a reversal (axial strain)", "paper": 0.0,
-           "paper_rounding": 1e-3, "paper_says": "1, -1, 2, -2, 3, -3, 4 %"}  # fmt: skip
+    row = {
+        "number": "reversals",
+        "label": "cyclic CP: largest miss of a reversal (axial strain)",
+        "paper": 0.0,
+        "paper_rounding": 1e-3,
+        "paper_says": "1, -1, 2, -2, 3, -3, 4 %",
+    }
     if not cyclic:
         return {**row, "agrees": NO_RUNS}
     misses = []
@@ -145,6 +197,13 @@ def _reversals(cyclic):
         found = np.append(strain[turns(strain)], strain[-1])
         misses.append(np.abs(found - REVERSALS).max() if len(found) == len(REVERSALS) else math.inf)
     worst = float(max(misses))
-    return {**row, "ours": worst, "tests": len(cyclic), "uncertainty_of": "exact", "difference": worst,
-            "agrees": "yes" if worst <= 1e-3 else "no", "runs": " ".join(cyclic),
-            "explanation": "" if worst <= 1e-3 else "The tests turn elsewhere, or are not finished"}  # fmt: skip
+    return {
+        **row,
+        "ours": worst,
+        "tests": len(cyclic),
+        "uncertainty_of": "exact",
+        "difference": worst,
+        "agrees": "yes" if worst <= 1e-3 else "no",
+        "runs": " ".join(cyclic),
+        "explanation": "" if worst <= 1e-3 else "The tests turn elsewhere, or are not finished",
+    }

@@ -40,8 +40,14 @@ if TYPE_CHECKING:
 
 SAME_SPECIMENS = ("share_cv", "share_cr", "share_cp", "full_cv")
 STUDY_FACTORS = ("rate", "time step", "local damping", "grains", "Young's modulus", "settings")
-STUDY_COLUMNS = {"M": "ratio_critical", "A_zz": "A_critical", "F_zz": "F_critical", "Ft_zz": "Ft_critical",
-                 "Z": "Z_critical", "Lambda": "Lambda_critical"}  # fmt: skip
+STUDY_COLUMNS = {
+    "M": "ratio_critical",
+    "A_zz": "A_critical",
+    "F_zz": "F_critical",
+    "Ft_zz": "Ft_critical",
+    "Z": "Z_critical",
+    "Lambda": "Lambda_critical",
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,8 +67,11 @@ class Comparison:
     @property
     def runs(self) -> tuple[str, ...]:
         """Names of the runs behind it."""
-        return tuple(dict.fromkeys([*self.ours.attrs.get("runs", self.ours["run"]),
-                                    *self.other.attrs.get("runs", self.other["run"])]))  # fmt: skip
+        return tuple(
+            dict.fromkeys(
+                [*self.ours.attrs.get("runs", self.ours["run"]), *self.other.attrs.get("runs", self.other["run"])]
+            )
+        )
 
     def of_paths(self, paths: Collection[str]) -> Comparison:
         """The same with the tests of some paths alone."""
@@ -135,9 +144,11 @@ def end_comparisons(runs: Runs) -> list[Comparison]:
         Comparison("path", f"{path.upper()} tests alone", "part", ours, ours[ours["path"] == path]) for path in SHEAR
     ]
     found += [
-        Comparison("density", f"{density} specimens alone", "part", ours,
-                   ours[ours["run"].astype(str).str.contains(density)]) for density in ("dense", "medium", "loose")
-    ]  # fmt: skip
+        Comparison(
+            "density", f"{density} specimens alone", "part", ours, ours[ours["run"].astype(str).str.contains(density)]
+        )
+        for density in ("dense", "medium", "loose")
+    ]
     found.append(_same_specimens(runs, "law", "law yade, not law paper", "paper", "fused"))
     found.append(_same_specimens(runs, "engine", "YADE, not the engine fused, law yade on both", "fused", "yade"))
     return [*found, *_size(runs), *_rate(runs)]
@@ -146,8 +157,9 @@ def end_comparisons(runs: Runs) -> list[Comparison]:
 def _same_specimens(runs, cause, words, ours, other):
     """Tests from the same specimens: NAME-other against NAME-ours."""
     names = [name for name in SAME_SPECIMENS if f"{name}-{ours}" in runs and f"{name}-{other}" in runs]
-    first, second = (ends(sheared({f"{name}-{kind}": runs[f"{name}-{kind}"] for name in names}))
-                     for kind in (ours, other))  # fmt: skip
+    first, second = (
+        ends(sheared({f"{name}-{kind}": runs[f"{name}-{kind}"] for name in names})) for kind in (ours, other)
+    )
     return Comparison(cause, words, "paired", first, second)
 
 
@@ -191,13 +203,14 @@ def study_effects(number: Number, study: xr.Dataset | None) -> Iterator[Effect]:
             if len(change) > 1:
                 factor, level = (str(study[name].sel(case=case).values) for name in ("factor", "level"))
                 words = f"{factor} {level} in {path.upper()} tests of labkit speed-error"
-                effect = jackknife(lambda rows: change[rows].mean(), len(change))  # noqa: B023
+                effect = jackknife(lambda rows: change[rows].mean(), len(change))
                 yield Effect(f"study: {factor}", words, effect, (str(case), str(base[0])))
 
 
 def guarded_study(file: Path | None) -> xr.Dataset | None:
     """The data set of ./lab speed-error in memory, or None without the file. What was run without the guards, steps
-    beyond the limit, is no cause that a run of ours could have, and is left out."""
+    beyond the limit, is no cause that a run of ours could have, and is left out.
+    """
     if file is None or not file.exists():
         return None
     with open_study(file) as data:
@@ -207,8 +220,15 @@ def guarded_study(file: Path | None) -> xr.Dataset | None:
 def start_comparisons(number: Number, runs: Runs) -> list[Comparison]:
     """The Comparisons for a number of specimens before shearing."""
     ours = starts(number.select(runs))
-    found = [Comparison("definition of e", "the nominal void ratio, overlaps not taken out", "definition", ours,
-                        ours.assign(e=ours["e_nominal"]))]  # fmt: skip
+    found = [
+        Comparison(
+            "definition of e",
+            "the nominal void ratio, overlaps not taken out",
+            "definition",
+            ours,
+            ours.assign(e=ours["e_nominal"]),
+        )
+    ]
     if ours["path"].isin(HOLDS_A_STRESS).any():
         words = "the void ratio that the specimen was made with, before it was brought to the pressure"
         found.append(Comparison("consolidation", words, "definition", ours, ours.assign(e=ours["e_made"])))

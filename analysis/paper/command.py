@@ -33,13 +33,19 @@ PICTURED = "cv-dense"  # at its start and end
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of `./lab paper`."""
-    parser.add_argument("campaign", nargs="?", help="folder of the campaign: it is begun there, or goes on (default: "
-                        "none, everything is made of the thin run files in the output)")  # fmt: skip
+    parser.add_argument(
+        "campaign",
+        nargs="?",
+        help="folder of the campaign: it is begun there, or goes on (default: "
+        "none, everything is made of the thin run files in the output)",
+    )
     parser.add_argument("--as-is", action="store_true", help="run nothing, take what is finished in the folder")
-    parser.add_argument("--cores", type=positive_int, default=os.cpu_count() or 1, help="of this computer "
-                        "(default: all)")  # fmt: skip
-    parser.add_argument("-o", "--output", default=results_folder("paper"), help="folder of the results (default: "
-                        "results/paper)")  # fmt: skip
+    parser.add_argument(
+        "--cores", type=positive_int, default=os.cpu_count() or 1, help="of this computer (default: all)"
+    )
+    parser.add_argument(
+        "-o", "--output", default=results_folder("paper"), help="folder of the results (default: results/paper)"
+    )
 
 
 def main(options: argparse.Namespace, command: str) -> int:
@@ -62,11 +68,10 @@ def simulate(folder: str | Path, cores: int, progress: Progress) -> int:
     return tell(plan, folder, run_workflow(plan, text, folder, cores, progress=progress))
 
 
-def paper(
-    campaign: str | Path | None, output: str | Path, command: str, progress: Progress
-) -> Iterator[Path]:
+def paper(campaign: str | Path | None, output: str | Path, command: str, progress: Progress) -> Iterator[Path]:
     """Condenses the finished runs of the folder `campaign`, if one is given, and makes all tables, figures and the
-    report of the thin files in `output`; yields the files that were written."""
+    report of the thin files in `output`; yields the files that were written.
+    """
     output = make_folder(output, "--output")
     (output / "runs").mkdir(exist_ok=True)
     if campaign:
@@ -104,10 +109,20 @@ def cost_table(found: Runs) -> pandas.DataFrame:
 
     wall_time in s, of whatever else the computer did too, on so many threads.
     """
-    return pandas.DataFrame([
-        {"run": name, "path": run.attrs["path"], "engine": run.attrs["engine"],
-         "law": json.loads(run.attrs["scene"])["law"], "threads": threads_of(run.attrs), "grains": run.sizes["grain"],
-         "records": run.sizes["time"], "steps": int(run.attrs["steps"]),
-         "grain_steps": int(run.attrs["steps"]) * run.sizes["grain"], "wall_time": float(run.attrs["wall_time"])}
-        for name, run in found.items()
-    ])  # fmt: skip
+    return pandas.DataFrame(
+        [
+            {
+                "run": name,
+                "path": run.attrs["path"],
+                "engine": run.attrs["engine"],
+                "law": json.loads(run.attrs["scene"])["law"],
+                "threads": threads_of(run.attrs),
+                "grains": run.sizes["grain"],
+                "records": run.sizes["time"],
+                "steps": int(run.attrs["steps"]),
+                "grain_steps": int(run.attrs["steps"]) * run.sizes["grain"],
+                "wall_time": float(run.attrs["wall_time"]),
+            }
+            for name, run in found.items()
+        ]
+    )

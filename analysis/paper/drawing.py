@@ -1,5 +1,6 @@
 """How the figures of the paper are drawn: the colour is the density of the specimen; the simulation is a broad pale
-line, C0 dashed on it, the model dotted (Table 2) and dash-dotted (calibrated). What is missing is said above them."""
+line, C0 dashed on it, the model dotted (Table 2) and dash-dotted (calibrated). What is missing is said above them.
+"""
 
 from __future__ import annotations
 
@@ -37,22 +38,27 @@ def panels_of(rows: int, names: Sequence[str], height: float = 2.5) -> tuple[Fig
         rows, len(names), figsize=(WIDTH, height * rows + 0.6), layout="constrained", squeeze=False
     )
     for panels in grid:
-        for axes, name in zip(panels, names):
+        for axes, name in zip(panels, names, strict=True):
             axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
     return figure, grid
 
 
 def draw(
-    panels: Sequence[Axes], names: Sequence[str], runs: Runs, colors: Mapping[str, object], models: Models,
-    label_of: Callable[[xr.Dataset], str], c0: bool = True,
-) -> None:  # fmt: skip
+    panels: Sequence[Axes],
+    names: Sequence[str],
+    runs: Runs,
+    colors: Mapping[str, object],
+    models: Models,
+    label_of: Callable[[xr.Dataset], str],
+    c0: bool = True,
+) -> None:
     """Draws the runs that are there: simulation, C0 and models; `colors`: name of the run -> colour."""
-    for axes, name in zip(panels, names):
+    for axes, name in zip(panels, names, strict=True):
         axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
     for run_name in (name for name in colors if name in runs):
         run, color = runs[run_name], colors[run_name]
         by_model = predictions(run, models)
-        for axes, name in zip(panels, names):
+        for axes, name in zip(panels, names, strict=True):
             of = plots.diagram(name)[2]
             axes.plot(*of(run), "-", color=mixed(color, PALE), lw=2.4)
             axes.plot([], [], "-", color=color, lw=1.6, label=label_of(run))
@@ -95,8 +101,10 @@ def density_handles(densities: Iterable[str]) -> list[Line2D]:
 
 def path_handles() -> list[Line2D]:
     """For the legend: the markers of the paths."""
-    return [Line2D([], [], color="0.3", marker=marker, mfc="none", ls="", ms=4.5, label=path.upper())
-            for path, marker in MARKERS.items()]  # fmt: skip
+    return [
+        Line2D([], [], color="0.3", marker=marker, mfc="none", ls="", ms=4.5, label=path.upper())
+        for path, marker in MARKERS.items()
+    ]
 
 
 def say_missing(figure: Figure, missing: Sequence[str]) -> Figure:
@@ -114,7 +122,7 @@ def set_title(panels: Sequence[Axes], words: str) -> None:
 
 def letters(panels: Iterable[Axes]) -> None:
     """(a), (b), ... above the panels."""
-    for letter, axes in zip("abcdefgh", panels):
+    for letter, axes in zip("abcdefgh", panels, strict=False):
         axes.set_title(f"({letter})", loc="left")
 
 

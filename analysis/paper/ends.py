@@ -45,9 +45,10 @@ def matching(runs: Runs, pattern: str) -> dict[str, xr.Dataset]:
 def sheared(runs: Runs, paths: Collection[str] = SHEAR) -> dict[str, xr.Dataset]:
     """The shear tests among the runs that went far enough to have a critical state."""
     return {
-        name: run for name, run in runs.items()
+        name: run
+        for name, run in runs.items()
         if run.attrs["path"] in paths and float(run["axial_strain"][-1]) >= ENOUGH_STRAIN
-    }  # fmt: skip
+    }
 
 
 def between(run: xr.Dataset, begin: float, end: float) -> xr.Dataset:
@@ -87,8 +88,15 @@ def extrapolated(runs: Runs) -> pandas.DataFrame:
         values = _records(run)[late]
         fits = [_exponential(strain[late] - strain[-1], values, relaxation) for relaxation in RELAXATIONS]
         best = int(np.argmin([misfit for misfit, _ in fits]))
-        rows.append({"run": name, "path": run.attrs["path"], "strain": strain[-1], **dict(zip(values, fits[best][1])),
-                     "relaxation_strain": RELAXATIONS[best]})  # fmt: skip
+        rows.append(
+            {
+                "run": name,
+                "path": run.attrs["path"],
+                "strain": strain[-1],
+                **dict(zip(values, fits[best][1], strict=True)),
+                "relaxation_strain": RELAXATIONS[best],
+            }
+        )
     return pandas.DataFrame(rows, columns=[*COLUMNS, "relaxation_strain"]).drop(columns="M_scatter")
 
 
@@ -96,10 +104,16 @@ def _records(run):
     """The numbers of `ends` at every record, a pandas.DataFrame."""
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     zz = {label: run[key].values[:, 2, 2] for key, label in TENSORS.items()}
-    return pandas.DataFrame({
-        "M": q / p, "p_MPa": p / 1e6, "e": run["void_ratio"].values, "Z": run["coordination_number"].values,
-        "Lambda": run["mean_normalised_force"].values, **zz,
-    }).astype(float)  # fmt: skip
+    return pandas.DataFrame(
+        {
+            "M": q / p,
+            "p_MPa": p / 1e6,
+            "e": run["void_ratio"].values,
+            "Z": run["coordination_number"].values,
+            "Lambda": run["mean_normalised_force"].values,
+            **zz,
+        }
+    ).astype(float)
 
 
 def _exponential(strain, values, relaxation):
@@ -120,16 +134,23 @@ def blocks(name: str, run: xr.Dataset, begin: float, end: float) -> pandas.DataF
 
 def starts(runs: Runs) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per run: e (overlaps out), e_nominal, p0_MPa of the first record, Z, the void ratio
-    that the specimen was made with (NaN: not recorded) and held_MPa, the mean of the stress that the path holds."""
+    that the specimen was made with (NaN: not recorded) and held_MPa, the mean of the stress that the path holds.
+    """
     rows = []
     for name, run in runs.items():
         recipe = json.loads(run.attrs.get("recipe") or "{}")
-        rows.append({
-            "run": name, "path": run.attrs["path"], "e": float(run["void_ratio"][0]),
-            "e_nominal": float(run["void_ratio_nominal"][0]), "e_made": float(recipe.get("void_ratio", "nan")),
-            "p0_MPa": float(run.lab.mean_stress()[0]) / 1e6, "Z": float(run["coordination_number"][0]),
-            "held_MPa": _held(run),
-        })  # fmt: skip
+        rows.append(
+            {
+                "run": name,
+                "path": run.attrs["path"],
+                "e": float(run["void_ratio"][0]),
+                "e_nominal": float(run["void_ratio_nominal"][0]),
+                "e_made": float(recipe.get("void_ratio", "nan")),
+                "p0_MPa": float(run.lab.mean_stress()[0]) / 1e6,
+                "Z": float(run["coordination_number"][0]),
+                "held_MPa": _held(run),
+            }
+        )
     return pandas.DataFrame(rows, columns=["run", "path", "e", "e_nominal", "e_made", "p0_MPa", "Z", "held_MPa"])
 
 

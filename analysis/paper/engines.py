@@ -27,8 +27,9 @@ def engine_table(runs: Runs) -> pandas.DataFrame:
         rows.append(row | (_critical({name: run}) if run.attrs["path"] in SHEAR else _last(run)))
     table = pandas.DataFrame(rows, columns=["test", "kind", "grains", *TOLD]).sort_values(["test", "kind"])
     on_yade = table[table["kind"] == KINDS["yade"]].set_index("test")[list(TOLD)].reindex(table["test"]).to_numpy()
-    off = pandas.DataFrame(table[list(TOLD)].to_numpy(dtype=float) / on_yade - 1.0, table.index,
-                           [f"off_{one}" for one in TOLD])  # fmt: skip
+    off = pandas.DataFrame(
+        table[list(TOLD)].to_numpy(dtype=float) / on_yade - 1.0, table.index, [f"off_{one}" for one in TOLD]
+    )
     return pandas.concat([table, off], axis=1).reset_index(drop=True)
 
 
@@ -38,5 +39,8 @@ def _critical(runs):
 
 def _last(run):
     last = run.isel(time=-1)
-    return {"e": float(last["void_ratio"]), "Z": float(last["coordination_number"]),
-            "Lambda": float(last["mean_normalised_force"])}  # fmt: skip
+    return {
+        "e": float(last["void_ratio"]),
+        "Z": float(last["coordination_number"]),
+        "Lambda": float(last["mean_normalised_force"]),
+    }

@@ -58,13 +58,14 @@ def two_samples(
     n = len(first), len(second)
     if min(n) == 0:
         return NOTHING
-    samples = (_deviations(lambda rows: statistic(one.iloc[rows]), len(one)) for one in (second, first))  # noqa: B023
+    samples = (_deviations(lambda rows: statistic(one.iloc[rows]), len(one)) for one in (second, first))
     return Estimate(float(statistic(second) - statistic(first)), intervals.welch(*samples), sum(n))
 
 
 def _deviations(statistic, n):
     """The pseudo-values of the jackknife (n,), less a constant: they scatter as n tests do; of a mean they are the
-    deviations of the tests."""
+    deviations of the tests.
+    """
     if n < 2:
         return np.zeros(n)
     every = np.arange(n)

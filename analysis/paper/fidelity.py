@@ -76,16 +76,44 @@ NUMBERS = (
     _critical("A_zz", "critical A_zz", lines.PAPER.A_c / ROOT_3_2, 0.005, "A_zz"),
     _critical("F_zz", "critical F_zz", lines.PAPER.F_c / ROOT_3_2, 0.005, "F_zz"),
     _critical("Ft_zz", "critical F^t_zz", lines.PAPER.Ft_c / ROOT_3_2, 0.0005, "Ft_zz"),
-    Number("Z residual", "Z - Z^c(e) at the ends, mean", 0.0, ROUNDED_Z,
-           lambda table: float((table["Z"] - lines.critical_Z(table["e"])).mean()), "Z"),
-    Number("Lambda residual", "Lambda - Lambda^c(e) at the ends, mean", 0.0, lines.PAPER.c_cLam * HALF,
-           lambda table: float((table["Lambda"] - lines.critical_Lambda(table["e"])).mean()), "Lambda"),
-    Number("e residual", "e - e^c(p) at the ends, mean; e^c(p) of Table 2 through C0", 0.0, HALF,
-           lambda table: float((table["e"] - lines.paper_e(table["p_MPa"])).mean()), "e"),
-    Number("c_cZ", "c_cZ with e_cmax = 0.76 and gamma_cZ = 0.7", lines.PAPER.c_cZ,
-           0.005 + ROUNDED * lines.PAPER.gamma_cZ * lines.PAPER.c_cZ, lines.c_cZ),
-    Number("c_cLambda", "c_cLambda with e_cmax = 0.76", lines.PAPER.c_cLam,
-           0.0005 + ROUNDED * lines.PAPER.c_cLam, lines.c_cLambda),
+    Number(
+        "Z residual",
+        "Z - Z^c(e) at the ends, mean",
+        0.0,
+        ROUNDED_Z,
+        lambda table: float((table["Z"] - lines.critical_Z(table["e"])).mean()),
+        "Z",
+    ),
+    Number(
+        "Lambda residual",
+        "Lambda - Lambda^c(e) at the ends, mean",
+        0.0,
+        lines.PAPER.c_cLam * HALF,
+        lambda table: float((table["Lambda"] - lines.critical_Lambda(table["e"])).mean()),
+        "Lambda",
+    ),
+    Number(
+        "e residual",
+        "e - e^c(p) at the ends, mean; e^c(p) of Table 2 through C0",
+        0.0,
+        HALF,
+        lambda table: float((table["e"] - lines.paper_e(table["p_MPa"])).mean()),
+        "e",
+    ),
+    Number(
+        "c_cZ",
+        "c_cZ with e_cmax = 0.76 and gamma_cZ = 0.7",
+        lines.PAPER.c_cZ,
+        0.005 + ROUNDED * lines.PAPER.gamma_cZ * lines.PAPER.c_cZ,
+        lines.c_cZ,
+    ),
+    Number(
+        "c_cLambda",
+        "c_cLambda with e_cmax = 0.76",
+        lines.PAPER.c_cLam,
+        0.0005 + ROUNDED * lines.PAPER.c_cLam,
+        lines.c_cLambda,
+    ),
     _fit(0, "e_cmax free", "e_cmax, all four of both lines fitted", 0.005),
     _fit(1, "c_cZ free", "c_cZ, all four fitted", 0.005),
     _fit(2, "gamma_cZ free", "gamma_cZ, all four fitted", 0.05),
@@ -104,11 +132,25 @@ NUMBERS = (
     _start("e cyclic loose", "cyclic CP: e0, loose", 0.77, 0.005, "cyclic-cyclic_loose", "e"),
     _start("e cyclic dense", "cyclic CP: e0, dense", 0.60, 0.005, "cyclic-cyclic_dense", "e"),
     _start("p cyclic", "cyclic CP: mean stress held (MPa)", 0.5, 0.05, "cyclic-.*", "held_MPa"),
-)  # fmt: skip
+)
 COLUMNS = (
-    "number", "label", "ours", "within", "uncertainty_of", "tests", "seed_scatter", "window_scatter", "paper",
-    "paper_says", "paper_rounding", "difference", "in_units", "agrees", "explanation", "runs",
-)  # fmt: skip
+    "number",
+    "label",
+    "ours",
+    "within",
+    "uncertainty_of",
+    "tests",
+    "seed_scatter",
+    "window_scatter",
+    "paper",
+    "paper_says",
+    "paper_rounding",
+    "difference",
+    "in_units",
+    "agrees",
+    "explanation",
+    "runs",
+)
 
 
 def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFrame, pandas.DataFrame]:
@@ -128,15 +170,31 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
     return pandas.DataFrame([*limits(runs), *rows], columns=COLUMNS), pandas.DataFrame(causes, columns=CAUSES)
 
 
-CAUSES = ("number", "cause", "alternative", "effect", "within", "matters", "tests", "difference", "difference_left",
-          "runs")  # fmt: skip
+CAUSES = (
+    "number",
+    "cause",
+    "alternative",
+    "effect",
+    "within",
+    "matters",
+    "tests",
+    "difference",
+    "difference_left",
+    "runs",
+)
 
 
 def _row(number, runs, comparisons, study):
     """(row of the numbers, rows of the causes)."""
     chosen = number.select(runs)
-    row = {"number": number.name, "label": number.label, "paper": number.paper, "paper_says": f"{number.paper:g}",
-           "paper_rounding": number.rounding, "runs": " ".join(chosen)}  # fmt: skip
+    row = {
+        "number": number.name,
+        "label": number.label,
+        "paper": number.paper,
+        "paper_says": f"{number.paper:g}",
+        "paper_rounding": number.rounding,
+        "runs": " ".join(chosen),
+    }
     of, basis = _tests(number, chosen)
     found = jackknife(lambda rows: number.statistic(of.iloc[rows]), len(of), number.parameters)
     if not math.isfinite(found.value):
@@ -147,16 +205,32 @@ def _row(number, runs, comparisons, study):
     tested = effects(start_comparisons(number, runs) if number.at_start else comparisons, number)
     tested += study_effects(number, study)
     causes = [
-        {"number": number.name, "cause": one.cause, "alternative": one.alternative, "effect": one.effect.value,
-         "within": one.effect.within, "matters": one.effect.matters, "tests": one.effect.n, "difference": difference,
-         "difference_left": difference + one.effect.value, "runs": " ".join(one.runs)} for one in tested
-    ]  # fmt: skip
+        {
+            "number": number.name,
+            "cause": one.cause,
+            "alternative": one.alternative,
+            "effect": one.effect.value,
+            "within": one.effect.within,
+            "matters": one.effect.matters,
+            "tests": one.effect.n,
+            "difference": difference,
+            "difference_left": difference + one.effect.value,
+            "runs": " ".join(one.runs),
+        }
+        for one in tested
+    ]
     return {
-        **row, "ours": found.value, "within": found.within, "uncertainty_of": basis, "tests": found.n,
-        **_scatter(number, chosen), "difference": difference, "agrees": "yes" if agrees else "no",
+        **row,
+        "ours": found.value,
+        "within": found.within,
+        "uncertainty_of": basis,
+        "tests": found.n,
+        **_scatter(number, chosen),
+        "difference": difference,
+        "agrees": "yes" if agrees else "no",
         "in_units": abs(difference) / known if known else math.nan,
         "explanation": "" if agrees else explanation(difference, known + number.rounding, tested),
-    }, causes  # fmt: skip
+    }, causes
 
 
 def _tests(number, chosen):
@@ -172,7 +246,8 @@ def _tests(number, chosen):
 
 def _scatter(number, chosen):
     """Standard deviation between the seeds of a specimen, and of the window mean of one test as its blocks have it,
-    both pooled; NaN for what a single test does not have."""
+    both pooled; NaN for what a single test does not have.
+    """
     if number.at_start or number.parameters > 1 or not chosen:
         return {}
     of = ends(chosen)

@@ -89,7 +89,7 @@ def fig_4(runs: Runs, models: Models) -> Figure:
     rows = {density: [name for name in names if name in CV_RUNS] for density, names in rows.items()}
     with plt.rc_context(STYLE):
         figure, grid = panels_of(3, ("q-p", "q-strain"))
-        for panels, (density, names) in zip(grid, rows.items()):
+        for panels, (density, names) in zip(grid, rows.items(), strict=True):
             shades = {name: mixed(COLORS[density], 0.0, 0.5 * k) for k, name in enumerate(names)}
             draw(panels, ("q-p", "q-strain"), runs, shades, models, start_pressure)
             first = next((runs[name] for name in names if name in runs), None)
@@ -114,7 +114,7 @@ def _drained(runs, models, path, title):
     names, missing = ("q-strain", "e_nominal-strain"), []
     with plt.rc_context(STYLE):
         figure, grid = panels_of(2, names)
-        for panels, (key, pressure) in zip(grid, {"500kPa": "0.5 MPa", "1MPa": "1 MPa"}.items()):
+        for panels, (key, pressure) in zip(grid, {"500kPa": "0.5 MPa", "1MPa": "1 MPa"}.items(), strict=True):
             colors = {f"{path}_{key}-{density}": COLORS[density] for density in DENSITIES}
             draw(panels, names, runs, colors, models, start_void_ratio)
             set_title(panels, f"{title} = {pressure}")
@@ -127,7 +127,7 @@ def fig_7(runs: Runs, models: Models) -> Figure:
     names, missing = ("e_nominal-p",), []
     with plt.rc_context(STYLE):
         figure, grid = panels_of(1, names * 2, 3.2)
-        for axes, (density, other) in zip(grid[0], (("loose", "loose"), ("dense", "dense_high"))):
+        for axes, (density, other) in zip(grid[0], (("loose", "loose"), ("dense", "dense_high")), strict=True):
             dark = mixed(COLORS[density], 0.0, 0.5)
             colors = {f"isoc-{density}": COLORS[density], f"isod-{other}": dark}
             draw([axes], names, runs, colors, models, path_and_start)
@@ -198,12 +198,14 @@ def critical_lines(runs: Runs, models: Models) -> Figure:
             force_panel.plot(e, critical_Lambda(e, c), **style)
         if table is not None:
             _ends(table, tests, grid)
-        terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"))
+        terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"), strict=True)
         for name, scale, color in terms:
             value = getattr(models[TABLE_2].parameters, name) / ROOT_3_2
             tensor_panel.axhline(scale * value, color=color, ls=":", lw=1.4)
         ratio_panel.axhline(_strength(models[TABLE_2]), color="k", ls=":", lw=1.4)
-        for axes, label in zip(grid.ravel(), ("Z", r"$\Lambda$", "q/p", "$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$")):
+        for axes, label in zip(
+            grid.ravel(), ("Z", r"$\Lambda$", "q/p", "$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$"), strict=True
+        ):
             axes.set(ylabel=label)
         for axes in grid[1]:
             axes.set(xlabel="void ratio e")
@@ -264,7 +266,7 @@ def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
     names = [path.format(density) for density in DENSITIES]
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(1, 3, figsize=(WIDTH, 3.2), sharey=True, layout="constrained")
-        for axes, density, name in zip(grid, DENSITIES, names):
+        for axes, density, name in zip(grid, DENSITIES, names, strict=True):
             if name in runs:
                 run = runs[name]
                 micro_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
@@ -284,17 +286,19 @@ def engines(runs: Runs) -> Figure:
     missing = []
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.2), layout="constrained")
-        for axes, (path, diagram) in zip(grid.ravel(), SHARE.items()):
+        for axes, (path, diagram) in zip(grid.ravel(), SHARE.items(), strict=True):
             x_label, y_label, of = plots.diagram(diagram)
-            for (engine, (_, style)), color in zip(ENGINES.items(), ("0.6", "C0", "C3")):
+            for (engine, (_, style)), color in zip(ENGINES.items(), ("0.6", "C0", "C3"), strict=True):
                 name = f"share_{path}-{engine}"
                 if name in runs:
                     axes.plot(*of(runs[name]), style, color=color, lw=2.2 if engine == "yade" else 1.2)
                 else:
                     missing.append(name)
             axes.set(xlabel=x_label, ylabel=y_label, title=path.upper() if path != "cyclic" else "cyclic CP")
-        handles = [Line2D([], [], color=color, ls=style, lw=1.6, label=label)
-                   for (label, style), color in zip(ENGINES.values(), ("0.6", "C0", "C3"))]  # fmt: skip
+        handles = [
+            Line2D([], [], color=color, ls=style, lw=1.6, label=label)
+            for (label, style), color in zip(ENGINES.values(), ("0.6", "C0", "C3"), strict=True)
+        ]
         figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
         return say_missing(figure, missing)
 
@@ -315,10 +319,11 @@ def density_of(name: str) -> str:
 
 def fitted_lines(tests: Runs) -> Model | None:
     """Table 2 with both critical state lines of critical_lines.csv, fitted to the ends of the shear tests over the
-    reported e; None where they do not determine them."""
+    reported e; None where they do not determine them.
+    """
     found = both_lines(ends(sheared(tests)))
     names = LINES["Z(e)"][0]
-    return Model().with_parameters(**dict(zip(names, found))) if np.isfinite(found).all() else None
+    return Model().with_parameters(**dict(zip(names, found, strict=True))) if np.isfinite(found).all() else None
 
 
 def critical_line(model: Model) -> tuple[np.ndarray, np.ndarray]:

@@ -97,30 +97,47 @@ def e_p_line(ends: pandas.DataFrame) -> np.ndarray:
 
 def _parameters(x):
     """Parameters with the four of `both_lines`."""
-    return types.SimpleNamespace(**dict(zip(("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), x)))
+    return types.SimpleNamespace(**dict(zip(("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), x, strict=True)))
 
 
 # name -> (parameters, fit, what it gives at the ends, the column that it is a line of)
 LINES = {
     "e(p)": (("e0", "a", "b"), e_p_line, lambda x, t: x[0] - x[1] * t["p_MPa"] ** x[2], "e"),
-    "Z(e)": (("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), both_lines,
-             lambda x, t: critical_Z(t["e"], _parameters(x)), "Z"),
-    "Lambda(e)": (("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), both_lines,
-                  lambda x, t: critical_Lambda(t["e"], _parameters(x)), "Lambda"),
-}  # fmt: skip
+    "Z(e)": (
+        ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"),
+        both_lines,
+        lambda x, t: critical_Z(t["e"], _parameters(x)),
+        "Z",
+    ),
+    "Lambda(e)": (
+        ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"),
+        both_lines,
+        lambda x, t: critical_Lambda(t["e"], _parameters(x)),
+        "Lambda",
+    ),
+}
 
 
 def critical_lines(ends: pandas.DataFrame) -> pandas.DataFrame:
     """The fitted lines, a pandas.DataFrame with a row per line and parameter: value, within (95 %), scatter of the ends
-    around the line, and tests. Parameters of e(p) are those of e = e0 - a p^b with p in MPa."""
+    around the line, and tests. Parameters of e(p) are those of e = e0 - a p^b with p in MPa.
+    """
     rows = []
     for line in ("e(p)", "Z(e) and Lambda(e)"):
         names, fit, _, _ = LINES[line[:4]]
         for k, name in enumerate(names):
-            found = jackknife(lambda rows: fit(ends.iloc[rows])[k], len(ends), len(names))  # noqa: B023
+            found = jackknife(lambda rows: fit(ends.iloc[rows])[k], len(ends), len(names))
             paper = getattr(PAPER, name, math.nan)
-            rows.append({"line": line, "parameter": name, "value": found.value, "within": found.within,
-                         "paper": paper, "tests": found.n})  # fmt: skip
+            rows.append(
+                {
+                    "line": line,
+                    "parameter": name,
+                    "value": found.value,
+                    "within": found.within,
+                    "paper": paper,
+                    "tests": found.n,
+                }
+            )
     return pandas.DataFrame(rows)
 
 
@@ -140,18 +157,26 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
         scatter = p_value = math.nan
         if fitted:
             residual = ends[column].to_numpy(dtype=float) - np.asarray(at(x, ends), dtype=float)
-            slopes = _slopes(lambda x: np.asarray(at(x, ends), dtype=float), x)  # noqa: B023
+            slopes = _slopes(lambda x: np.asarray(at(x, ends), dtype=float), x)
             alone, freedom_alone = _left(slopes, residual)
             apart, freedom = _left(np.hstack([slopes, member[:, 1:]]), residual)
             scatter = math.sqrt(alone / freedom_alone)
-            p_value = stats.f.sf((alone - apart) / (freedom_alone - freedom) / (apart / freedom),
-                                 freedom_alone - freedom, freedom)  # fmt: skip
+            p_value = stats.f.sf(
+                (alone - apart) / (freedom_alone - freedom) / (apart / freedom), freedom_alone - freedom, freedom
+            )
         for k, path in enumerate(kinds):
             offset, within = _offset(slopes, member[:, k], residual) if fitted else (math.nan, math.nan)
-            rows.append({
-                "line": line, "path": path, "tests": int(member[:, k].sum()), "offset": offset, "within": within,
-                "scatter": scatter, "p_value": float(p_value),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "line": line,
+                    "path": path,
+                    "tests": int(member[:, k].sum()),
+                    "offset": offset,
+                    "within": within,
+                    "scatter": scatter,
+                    "p_value": float(p_value),
+                }
+            )
     return pandas.DataFrame(rows, columns=["line", "path", "tests", "offset", "within", "scatter", "p_value"])
 
 

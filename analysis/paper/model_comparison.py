@@ -25,8 +25,16 @@ WORDS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
 CALIBRATED_ON = r"(cv|cp_500kPa|cr_1MPa)-(dense|medium|loose)|iso[cd]-.*"
 CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # of these, those that are not in CALIBRATED_ON
 NOT_CALIBRATED = r"cyclic-.*|cp_start-.*"
-STORED = ("axial_strain", "stress", "void_ratio", "coordination_number", "mean_normalised_force", "contact_anisotropy",
-          "normal_force_anisotropy", "mobilisation")  # fmt: skip
+STORED = (
+    "axial_strain",
+    "stress",
+    "void_ratio",
+    "coordination_number",
+    "mean_normalised_force",
+    "contact_anisotropy",
+    "normal_force_anisotropy",
+    "mobilisation",
+)
 KINDS = {"cv": "CV", "cr": "CR", "cp": "CP", "isoc": "ISOC", "isod": "ISOD", "cyclic_cp": "cyclic CP"}
 FAILS = 1.5  # times the error of q: from there the void ratio is said to fail
 
@@ -71,8 +79,17 @@ def parameters(found: Fit | None, other: Fit | None) -> pandas.DataFrame:
     return rows.reset_index().reindex(columns=PARAMETER_COLUMNS)
 
 
-PARAMETER_COLUMNS = ("parameter", "table_2", "ours", "low", "high", "determined", "table_2_inside", "other_tests",
-                     "other_inside")  # fmt: skip
+PARAMETER_COLUMNS = (
+    "parameter",
+    "table_2",
+    "ours",
+    "low",
+    "high",
+    "determined",
+    "table_2_inside",
+    "other_tests",
+    "other_inside",
+)
 
 
 def models(found: Fit | None) -> dict[str, Model]:
@@ -118,8 +135,18 @@ def _followed(run, model):
 
 
 FAR_ENOUGH = 0.1  # of the strain of a test: a model that ends before has no error
-ERROR_COLUMNS = ("run", "path", "parameters", "calibrated_on", "q_error", "p_error", "e_error", "e_error_of_change",
-                 "reached", "status")  # fmt: skip
+ERROR_COLUMNS = (
+    "run",
+    "path",
+    "parameters",
+    "calibrated_on",
+    "q_error",
+    "p_error",
+    "e_error",
+    "e_error_of_change",
+    "reached",
+    "status",
+)
 
 
 def _of_result(result):
@@ -128,8 +155,11 @@ def _of_result(result):
 
 
 def _measured(run):
-    return {"q": run.lab.deviatoric_stress().values, "p": run.lab.mean_stress().values,
-            "e": run["void_ratio_nominal"].values}  # fmt: skip
+    return {
+        "q": run.lab.deviatoric_stress().values,
+        "p": run.lab.mean_stress().values,
+        "e": run["void_ratio_nominal"].values,
+    }
 
 
 def _errors(run, gone, predicted):
@@ -141,9 +171,12 @@ def _errors(run, gone, predicted):
     reached = float(min(gone[-1] / way[-1], 1.0)) if way[-1] else 0.0
     off |= {key: np.nan for key in (given if reached >= FAR_ENOUGH else off)}
     return {
-        "q_error": off["q"] / np.abs(measured["q"]).max(), "p_error": off["p"] / measured["p"].mean(),
-        "e_error": off["e"], "e_error_of_change": off["e"] / max(np.ptp(measured["e"]), 1e-12), "reached": reached,
-    }  # fmt: skip
+        "q_error": off["q"] / np.abs(measured["q"]).max(),
+        "p_error": off["p"] / measured["p"].mean(),
+        "e_error": off["e"],
+        "e_error_of_change": off["e"] / max(np.ptp(measured["e"]), 1e-12),
+        "reached": reached,
+    }
 
 
 def _rms(values):
@@ -164,8 +197,11 @@ def _dataset(results):
         words = {"units": RECORD[key].units, "long_name": RECORD[key].long_name}
         columns[key] = (("run", "parameters", "record", *inner), values, words)
     path = ("run", [next(r.path.name for (n, _), r in results.items() if n == name) for name in names])
-    attributes = {"Conventions": "CF-1.10", "labkit_version": lk.__version__,
-                  "title": "the constitutive model along the tests of the campaign"}  # fmt: skip
+    attributes = {
+        "Conventions": "CF-1.10",
+        "labkit_version": lk.__version__,
+        "title": "the constitutive model along the tests of the campaign",
+    }
     return xr.Dataset(columns, {"run": names, "parameters": labels, "path": path}, attributes)
 
 
@@ -188,10 +224,13 @@ def open_model(file: str | Path) -> dict[str, dict[str, xr.Dataset]]:
         data = data.load()
     return {
         str(name): {
-            str(label): run for label in data["parameters"].values
-            for run in [_as_run(data.sel(run=name, parameters=label))] if run.sizes["time"]
-        } for name in data["run"].values
-    }  # fmt: skip
+            str(label): run
+            for label in data["parameters"].values
+            for run in [_as_run(data.sel(run=name, parameters=label))]
+            if run.sizes["time"]
+        }
+        for name in data["run"].values
+    }
 
 
 def _as_run(test):
@@ -212,13 +251,22 @@ def summary(errors: pandas.DataFrame, table: Callable[..., str] = markdown.table
         for label, words in WORDS.items():
             own = kinds[(kinds["kind"] == kind) & (kinds["parameters"] == label)]
             if len(own):
-                rows.append([kind, words, str(len(own)), *(_percent(own[key].median()) for key in SHOWN),
-                             f"{own['reached'].min():.0%}"])  # fmt: skip
+                rows.append(
+                    [
+                        kind,
+                        words,
+                        str(len(own)),
+                        *(_percent(own[key].median()) for key in SHOWN),
+                        f"{own['reached'].min():.0%}",
+                    ]
+                )
     header = ("tests", "parameters", "number", "q", "p", "e, of its change", "reached, at least")
     parts = [
         "Median errors (RMS over the strain): of q over the largest q, of p over the mean p, of e over its change.",
-        table(header, rows), "\n".join(failures(errors)), _per_test(errors, table),
-    ]  # fmt: skip
+        table(header, rows),
+        "\n".join(failures(errors)),
+        _per_test(errors, table),
+    ]
     used = errors["run"][errors["calibrated_on"].astype(bool)]
     if len(used):
         parts.insert(0, f"Our parameters are fitted to {', '.join(used)}; all other tests are predictions with them.")
@@ -230,7 +278,8 @@ SHOWN = ("q_error", "p_error", "e_error_of_change")
 
 def failures(errors: pandas.DataFrame) -> list[str]:
     """Sentences on what the paper says of its own model: that the void ratio fails in stress-controlled and cyclic
-    tests. Seen: its error, over its change, is more than FAILS times the error of q over the largest q."""
+    tests. Seen: its error, over its change, is more than FAILS times the error of q over the largest q.
+    """
     found = []
     for words, paths in (("stress-controlled tests (CR, CP)", ("cr", "cp")), ("cyclic tests", ("cyclic_cp",))):
         for label in (TABLE_2, OURS):
@@ -245,16 +294,27 @@ def failures(errors: pandas.DataFrame) -> list[str]:
             )
     early = errors[errors["status"].fillna("").ne("") & (errors["reached"] < 1.0)]
     for row in early.itertuples():
-        found.append(f"- {row.run}, {WORDS[row.parameters]}: the model ends after {row.reached:.0%} of the strain "
-                     f"({row.status}).")  # fmt: skip
+        found.append(
+            f"- {row.run}, {WORDS[row.parameters]}: the model ends after {row.reached:.0%} of the strain "
+            f"({row.status})."
+        )
     return found
 
 
 def _per_test(errors, table):
     wide = errors.pivot(index="run", columns="parameters", values=[*SHOWN, "reached"])
     present = [label for label in (TABLE_2, OURS) if label in errors["parameters"].values]
-    rows = [[name, *(_percent(wide.loc[name, (key, label)], wide.loc[name, ("reached", label)])
-                     for key in SHOWN for label in present)] for name in dict.fromkeys(errors["run"])]  # fmt: skip
+    rows = [
+        [
+            name,
+            *(
+                _percent(wide.loc[name, (key, label)], wide.loc[name, ("reached", label)])
+                for key in SHOWN
+                for label in present
+            ),
+        ]
+        for name in dict.fromkeys(errors["run"])
+    ]
     names = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
     header = ["test", *(f"{names[key]}, {WORDS[label]}" for key in SHOWN for label in present)]
     return table(header, rows) if rows else ""

@@ -40,9 +40,14 @@ def main(options: argparse.Namespace, command: str) -> None:
 
 
 def run_of(
-    name: str, void_ratio: float, pressure: float, Z: float | None = None, a1: float = 0.0, angle: float = 0.0,
+    name: str,
+    void_ratio: float,
+    pressure: float,
+    Z: float | None = None,
+    a1: float = 0.0,
+    angle: float = 0.0,
     **parameters: float,
-) -> tuple[str, xr.Dataset]:  # fmt: skip
+) -> tuple[str, xr.Dataset]:
     """(label, run): the model with Table 2 along a path; the label says the start.
 
     pressure: MPa; a1: size of the inherent anisotropy, its axis at `angle` (degrees) from the axial direction;
@@ -108,7 +113,7 @@ def fig_9() -> Figure:
     for words, e in (("loose", 0.77), ("dense", 0.606)):
         runs = {}
         for angle in (0, 30, 45, 60, 90):
-            label, run = run_of("cr", e, 0.5, a1=0.3, angle=angle, strain=0.2)
+            _label, run = run_of("cr", e, 0.5, a1=0.3, angle=angle, strain=0.2)
             runs[f"$\\theta$ {angle}°, $\\Lambda_0$ {run['mean_normalised_force'].values[0]:.5f}"] = run
         runs["isotropic"] = run_of("cr", e, 0.5, strain=0.2)[1]
         Z = runs["isotropic"]["coordination_number"].values[0]
@@ -119,15 +124,23 @@ def fig_9() -> Figure:
 def fig_10() -> Figure:
     """CR at 0.5 MPa from one e and p with Z0 from 4.2 to 6."""
     rows = {
-        f"CR, 0.5 MPa, {words}: e0 = {e:g}": dict(run_of("cr", e, 0.5, Z=float(Z), strain=0.4)
-                                                 for Z in np.linspace(4.2, 6.0, 4))
+        f"CR, 0.5 MPa, {words}: e0 = {e:g}": dict(
+            run_of("cr", e, 0.5, Z=float(Z), strain=0.4) for Z in np.linspace(4.2, 6.0, 4)
+        )
         for words, e in (("loose", 0.77), ("dense", 0.67))
-    }  # fmt: skip
+    }
     return plots.curves(rows, ("q-strain", "e-strain"))
 
 
-FIGURES = {"model_fig4": fig_4, "model_fig5": fig_5, "model_fig6": fig_6, "model_fig7": fig_7, "model_fig8": fig_8,
-           "model_fig9": fig_9, "model_fig10": fig_10}  # fmt: skip
+FIGURES = {
+    "model_fig4": fig_4,
+    "model_fig5": fig_5,
+    "model_fig6": fig_6,
+    "model_fig7": fig_7,
+    "model_fig8": fig_8,
+    "model_fig9": fig_9,
+    "model_fig10": fig_10,
+}
 
 
 def draw_all(folder: str | Path) -> Iterator[Path]:

@@ -17,10 +17,12 @@ RESULTS, FIGURES = "LABKIT_RESULTS", "LABKIT_FIGURES"  # environment variables t
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of `./lab notebooks`."""
-    parser.add_argument("folder", nargs="?", default=os.path.relpath(STUDIES), help="folder of notebooks "
-                        "(default: analysis)")  # fmt: skip
-    parser.add_argument("--results", default=results_folder("paper"), help="folder of the data (default: "
-                        "results/paper)")  # fmt: skip
+    parser.add_argument(
+        "folder", nargs="?", default=os.path.relpath(STUDIES), help="folder of notebooks (default: analysis)"
+    )
+    parser.add_argument(
+        "--results", default=results_folder("paper"), help="folder of the data (default: results/paper)"
+    )
     parser.add_argument("-o", "--output", help="folder of the figures (default: that of the data)")
 
 
@@ -55,7 +57,10 @@ def execute(file: str | Path, results: str | Path, output: str | Path) -> Any:
     known = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # the folder of `analysis`
     notebook = nbformat.read(file, as_version=4)
     client = NotebookClient(
-        notebook, timeout=LIMIT, kernel_name="python3", resources={"metadata": {"path": str(Path(file).parent)}},
+        notebook,
+        timeout=LIMIT,
+        kernel_name="python3",
+        resources={"metadata": {"path": str(Path(file).parent)}},
         extra_arguments=["--IPKernelApp.log_level=40"],  # its warnings are not about notebooks
     )
     try:

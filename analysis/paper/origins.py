@@ -21,22 +21,26 @@ DIGITS = 12  # of a hash, enough to tell files apart
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
 
 
-def origins(
-    folder: Path, files: Iterable[Path], output: str | Path, command: str, runs_command: str
-) -> str:
+def origins(folder: Path, files: Iterable[Path], output: str | Path, command: str, runs_command: str) -> str:
     """The last section of the report. `files`: what the page shows; `runs_command`: what makes the run files."""
     here = provenance_rows(json.loads(provenance_json(command, output=output)))
     page = pandas.DataFrame([row for row in here.items() if row[0] != "inputs"], columns=["", " "])
     runs = run_origins(folder)
     return join(
-        "## Where it comes from", "### This page", table(page, "this page"), "### The runs",
-        missing("runs", runs_command) if runs.empty else join(
+        "## Where it comes from",
+        "### This page",
+        table(page, "this page"),
+        "### The runs",
+        missing("runs", runs_command)
+        if runs.empty
+        else join(
             table(runs.groupby(ALIKE, sort=False).size().rename("runs").reset_index(), "where the runs were made"),
             table(runs.drop(columns=ALIKE), "every run", fold=True),
         ),
-        "### The files behind this page", "SHA-256 of what the page shows, in short, and what made it where known.",
+        "### The files behind this page",
+        "SHA-256 of what the page shows, in short, and what made it where known.",
         table(file_origins(folder, files), "files", fold=True),
-    )  # fmt: skip
+    )
 
 
 def run_origins(folder: Path) -> pandas.DataFrame:
@@ -48,13 +52,20 @@ def run_origins(folder: Path) -> pandas.DataFrame:
             digest = getattr(run, "source_sha256", getattr(run, "data_sha256", ""))
             engine = getattr(run, "engine", ""), str(getattr(run, "engine_version", ""))
         machine = known.get("machine", {})
-        found.append({
-            "run": file.name.removesuffix(".run.nc"), "engine": engine[0], "engine version": engine[1],
-            "labkit": known.get("labkit_version", ""), "commit": short_commit(known.get("commit", "")),
-            "machine": f"{machine.get('cores', '?')} x {machine.get('processor', '?')}",
-            "libraries": ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items()),
-            "made": known.get("made", ""), "data": digest[:DIGITS], "command": known.get("command", ""),
-        })  # fmt: skip
+        found.append(
+            {
+                "run": file.name.removesuffix(".run.nc"),
+                "engine": engine[0],
+                "engine version": engine[1],
+                "labkit": known.get("labkit_version", ""),
+                "commit": short_commit(known.get("commit", "")),
+                "machine": f"{machine.get('cores', '?')} x {machine.get('processor', '?')}",
+                "libraries": ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items()),
+                "made": known.get("made", ""),
+                "data": digest[:DIGITS],
+                "command": known.get("command", ""),
+            }
+        )
     return pandas.DataFrame(found)
 
 
@@ -65,11 +76,16 @@ def short_commit(commit: str) -> str:
 
 def file_origins(folder: Path, files: Iterable[Path]) -> pandas.DataFrame:
     """A row per file that the page shows; a pandas.DataFrame."""
-    return pandas.DataFrame([
-        {"file": os.path.relpath(file, folder.parent), "hash": file_sha256(file)[:DIGITS],
-         "made by": (provenance_of(file) or {}).get("command", "")}
-        for file in files
-    ])  # fmt: skip
+    return pandas.DataFrame(
+        [
+            {
+                "file": os.path.relpath(file, folder.parent),
+                "hash": file_sha256(file)[:DIGITS],
+                "made by": (provenance_of(file) or {}).get("command", ""),
+            }
+            for file in files
+        ]
+    )
 
 
 def threads_of(attributes: Mapping[str, Any]) -> int:

@@ -12,16 +12,39 @@ from analysis import markdown
 
 CAPTIONS = pandas.read_csv(Path(__file__).with_name("captions.csv")).set_index("file")
 SHOWN = {  # file -> column -> heading, for files with more than people read
-    "fidelity.csv": {"label": "number", "ours": "ours", "within": "± (95 %)", "paper_says": "paper",
-                     "in_units": "diff. / ±", "agrees": "agrees", "explanation": "explanation",
-                     "uncertainty_of": "± is of"},
-    "fidelity_causes.csv": {"number": "number", "cause": "cause", "alternative": "alternative", "effect": "effect",
-                            "within": "± (95 %)", "matters": "matters", "tests": "tests", "difference": "difference",
-                            "difference_left": "difference left"},
-    "sff.csv": {"run": "run", "path": "path", "records": "records", "worst": "worst error", "mean": "mean error",
-                "over": "records over 2 %", "worst_strain": "worst at strain", "worst_p_MPa": "at p, MPa",
-                "explanation": "explanation"},
-}  # fmt: skip
+    "fidelity.csv": {
+        "label": "number",
+        "ours": "ours",
+        "within": "± (95 %)",
+        "paper_says": "paper",
+        "in_units": "diff. / ±",
+        "agrees": "agrees",
+        "explanation": "explanation",
+        "uncertainty_of": "± is of",
+    },
+    "fidelity_causes.csv": {
+        "number": "number",
+        "cause": "cause",
+        "alternative": "alternative",
+        "effect": "effect",
+        "within": "± (95 %)",
+        "matters": "matters",
+        "tests": "tests",
+        "difference": "difference",
+        "difference_left": "difference left",
+    },
+    "sff.csv": {
+        "run": "run",
+        "path": "path",
+        "records": "records",
+        "worst": "worst error",
+        "mean": "mean error",
+        "over": "records over 2 %",
+        "worst_strain": "worst at strain",
+        "worst_p_MPa": "at p, MPa",
+        "explanation": "explanation",
+    },
+}
 
 
 def join(*parts: str) -> str:

@@ -36,8 +36,9 @@ HOUR, DAY = 3600.0, 86400.0  # s
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of `./lab report`."""
-    parser.add_argument("folder", nargs="?", default=results_folder("paper"), help="of ./lab paper (default: "
-                        "results/paper)")  # fmt: skip
+    parser.add_argument(
+        "folder", nargs="?", default=results_folder("paper"), help="of ./lab paper (default: results/paper)"
+    )
     parser.add_argument("-o", "--output", help="HTML file (default: report.html in the folder)")
 
 
@@ -50,13 +51,25 @@ def main(options: argparse.Namespace, command: str) -> None:
 
 def report(folder: str | Path, output: str | Path, command: str) -> None:
     """Writes the page of the folder of `./lab paper` to `output`, an HTML file, and its provenance beside it;
-    `command`: what made it. Raises InputError without the folder or without pandoc."""
+    `command`: what made it. Raises InputError without the folder or without pandoc.
+    """
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder: make it with {TABLES} CAMPAIGN -o {folder}")
     require_writable(output)
-    sections = (fidelity, gallery, critical_state, figures, statistics, love, model, engines, speed_error, hard_cases,
-                cost)  # fmt: skip
+    sections = (
+        fidelity,
+        gallery,
+        critical_state,
+        figures,
+        statistics,
+        love,
+        model,
+        engines,
+        speed_error,
+        hard_cases,
+        cost,
+    )
     text = join(HEAD, SUBJECT, *(section(folder) for section in sections))
     files = shown_files(folder)
     write_page(join(text, origins(folder, files, output, command, TABLES)), folder, output)
@@ -110,10 +123,19 @@ def critical_state(folder: Path) -> str:
     one = pieces.csv_table(folder / "one_critical_line.csv", "whether the ends of all paths lie on one line", TABLES)
     lines = pieces.csv_table(folder / "critical_lines.csv", "fitted critical state lines", TABLES)
     ends = pieces.csv_table(folder / "critical_states.csv", "ends of the shear tests", TABLES, fold=True)
-    beyond = pieces.csv_table(folder / "critical_extrapolated.csv", "ends extrapolated to endless strain", TABLES,
-                              fold=True)  # fmt: skip
-    return join("## Critical state", pieces.pictures("critical", folder, FIGURES), "### The lines", lines,
-                "### One line for all paths", one, ends, beyond)  # fmt: skip
+    beyond = pieces.csv_table(
+        folder / "critical_extrapolated.csv", "ends extrapolated to endless strain", TABLES, fold=True
+    )
+    return join(
+        "## Critical state",
+        pieces.pictures("critical", folder, FIGURES),
+        "### The lines",
+        lines,
+        "### One line for all paths",
+        one,
+        ends,
+        beyond,
+    )
 
 
 def figures(folder: Path) -> str:
@@ -165,8 +187,12 @@ def speed_error(folder: Path) -> str:
     words = f"All measurements stand in [results/speed_error](../speed_error/{page.name}) of the repository."
     settings = recommended_settings(folder.parent / "speed_error")
     drawn = pieces.pictures("speed_error", folder, STUDY)
-    return join("## Speed against error", settings or pieces.missing("recommended settings", STUDY), drawn,
-                words if page.is_file() else "")  # fmt: skip
+    return join(
+        "## Speed against error",
+        settings or pieces.missing("recommended settings", STUDY),
+        drawn,
+        words if page.is_file() else "",
+    )
 
 
 def recommended_settings(study: Path) -> str:
@@ -191,9 +217,13 @@ def hard_cases(folder: Path) -> str:
         "Scenes at which a simulation of grains may go wrong. None may end in a silent wrong answer: what comes out is "
         "correct, or the run says which limit it left, or labkit gives up with a clear error. Number of cases:"
     )
-    return join("## Hard cases", words, pieces.table(counts, "verdicts"),
-                pieces.table(verdicts.reset_index(), "every case", fold=True),
-                pieces.pictures("hard_cases", folder, CASES))  # fmt: skip
+    return join(
+        "## Hard cases",
+        words,
+        pieces.table(counts, "verdicts"),
+        pieces.table(verdicts.reset_index(), "every case", fold=True),
+        pieces.pictures("hard_cases", folder, CASES),
+    )
 
 
 def cost(folder: Path) -> str:
@@ -215,17 +245,27 @@ def cost(folder: Path) -> str:
             f"(`results/{BENCH}`): {markdown.number(total['stock YADE, h'] * HOUR / DAY / 2, 3)} days for all these "
             "on two cores, two simulations side by side."
         )
-    return join(heading, words, "" if stock else pieces.missing(bench.name, STUDY),
-                pieces.table(sums, "cost by engine"), pieces.table(runs, "every run", fold=True))  # fmt: skip
+    return join(
+        heading,
+        words,
+        "" if stock else pieces.missing(bench.name, STUDY),
+        pieces.table(sums, "cost by engine"),
+        pieces.table(runs, "every run", fold=True),
+    )
 
 
 def costs(runs: pandas.DataFrame, stock: float | None) -> pandas.DataFrame:
     """Sums over the runs of campaign.csv by engine, and over all in the last row; a pandas.DataFrame. `stock`:
-    grain-steps a second of a stock YADE script on one thread, or None."""
-    runs = runs.assign(engine=runs["engine"].astype(str), **{
-        "runs": 1, "grain-steps": runs["steps"].astype(float) * runs["grains"].astype(float),
-        "wall time, h": runs["wall_time"].astype(float) / HOUR,
-    })  # fmt: skip
+    grain-steps a second of a stock YADE script on one thread, or None.
+    """
+    runs = runs.assign(
+        engine=runs["engine"].astype(str),
+        **{
+            "runs": 1,
+            "grain-steps": runs["steps"].astype(float) * runs["grains"].astype(float),
+            "wall time, h": runs["wall_time"].astype(float) / HOUR,
+        },
+    )
     runs["core time, h"] = runs["wall time, h"] * runs["threads"].astype(float)
     if stock:
         runs["stock YADE, h"] = runs["grain-steps"] / stock / HOUR
@@ -236,7 +276,8 @@ def costs(runs: pandas.DataFrame, stock: float | None) -> pandas.DataFrame:
 
 def stock_speed(file: Path) -> float | None:
     """Grain-steps per second of a stock YADE script on one thread, with the most grains in the table of engines of
-    `./lab speed-error`; None if there is none."""
+    `./lab speed-error`; None if there is none.
+    """
     if not file.is_file():
         return None
     table = pandas.read_csv(file)

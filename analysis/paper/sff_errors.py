@@ -13,9 +13,21 @@ from labkit.sff import PARTS
 
 BETTER = ("c0_volume", "fourth")  # forms without C0's assumptions: of equal stress of all sizes; and of second order
 COLUMNS = (
-    "run", "path", "grains", "records", "worst", "worst_strain", "worst_p_MPa", "mean", "over", "snapshot_strain",
-    "snapshot_error", *BETTER, *PARTS, "explanation",
-)  # fmt: skip
+    "run",
+    "path",
+    "grains",
+    "records",
+    "worst",
+    "worst_strain",
+    "worst_p_MPa",
+    "mean",
+    "over",
+    "snapshot_strain",
+    "snapshot_error",
+    *BETTER,
+    *PARTS,
+    "explanation",
+)
 
 
 def sff_errors(runs: Runs) -> pandas.DataFrame:
@@ -39,9 +51,12 @@ def _row(name, run):
     worst = judged[np.argmax(error[judged])]
     over = int(np.sum(error[judged] > SFF_TOLERANCE))
     row |= {
-        "worst": error[worst], "worst_strain": float(run["axial_strain"][worst]), "worst_p_MPa": p[worst] / 1e6,
-        "mean": error[judged].mean(), "over": over,
-    }  # fmt: skip
+        "worst": error[worst],
+        "worst_strain": float(run["axial_strain"][worst]),
+        "worst_p_MPa": p[worst] / 1e6,
+        "mean": error[judged].mean(),
+        "over": over,
+    }
     told = _derived(run)
     if told is None:
         return {**row, "explanation": "the contacts of no snapshot are known" if over else ""}
@@ -52,7 +67,8 @@ def _row(name, run):
 
 def _derived(run):
     """error_budget, stress_family and record along the snapshots: those that the file holds, or from its contacts;
-    None without either."""
+    None without either.
+    """
     source = run.encoding.get("source")
     if source:
         try:
@@ -79,7 +95,7 @@ def _budget(run, told):
     forms = {
         name: float(relative_error(told["stress_family"].isel(snapshot=k).sel(form=name).values, love[k]))
         for name in BETTER
-    }  # fmt: skip
+    }
     strain = float(run["axial_strain"][int(told["record"][k])])
     return {"snapshot_strain": strain, "snapshot_error": float(error[k]), **forms, **shares}
 

@@ -31,12 +31,17 @@ def write_tables(
     found, other = model_comparison.calibrate(known)
     errors, data = model_comparison.compare(known, model_comparison.models(found))
     tables = {
-        "fidelity.csv": numbers, "fidelity_causes.csv": causes, "critical_states.csv": at_ends,
+        "fidelity.csv": numbers,
+        "fidelity_causes.csv": causes,
+        "critical_states.csv": at_ends,
         "critical_extrapolated.csv": extrapolated(sheared(main(known))),
-        "critical_lines.csv": critical_lines(at_ends), "one_critical_line.csv": one_line(at_ends),
-        "sff.csv": sff_errors(runs), "parameters.csv": model_comparison.parameters(found, other),
-        "model_errors.csv": errors, "engines.csv": engine_table(known),
-    }  # fmt: skip
+        "critical_lines.csv": critical_lines(at_ends),
+        "one_critical_line.csv": one_line(at_ends),
+        "sff.csv": sff_errors(runs),
+        "parameters.csv": model_comparison.parameters(found, other),
+        "model_errors.csv": errors,
+        "engines.csv": engine_table(known),
+    }
     texts = {name: table.to_csv(index=False, float_format="%.6g") for name, table in tables.items()}
     texts["fidelity.md"] = fidelity.page(numbers) + "\n"
     texts["model_errors.md"] = model_comparison.summary(errors) + "\n"

@@ -21,15 +21,25 @@ PICTURE = re.compile(r"(!\[.*\]\()([^()]+\.png)(\))")
 
 def write_page(markdown: str, folder: str | Path, output: str | Path) -> None:
     """Writes the page of pandoc's Markdown, whole or not at all; names of pictures are relative to `folder`. Raises
-    InputError if pandoc is not installed."""
+    InputError if pandoc is not installed.
+    """
     pypandoc = _pypandoc()
     with tempfile.TemporaryDirectory() as scratch, whole_file(output) as temporary:
         pypandoc.convert_text(
             _with_small_pictures(markdown, Path(folder).resolve(), Path(scratch)),
-            to="html5", format="markdown-smart", outputfile=str(temporary),
-            extra_args=["--standalone", "--embed-resources", "--mathml", "--toc", "--toc-depth=2", "--columns=10000",
-                        f"--css={STYLE}"],
-        )  # fmt: skip
+            to="html5",
+            format="markdown-smart",
+            outputfile=str(temporary),
+            extra_args=[
+                "--standalone",
+                "--embed-resources",
+                "--mathml",
+                "--toc",
+                "--toc-depth=2",
+                "--columns=10000",
+                f"--css={STYLE}",
+            ],
+        )
 
 
 def _pypandoc():

@@ -69,7 +69,8 @@ class Collision:
 
 def restitution(scene: Scene) -> float:
     """e of a head-on pair in its centre of mass: of the dashpots (law spring_dashpot) or of local damping (law
-    rolling_resistance)."""
+    rolling_resistance).
+    """
     if scene.law == "spring_dashpot":
         return math.exp(-math.pi * scene.beta_n / math.sqrt(1.0 - scene.beta_n**2))
     return math.sqrt((1.0 - scene.local_damping) / (1.0 + scene.local_damping))
@@ -155,7 +156,8 @@ def collide(scene: Scene, slip: float, fraction: float, offset: float) -> dict[s
 
 def phases() -> tuple[np.ndarray, np.ndarray]:
     """Where within a step a collision begins, from 0 to 1, and by how much of a step longer it lasts than the given
-    time step has it, -1/2 to 1/2: arrays (SAMPLES,) that fill the square evenly (Fibonacci's lattice)."""
+    time step has it, -1/2 to 1/2: arrays (SAMPLES,) that fill the square evenly (Fibonacci's lattice).
+    """
     sample = np.arange(SAMPLES)
     return (sample + 0.5) / SAMPLES, (sample * GOLDEN) % 1.0 - 0.5
 
@@ -167,7 +169,7 @@ def sampled_outcomes(collision: Collision, fraction: float) -> list[dict[str, fl
     """
     return [
         collide(collision.scene, collision.slip, fraction / (1.0 + longer * fraction / DURATION), offset)
-        for offset, longer in zip(*phases())
+        for offset, longer in zip(*phases(), strict=True)
     ]
 
 
@@ -188,11 +190,16 @@ def collision_errors(time_step_fractions: Sequence[float]) -> pandas.DataFrame:
             found = sampled_outcomes(collision, fraction)
             for quantity, exact in collision.exact.items():
                 measured = np.array([one[quantity] for one in found])
-                rows.append({
-                    "quantity": quantity, "law": collision.scene.law, "fraction": fraction,
-                    "measured": measured.mean(), "exact": exact,
-                    "error": float(np.sqrt(np.mean((measured / exact - 1.0) ** 2))),
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "quantity": quantity,
+                        "law": collision.scene.law,
+                        "fraction": fraction,
+                        "measured": measured.mean(),
+                        "exact": exact,
+                        "error": float(np.sqrt(np.mean((measured / exact - 1.0) ** 2))),
+                    }
+                )
     return pandas.DataFrame(rows)
 
 

@@ -28,14 +28,25 @@ from labkit.visuals import plots
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """The options of `./lab speed-error`."""
-    parser.add_argument("--design", choices=("full", "small"), default="full", help="full: hours; small: the same in a "
-                        "minute (default: full)")  # fmt: skip
-    parser.add_argument("--work", help="folder of specimens and runs, from which an interrupted study goes on "
-                        "(default: speed_error_full or speed_error_small)")  # fmt: skip
+    parser.add_argument(
+        "--design",
+        choices=("full", "small"),
+        default="full",
+        help="full: hours; small: the same in a minute (default: full)",
+    )
+    parser.add_argument(
+        "--work",
+        help="folder of specimens and runs, from which an interrupted study goes on "
+        "(default: speed_error_full or speed_error_small)",
+    )
     parser.add_argument("--from", dest="earlier", help="study.nc of a study whose tests need not be repeated")
     parser.add_argument("--jobs", type=positive_int, help="runs at a time (default: as many as cores)")
-    parser.add_argument("-o", "--output", default=results_folder("speed_error"), help="folder of the results (default: "
-                        "results/speed_error)")  # fmt: skip
+    parser.add_argument(
+        "-o",
+        "--output",
+        default=results_folder("speed_error"),
+        help="folder of the results (default: results/speed_error)",
+    )
 
 
 def main(options: argparse.Namespace, command: str) -> None:
@@ -48,11 +59,16 @@ def main(options: argparse.Namespace, command: str) -> None:
 
 
 def speed_error(
-    design_name: str, work: str | Path, output: str | Path, jobs: int, progress: Progress,
+    design_name: str,
+    work: str | Path,
+    output: str | Path,
+    jobs: int,
+    progress: Progress,
     earlier: str | Path | None = None,
-) -> list[Path]:  # fmt: skip
+) -> list[Path]:
     """Runs the design in the folder `work`, writes the folder `output`; returns the files. `earlier`: the study.nc of a
-    study whose tests need not be repeated."""
+    study whose tests need not be repeated.
+    """
     design = DESIGNS[design_name]()
     if earlier:
         with open_study(earlier) as data:
@@ -79,8 +95,12 @@ def write(
             shutil.copyfile(file, output / file.name)
             if file.suffix != ".png":
                 write_provenance(output / file.name, command=command)
-    drawn = {"pareto_cp.png": figures.pareto(table), "pareto_cv.png": figures.pareto(table, "cv"),
-             "changes.png": figures.changes(table), "sizes.png": figures.sizes(table)}  # fmt: skip
+    drawn = {
+        "pareto_cp.png": figures.pareto(table),
+        "pareto_cv.png": figures.pareto(table, "cv"),
+        "changes.png": figures.changes(table),
+        "sizes.png": figures.sizes(table),
+    }
     for name, figure in drawn.items():
         plots.save(figure, output / name)
     made_of = [output / "study.nc", output / "errors.csv"]

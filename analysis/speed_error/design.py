@@ -21,7 +21,8 @@ BASELINE, PRESET = "baseline", "settings"
 @dataclasses.dataclass(frozen=True)
 class Case:
     """`level` of a `factor`. `scene`: fields of the Scene that differ in the test, `material` those that differ when
-    the specimen is made too, both (name, value) pairs. `side` in m goes before `grains`."""
+    the specimen is made too, both (name, value) pairs. `side` in m goes before `grains`.
+    """
 
     factor: str
     level: object
@@ -69,7 +70,8 @@ class Case:
 @dataclasses.dataclass(frozen=True)
 class Design:
     """All cases; each path has one of the factor BASELINE and one PRESET of the level "reference". `measures`: which
-    of analysis.speed_error.measures go with them."""
+    of analysis.speed_error.measures go with them.
+    """
 
     cases: tuple[Case, ...]
     measures: tuple[str, ...]
@@ -91,9 +93,15 @@ def preset(name: str, seeds: tuple[int, ...], most_grains: int | None = None) ->
     """The case of a set of settings; `most_grains` makes a small one of it."""
     chosen = SETTINGS[name]
     case = Case(
-        PRESET, name, seeds, chosen.grains or 0, side=chosen.side, snapshots=20, rate=RATE * chosen.rate_factor,
+        PRESET,
+        name,
+        seeds,
+        chosen.grains or 0,
+        side=chosen.side,
+        snapshots=20,
+        rate=RATE * chosen.rate_factor,
         scene=(("time_step_factor", chosen.time_step_factor),),
-    )  # fmt: skip
+    )
     return dataclasses.replace(case, side=None, grains=most_grains) if most_grains else case
 
 
@@ -134,9 +142,7 @@ def pairs(base: Case) -> Iterator[Case]:
         yield _with_scene(fast, "rate x law", f"{rate:g}, paper", law="spring_dashpot")
         yield _with_scene(fast, "rate x time step", f"{rate:g}, 0.05", time_step_factor=0.05)
         yield _with_scene(fast, "rate x time step", f"{rate:g}, 0.36", time_step_factor=0.36)
-        yield dataclasses.replace(
-            fast, factor="rate x servo interval", level=f"{rate:g}, 50", servo=Servo(interval=50)
-        )  # fmt: skip
+        yield dataclasses.replace(fast, factor="rate x servo interval", level=f"{rate:g}, 50", servo=Servo(interval=50))
         soft = dataclasses.replace(fast, factor="rate x Young's modulus", level=f"{rate:g}, 3e7")
         yield dataclasses.replace(soft, material=(("young_modulus", 0.03e9),))
     for factor in (0.4, 0.6, 0.777):  # the last is 0.41 sqrt(m/kn), the trap
@@ -191,9 +197,13 @@ def small() -> Design:
     seeds = (1, 2)
     base = Case(BASELINE, "standard settings, 150 grains", seeds, 150, rate=100.0, strain=0.06)
     chosen = {
-        "time step=0.1", "time step=1.2", "local damping=0.7", "law=paper", "servo interval=20",
+        "time step=0.1",
+        "time step=1.2",
+        "local damping=0.7",
+        "law=paper",
+        "servo interval=20",
         "Young's modulus=750000000.0",
-    }  # fmt: skip
+    }
     cases = [base, *(case for case in one_factor(base) if f"{case.factor}={case.level}" in chosen)]
     cases.append(dataclasses.replace(base, path="cv"))
     cases.append(dataclasses.replace(base, factor="rate", level=400.0, rate=400.0))

@@ -41,16 +41,27 @@ def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
                 error, error_within = _against(some.sel(case=case), reference, name)
                 change, change_within = _mean_of(_pairs(some.sel(case=case), baseline, name))
                 base_scale = _scale(baseline, name, relative)
-                rows.append({
-                    "path": path, "case": case, "factor": str(some["factor"].values[k]),
-                    "level": str(some["level"].values[k]), "observable": name, "label": label,
-                    "replicates": sound.size,
-                    "number_of_grains": float(some["grains"].sel(case=case).mean()),
-                    "mean": sound.mean() if sound.size else np.nan, "scatter": scatter / scale, "error": error / scale,
-                    "error_within": error_within / scale, "one_run": np.hypot(error, scatter) / scale,
-                    "change": change / base_scale, "change_within": change_within / base_scale,
-                    "cost": over_base, "over_standard": over_standard.get(case, over_base * over_standard[base]),
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "path": path,
+                        "case": case,
+                        "factor": str(some["factor"].values[k]),
+                        "level": str(some["level"].values[k]),
+                        "observable": name,
+                        "label": label,
+                        "replicates": sound.size,
+                        "number_of_grains": float(some["grains"].sel(case=case).mean()),
+                        "mean": sound.mean() if sound.size else np.nan,
+                        "scatter": scatter / scale,
+                        "error": error / scale,
+                        "error_within": error_within / scale,
+                        "one_run": np.hypot(error, scatter) / scale,
+                        "change": change / base_scale,
+                        "change_within": change_within / base_scale,
+                        "cost": over_base,
+                        "over_standard": over_standard.get(case, over_base * over_standard[base]),
+                    }
+                )
     return pandas.DataFrame(rows)
 
 
@@ -73,7 +84,8 @@ def _sound(values):
 
 def _against(case, other, name):
     """Mean difference of two cases and the half-width of its interval: pair by pair where their specimens are the same,
-    which takes the scatter of specimens out, else Welch's. NaN where it cannot be said."""
+    which takes the scatter of specimens out, else Welch's. NaN where it cannot be said.
+    """
     paired = _pairs(case, other, name)
     if paired.size:
         return _mean_of(paired)

@@ -36,8 +36,8 @@ def pareto(table: pandas.DataFrame, path: str = "cp") -> Figure:
     rows = -(-len(names) // 4)
     figure, grid = plt.subplots(rows, 4, figsize=(1.35 * plots.WIDTH, 3.1 * rows), layout="constrained", squeeze=False)
     factors = [f for f in table["factor"].unique() if f != PRESET]
-    colors = dict(zip(factors, plt.get_cmap("tab20").colors + plt.get_cmap("Dark2").colors))
-    for axes, name in zip(grid.ravel(), names):
+    colors = dict(zip(factors, plt.get_cmap("tab20").colors + plt.get_cmap("Dark2").colors, strict=False))
+    for axes, name in zip(grid.ravel(), names, strict=False):
         some = table[table["observable"] == name]
         for factor, points in some[some["factor"] != PRESET].groupby("factor"):
             axes.loglog(points["over_standard"], 100 * points["one_run"], "o", ms=3.5, color=colors[factor])
@@ -79,14 +79,18 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
     """
     table = table[table["path"] == path]
     figure, grid = plt.subplots(
-        len(SHOWN), len(FACTORS), figsize=(1.35 * plots.WIDTH, 1.75 * len(SHOWN)), layout="constrained", sharex="col",
+        len(SHOWN),
+        len(FACTORS),
+        figsize=(1.35 * plots.WIDTH, 1.75 * len(SHOWN)),
+        layout="constrained",
+        sharex="col",
         sharey="row",
-    )  # fmt: skip
-    for row, name in zip(grid, SHOWN):
+    )
+    for row, name in zip(grid, SHOWN, strict=True):
         some = table[(table["observable"] == name) & np.isfinite(table["change"])]
         numeric = some[some["factor"].isin(FACTORS)]
         top = 300 * np.nanquantile(np.abs(numeric["change"]), 0.7) if len(numeric) else 1.0
-        for axes, (factor, (label, base)) in zip(row, FACTORS.items()):
+        for axes, (factor, (label, base)) in zip(row, FACTORS.items(), strict=True):
             points = numeric[numeric["factor"] == factor]
             x = points["level"].astype(float).values
             y, within = 100 * points["change"].values, 100 * points["change_within"].values
@@ -102,7 +106,7 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
             axes.set_xticks([*x, base], [f"{v:.3g}" for v in [*x, base]], rotation=75, fontsize=8)
             axes.grid(alpha=0.25)
         row[0].set_ylabel(f"{some['label'].iloc[0]}\nchange (%)" if len(some) else name)
-    for axes, (label, _) in zip(grid[-1], FACTORS.values()):
+    for axes, (label, _) in zip(grid[-1], FACTORS.values(), strict=True):
         axes.set_xlabel(label)
     handles = [
         Line2D([], [], ls="", marker="o", color="tab:blue", label="outside its 95 % interval"),
@@ -124,9 +128,14 @@ def sizes(table: pandas.DataFrame) -> Figure:
         beside = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # so that no interval hides another
         panels[0].loglog(x, 100 * some["scatter"].values, "o-", ms=4, label=some["label"].iloc[0])
         panels[1].errorbar(
-            beside, 100 * some["error"].values, yerr=100 * some["error_within"].values, fmt="o-", ms=4, capsize=2,
+            beside,
+            100 * some["error"].values,
+            yerr=100 * some["error_within"].values,
+            fmt="o-",
+            ms=4,
+            capsize=2,
             label=some["label"].iloc[0],
-        )  # fmt: skip
+        )
     x = np.array(sorted(table["number_of_grains"].unique()))
     panels[0].loglog(x, 5 * np.sqrt(x[0] / x), "k:", lw=1, label="1/sqrt(grains)")
     panels[0].set(xlabel="grains", ylabel="scatter between specimens (%)")

@@ -107,9 +107,13 @@ def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
     state = case.state(read_state(specimen_file(work, case, seed)))
     file = run_file(work, case, seed)
     result = {
-        "case": case.name, "seed": seed, "grains": state.number_of_grains, "status": "", "values": {},
+        "case": case.name,
+        "seed": seed,
+        "grains": state.number_of_grains,
+        "status": "",
+        "values": {},
         "time_step_over_limit": state.scene.time_step / critical_time_step(state),
-    }  # fmt: skip
+    }
     before = measure_yardstick(yardstick)
     try:
         found = _run(state, case, file)
@@ -125,9 +129,17 @@ def _run(state, case, file):
     if case.engine == "fused":  # compiles for the scene
         FusedEngine(state.replace(time_step=state.scene.time_step)).advance(1, np.zeros((3, 3)))
     return lk.run(
-        state, case.loading(), case.engine, file, case.threads, progress=False, record_strain=case.record_strain,
-        snapshots=case.snapshots, servo=case.servo, guarded=case.guarded,
-    )  # fmt: skip
+        state,
+        case.loading(),
+        case.engine,
+        file,
+        case.threads,
+        progress=False,
+        record_strain=case.record_strain,
+        snapshots=case.snapshots,
+        servo=case.servo,
+        guarded=case.guarded,
+    )
 
 
 def measure_yardstick(file: str | Path) -> float:

@@ -72,6 +72,10 @@ def shear_in_lammps(
     state = state.replace(time_step=strain / (rate * steps))
     run = deform(program, state, -rate * np.array(path.direction), steps, settle, every, classes)
     return LammpsShear(
-        axial_strain=-np.log(run.size[:, 2] / run.size[0, 2]), stress=run.stress, volume=run.size.prod(axis=1),
-        seconds=run.seconds, steps=run.steps, time_step=state.time_step,
-    )  # fmt: skip
+        axial_strain=-np.log(run.size[:, 2] / run.size[0, 2]),
+        stress=run.stress,
+        volume=run.size.prod(axis=1),
+        seconds=run.seconds,
+        steps=run.steps,
+        time_step=state.time_step,
+    )

@@ -1,5 +1,6 @@
 """What a study measures beside its runs: engines in turn on one scene, the Verlet skin, two grains, the family of
-stress-force-fabric relationships, the integrators of the model. Each is kept as a table in the study's folder."""
+stress-force-fabric relationships, the integrators of the model. Each is kept as a table in the study's folder.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +33,7 @@ LAMMPS_RATE = 40.0  # 1/s
 SETTINGS_STEPS, SETTINGS_ROUNDS = 5000, 3
 
 
-def measure_others(
-    design: Design, work: str | Path, progress: Progress
-) -> dict[str, pandas.DataFrame]:
+def measure_others(design: Design, work: str | Path, progress: Progress) -> dict[str, pandas.DataFrame]:
     """name -> table of the design's measures; those that are in the folder already are read."""
     folder = Path(work) / "measures"
     folder.mkdir(exist_ok=True)
@@ -53,27 +52,31 @@ def measure_others(
 
 def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     """Time per step of every set of settings and of the baseline, in turn, servo and records included: what a whole
-    test takes, and that over what one with the standard settings takes."""
+    test takes, and that over what one with the standard settings takes.
+    """
     cases = [case for case in design.cases if case.factor in (PRESET, BASELINE)]
     seconds = {case: [] for case in cases}
-    for turn in range(SETTINGS_ROUNDS + 1):  # the first one compiles
+    for _turn in range(SETTINGS_ROUNDS + 1):  # the first one compiles
         for case in cases:
             state = case.state(read_state(specimen_file(work, case, case.seeds[0])))
             path = case.loading(case.rate * state.scene.time_step * SETTINGS_STEPS)
-            run = lk.run(
-                state, path, progress=False, record_strain=case.record_strain, snapshots=0, servo=case.servo
-            )
+            run = lk.run(state, path, progress=False, record_strain=case.record_strain, snapshots=0, servo=case.servo)
             seconds[case].append(run.wall_time / run.steps)
     rows = []
     for case in cases:
         steps = case.steps(read_state(specimen_file(work, case, case.seeds[0])).scene)
         standard = next(other for other in cases if (other.path, other.level) == (case.path, "standard"))
-        each, over = seconds[case][1:], [a / b for a, b in zip(seconds[case][1:], seconds[standard][1:])]
+        each, over = seconds[case][1:], [a / b for a, b in zip(seconds[case][1:], seconds[standard][1:], strict=True)]
         ratio = steps / standard.steps(read_state(specimen_file(work, standard, standard.seeds[0])).scene)
-        rows.append({
-            "case": case.name, "steps": steps, "microseconds_per_step": 1e6 * statistics.median(each),
-            "minutes": statistics.median(each) * steps / 60.0, "over_standard": ratio * statistics.median(over),
-        })  # fmt: skip
+        rows.append(
+            {
+                "case": case.name,
+                "steps": steps,
+                "microseconds_per_step": 1e6 * statistics.median(each),
+                "minutes": statistics.median(each) * steps / 60.0,
+                "over_standard": ratio * statistics.median(over),
+            }
+        )
     return pandas.DataFrame(rows)
 
 
@@ -87,12 +90,18 @@ def engines(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
         base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
         for name, turns in found.items():
             speed = [turn["steps_per_second"] for turn in turns]
-            ratio = [a / b for a, b in zip(speed, base)]
-            rows.append({
-                "grains": grains, "engine": name, "steps_per_second": statistics.median(speed),
-                "grain_steps_per_second": statistics.median(speed) * grains, "over_stock": statistics.median(ratio),
-                "over_stock_least": min(ratio), "over_stock_most": max(ratio),
-            })  # fmt: skip
+            ratio = [a / b for a, b in zip(speed, base, strict=True)]
+            rows.append(
+                {
+                    "grains": grains,
+                    "engine": name,
+                    "steps_per_second": statistics.median(speed),
+                    "grain_steps_per_second": statistics.median(speed) * grains,
+                    "over_stock": statistics.median(ratio),
+                    "over_stock_least": min(ratio),
+                    "over_stock_most": max(ratio),
+                }
+            )
     return pandas.DataFrame(rows)
 
 
@@ -105,12 +114,18 @@ def skin(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
             seconds, ends = _skins(state, velocity_gradient(ConstantVolume(rate), 1.0, state.time_step))
             for value in SKINS:
                 moved = np.abs(ends[value] - ends[None]).max() / (2.0 * state.radius.mean())
-                rows.append({
-                    "grains": state.number_of_grains, "rate": rate, "skin": "auto" if value is None else value,
-                    "microseconds_per_step": 1e6 * statistics.median(seconds[value]) / SKIN_STEPS,
-                    "over_auto": statistics.median(a / b for a, b in zip(seconds[value], seconds[None])),
-                    "position_difference": moved,
-                })  # fmt: skip
+                rows.append(
+                    {
+                        "grains": state.number_of_grains,
+                        "rate": rate,
+                        "skin": "auto" if value is None else value,
+                        "microseconds_per_step": 1e6 * statistics.median(seconds[value]) / SKIN_STEPS,
+                        "over_auto": statistics.median(
+                            a / b for a, b in zip(seconds[value], seconds[None], strict=True)
+                        ),
+                        "position_difference": moved,
+                    }
+                )
     return pandas.DataFrame(rows)
 
 
@@ -167,11 +182,18 @@ def lammps(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
         p, q = run.data.lab.mean_stress().values, run.data.lab.deviatoric_stress().values
         took = {"seconds": run.wall_time, "steps": run.steps}
         rows.append({"program": "fused", "seed": seed, **strength(run.data["axial_strain"].values, p, q), **took})
-    return pandas.DataFrame(rows, columns=["program", "seed", "ratio_1", "ratio_peak", "ratio_critical",
-                                           "pressure_critical", "seconds", "steps"])  # fmt: skip
+    return pandas.DataFrame(
+        rows,
+        columns=["program", "seed", "ratio_1", "ratio_peak", "ratio_critical", "pressure_critical", "seconds", "steps"],
+    )
 
 
 MEASURES = {
-    "settings": settings, "engines": engines, "lammps": lammps, "skin": skin, "collisions": collisions,
-    "sff_family": sff_family, "model": model,
-}  # fmt: skip
+    "settings": settings,
+    "engines": engines,
+    "lammps": lammps,
+    "skin": skin,
+    "collisions": collisions,
+    "sff_family": sff_family,
+    "model": model,
+}

@@ -35,7 +35,8 @@ PEAK = 0.01  # axial strain that the peak is a mean over
 
 def observables(run: xr.Dataset, held: float | None) -> dict[str, float]:
     """The numbers of OBSERVABLES and CHECKS of a complete shear test, name -> value; `held`: mean stress held,
-    Pa, or None."""
+    Pa, or None.
+    """
     strain, end = run["axial_strain"].values, critical(run["axial_strain"].values)
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     sff = run.lab.sff_error().values[p > SFF_PRESSURE]
@@ -47,15 +48,19 @@ def observables(run: xr.Dataset, held: float | None) -> dict[str, float]:
         return float(np.mean(run[name].values[end, 2, 2]))
 
     return {
-        **strength(strain, p, q), "void_ratio_critical": mean("void_ratio"),
-        "Z_critical": mean("coordination_number"), "Lambda_critical": mean("mean_normalised_force"),
-        "A_critical": zz("contact_anisotropy"), "F_critical": zz("normal_force_anisotropy"),
-        "Ft_critical": zz("mobilisation"), "sff_error": float(sff.mean()) if sff.size else np.nan,
+        **strength(strain, p, q),
+        "void_ratio_critical": mean("void_ratio"),
+        "Z_critical": mean("coordination_number"),
+        "Lambda_critical": mean("mean_normalised_force"),
+        "A_critical": zz("contact_anisotropy"),
+        "F_critical": zz("normal_force_anisotropy"),
+        "Ft_critical": zz("mobilisation"),
+        "sff_error": float(sff.mean()) if sff.size else np.nan,
         "energy_balance_error": float(np.abs(run["energy_balance_error"].values).max()),
         "held_error": float(np.sqrt(np.mean((p[strain > 2 * AROUND] / held - 1.0) ** 2))) if held else np.nan,
         "inertial_number": float(np.median(run["inertial_number"].values[1:])),
         "overlap_ratio": float(run["overlap_ratio"].values.mean()),
-    }  # fmt: skip
+    }
 
 
 def critical(strain: np.ndarray) -> np.ndarray:
@@ -72,9 +77,12 @@ def strength(strain: np.ndarray, p: np.ndarray, q: np.ndarray) -> dict[str, floa
         return float(ratio[near].mean()) if near.any() else np.nan
 
     return {
-        "ratio_1": at(0.01), "ratio_5": at(0.05), "ratio_peak": max_of_means(strain, ratio),
-        "ratio_critical": float(ratio[end].mean()), "pressure_critical": float(p[end].mean()),
-    }  # fmt: skip
+        "ratio_1": at(0.01),
+        "ratio_5": at(0.05),
+        "ratio_peak": max_of_means(strain, ratio),
+        "ratio_critical": float(ratio[end].mean()),
+        "pressure_critical": float(p[end].mean()),
+    }
 
 
 def max_of_means(strain: np.ndarray, values: np.ndarray) -> float:

@@ -9,9 +9,16 @@ from analysis import markdown
 
 def engines(table: pandas.DataFrame) -> str:
     """Engines and threads."""
-    rows = [[f"{r.grains:.0f}", r.engine, f"{r.steps_per_second:.4g}", f"{r.grain_steps_per_second:.3g}",
-             f"{r.over_stock:.3g} ({r.over_stock_least:.3g} to {r.over_stock_most:.3g})"]
-            for r in table.itertuples()]  # fmt: skip
+    rows = [
+        [
+            f"{r.grains:.0f}",
+            r.engine,
+            f"{r.steps_per_second:.4g}",
+            f"{r.grain_steps_per_second:.3g}",
+            f"{r.over_stock:.3g} ({r.over_stock_least:.3g} to {r.over_stock_most:.3g})",
+        ]
+        for r in table.itertuples()
+    ]
     text = (
         "## Engines and threads\n\nIn turn on one scene, medians of three rounds. All engines compute in double "
         "precision; single is not offered.\n\n"
@@ -25,23 +32,38 @@ def lammps(found: pandas.DataFrame) -> str:
         return ""
     mean = found.groupby("program", sort=False).mean(numeric_only=True)
     spread = found.groupby("program", sort=False).std(numeric_only=True)
-    names = {"ratio_1": "q/p at 1 %", "ratio_peak": "q/p at the peak", "ratio_critical": "q/p, critical",
-             "pressure_critical": "p, critical, Pa"}  # fmt: skip
-    rows = [[label] + [f"{mean.loc[p, name]:.4g} ± {spread.loc[p, name]:.2g}" for p in mean.index]
-            for name, label in names.items()]  # fmt: skip
+    names = {
+        "ratio_1": "q/p at 1 %",
+        "ratio_peak": "q/p at the peak",
+        "ratio_critical": "q/p, critical",
+        "pressure_critical": "p, critical, Pa",
+    }
+    rows = [
+        [label] + [f"{mean.loc[p, name]:.4g} ± {spread.loc[p, name]:.2g}" for p in mean.index]
+        for name, label in names.items()
+    ]
     rows.append(["steps/s of the test"] + [f"{mean.loc[p, 'steps'] / mean.loc[p, 'seconds']:.4g}" for p in mean.index])
     return (
         "## LAMMPS\n\nThe same specimens along CV at 40 1/s, law paper on the engine fused, and what is nearest to it "
         f"in LAMMPS; means over {found['seed'].nunique()} specimens and their scatter. LAMMPS is not told the "
         "tangential forces at the start (analysis/speed_error/lammps.py says what else differs).\n\n"
         + markdown.table(["", *mean.index], rows)
-    )  # fmt: skip
+    )
 
 
 def skin(table: pandas.DataFrame) -> str:
     """The Verlet skin."""
-    rows = [[f"{r.grains:.0f}", f"{r.rate:g}", str(r.skin), f"{r.microseconds_per_step:.4g}", f"{r.over_auto:.3g}",
-             f"{r.position_difference:.1e}"] for r in table.itertuples()]  # fmt: skip
+    rows = [
+        [
+            f"{r.grains:.0f}",
+            f"{r.rate:g}",
+            str(r.skin),
+            f"{r.microseconds_per_step:.4g}",
+            f"{r.over_auto:.3g}",
+            f"{r.position_difference:.1e}",
+        ]
+        for r in table.itertuples()
+    ]
     header = ["grains", "rate, 1/s", "skin, D", "us/step", "over auto", "difference of positions, D"]
     return (
         "## Verlet skin of the engine fused\n\nNo skin changes the physics: positions after 2,000 steps differ by "
@@ -52,8 +74,10 @@ def skin(table: pandas.DataFrame) -> str:
 
 def collisions(table: pandas.DataFrame) -> str:
     """Two grains."""
-    rows = [[r.quantity, r.law, f"{r.fraction:g}", f"{r.measured:.6g}", f"{r.exact:.6g}", f"{r.error:.1e}"]
-            for r in table.itertuples()]  # fmt: skip
+    rows = [
+        [r.quantity, r.law, f"{r.fraction:g}", f"{r.measured:.6g}", f"{r.exact:.6g}", f"{r.error:.1e}"]
+        for r in table.itertuples()
+    ]
     words = "measured: mean over the phases in which a contact begins within a step; error: their root mean square."
     return f"## Two grains against closed forms\n\n{words}\n\n" + markdown.table(
         ["quantity", "law", "time step over sqrt(m/kn)", "measured", "exact", "error"], rows
@@ -62,13 +86,16 @@ def collisions(table: pandas.DataFrame) -> str:
 
 def family(table: pandas.DataFrame) -> str:
     """The family of stress-force-fabric relationships."""
-    rows = [[r.form, f"{100 * r.mean_error:.2f} %", f"{100 * r.worst_error:.2f} %", f"{r.cost_over_c0:.2f}"]
-            for r in table.itertuples()]  # fmt: skip
+    rows = [
+        [r.form, f"{100 * r.mean_error:.2f} %", f"{100 * r.worst_error:.2f} %", f"{r.cost_over_c0:.2f}"]
+        for r in table.itertuples()
+    ]
     return (
         "## The stress-force-fabric family: terms against error\n\nIn one test with the standard settings, against "
-        "Love.\n\n" + markdown.table(["form", "mean error", "worst error", "cost over C0"], rows)
+        "Love.\n\n"
+        + markdown.table(["form", "mean error", "worst error", "cost over C0"], rows)
         + "\n\n![family](sff_family.png)"
-    )  # fmt: skip
+    )
 
 
 def model(lines: pandas.DataFrame) -> str:

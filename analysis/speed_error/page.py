@@ -17,18 +17,31 @@ from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from analysis.speed_error.table import cost
 from labkit.dem import STANDARD, ConstantVolume
 
-OTHERS = {"engines": others.engines, "lammps": others.lammps, "skin": others.skin, "collisions": others.collisions,
-          "sff_family": others.family, "model": others.model}  # fmt: skip
+OTHERS = {
+    "engines": others.engines,
+    "lammps": others.lammps,
+    "skin": others.skin,
+    "collisions": others.collisions,
+    "sff_family": others.family,
+    "model": others.model,
+}
 
 
 def page(data: xr.Dataset, table: pandas.DataFrame, measures: Mapping[str, pandas.DataFrame], command: str) -> str:
     """The text of results/speed_error/README.md. `table`: of errors(), `measures`: of measure_others(), `command`: what
-    wrote it."""
+    wrote it.
+    """
     sections = [
-        _head(data, command), *(settings.section(data, table, measures["settings"], path) for path in ("cp", "cv")),
-        _paper(table), _how_to_read(), _defaults(data, table), _factors(data, table), _time_step(data), _sizes(),
+        _head(data, command),
+        *(settings.section(data, table, measures["settings"], path) for path in ("cp", "cv")),
+        _paper(table),
+        _how_to_read(),
+        _defaults(data, table),
+        _factors(data, table),
+        _time_step(data),
+        _sizes(),
         _same_on_both(table),
-    ]  # fmt: skip
+    ]
     sections += [write(measures[name]) for name, write in OTHERS.items() if name in measures]
     return "\n\n".join(section for section in [*sections, _failed(data)] if section) + "\n"
 
@@ -164,12 +177,14 @@ def _defaults(data, table):
         + "\n\nWhat is cheaper and does not show here is kept as a margin. A longer step comes near the limit of law "
         "paper (the table of time steps), and a denser or more widely graded specimen has a lower limit; a higher rate "
         "leaves the paper's bound of the inertial number, 3e-4, at low pressure. `quick` takes both."
-    )  # fmt: skip
+    )
 
 
 def _time_step(data):
     rows = []
-    at = np.flatnonzero([("time step" in f) and p == "cp" for f, p in zip(data["factor"].values, data["path"].values)])
+    at = np.flatnonzero(
+        [("time step" in f) and p == "cp" for f, p in zip(data["factor"].values, data["path"].values, strict=True)]
+    )
     for k in at:
         case = data.isel(case=int(k))
         limits = case["time_step_over_limit"].values[case["seed"].values > 0]
@@ -191,8 +206,17 @@ The guards were off here but for the pairs with the rate, to see what comes. The
 `labkit.dem.time_step`, a bound that is on the safe side; it is the mean over the specimens, the range beside it decides
 what the guard says.
 
-""" + markdown.table(["factor", "level", "step over limit", CHECKS["energy_balance_error"][0], CHECKS["held_error"][0],
-                "what the guards say"], rows)  # fmt: skip
+""" + markdown.table(
+        [
+            "factor",
+            "level",
+            "step over limit",
+            CHECKS["energy_balance_error"][0],
+            CHECKS["held_error"][0],
+            "what the guards say",
+        ],
+        rows,
+    )
 
 
 def _sizes():
@@ -204,18 +228,20 @@ def _same_on_both(table):
     both = same.pivot_table(index="observable", columns="level", values="mean", sort=False)
     if not {"yade", "fused"} <= set(both):
         return ""
-    rows = [[OBSERVABLES[name][0], f"{yade:.4g}", f"{fused:.4g}", percent(fused / yade - 1.0)]
-            for name, yade, fused in zip(both.index, both["yade"], both["fused"])]  # fmt: skip
+    rows = [
+        [OBSERVABLES[name][0], f"{yade:.4g}", f"{fused:.4g}", percent(fused / yade - 1.0)]
+        for name, yade, fused in zip(both.index, both["yade"], both["fused"], strict=True)
+    ]
     return (
         "## YADE and fused\n\nThe same specimens on both engines, law yade, one thread; means over "
         f"{same['replicates'].max()}. More threads give the same bits on `fused`; on YADE they change the order of "
         "sums.\n\n" + markdown.table(["", "YADE", "fused", "difference"], rows)
-    )  # fmt: skip
+    )
 
 
 def _failed(data):
     said = {}
-    for case, statuses in zip(data["case"].values, data["status"].values.astype(str)):
+    for case, statuses in zip(data["case"].values, data["status"].values.astype(str), strict=True):
         for status in filter(None, statuses):
             said.setdefault(str(case), status)
     if not said:

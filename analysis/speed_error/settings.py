@@ -56,9 +56,11 @@ def settings(
     strain = float(data["strain"].sel(case=cases["standard"]))
     steps = data["steps"].mean("replicate")
     laws = ["spring_dashpot" if level == "the paper's" else "rolling_resistance" for level in levels]
-    factors = [strain / (rate * float(steps.sel(case=case)) * lk.Scene(law=law).time_unit)
-               for rate, case, law in zip(rates, cases.values(), laws)]  # fmt: skip
-    rows.append(["contact law"] + laws)
+    factors = [
+        strain / (rate * float(steps.sel(case=case)) * lk.Scene(law=law).time_unit)
+        for rate, case, law in zip(rates, cases.values(), laws, strict=True)
+    ]
+    rows.append(["contact law", *laws])
     rows.append(["axial rate, 1/s"] + [f"{rate:g}" for rate in rates])
     rows.append(["`--time-step-factor`"] + [f"{factor:.3g}" for factor in factors])
     rows.append(["**time over standard**"] + [f"**{measured.loc[c, 'over_standard']:.3g}**" for c in cases.values()])

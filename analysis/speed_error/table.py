@@ -36,8 +36,9 @@ def collect(design: Design, work: str | Path) -> xr.Dataset:
     """
     replicates = max(len(case.seeds) for case in design.cases)
     shape = len(design.cases), replicates
-    columns = {name: np.full(shape, np.nan) for name in ("grains", "steps", "wall_time", "yardstick",
-                                                         "time_step_over_limit")}  # fmt: skip
+    columns = {
+        name: np.full(shape, np.nan) for name in ("grains", "steps", "wall_time", "yardstick", "time_step_over_limit")
+    }
     value, check = np.full((*shape, len(OBSERVABLES)), np.nan), np.full((*shape, len(CHECKS)), np.nan)
     status, seeds = np.full(shape, "", dtype=object), np.zeros(shape, dtype=int)
     for i, case in enumerate(design.cases):
@@ -52,21 +53,30 @@ def collect(design: Design, work: str | Path) -> xr.Dataset:
     cells = ("case", "replicate")
     data = xr.Dataset(
         {
-            "value": ((*cells, "observable"), value), "check": ((*cells, "check_name"), check),
-            "seed": (cells, seeds), "status": (cells, status.astype(str)),
+            "value": ((*cells, "observable"), value),
+            "check": ((*cells, "check_name"), check),
+            "seed": (cells, seeds),
+            "status": (cells, status.astype(str)),
             **{name: (cells, column) for name, column in columns.items()},
         },
         coords={
-            "case": [case.name for case in design.cases], "observable": list(OBSERVABLES), "check_name": list(CHECKS),
-            **{name: ("case", [str(getattr(case, name)) for case in design.cases])
-               for name in ("path", "factor", "level", "engine")},
+            "case": [case.name for case in design.cases],
+            "observable": list(OBSERVABLES),
+            "check_name": list(CHECKS),
+            **{
+                name: ("case", [str(getattr(case, name)) for case in design.cases])
+                for name in ("path", "factor", "level", "engine")
+            },
             "guarded": ("case", [int(case.guarded) for case in design.cases]),
             "rate": ("case", [case.rate for case in design.cases], {"units": "s-1", "long_name": "axial strain rate"}),
             "strain": ("case", [case.strain for case in design.cases], {"units": "1", "long_name": "axial strain"}),
         },
-        attrs={"Conventions": "CF-1.11", "labkit_version": lk.__version__,
-               "title": "speed against error of labkit's settings"},
-    )  # fmt: skip
+        attrs={
+            "Conventions": "CF-1.11",
+            "labkit_version": lk.__version__,
+            "title": "speed against error of labkit's settings",
+        },
+    )
     for name, words in ABOUT.items():
         data[name].attrs |= {"long_name": words, "units": UNITS.get(name, "1")}
     return data
@@ -85,7 +95,8 @@ def open_study(file: str | Path) -> xr.Dataset:
 
 def restore(data: xr.Dataset, design: Design, work: str | Path) -> int:
     """Writes the results that `data`, of collect(), has for cases of the design into the folder `work`, where there is
-    none yet: a study with further cases, or on another computer, then need not repeat them. Returns how many."""
+    none yet: a study with further cases, or on another computer, then need not repeat them. Returns how many.
+    """
     restored = 0
     for case in design.cases:
         if case.name not in data["case"].values:
@@ -103,8 +114,8 @@ def restore(data: xr.Dataset, design: Design, work: str | Path) -> int:
 
 def _result(case, row):
     """What analysis.speed_error.jobs.run_case writes, of one case and replicate of the data set."""
-    values = dict(zip(row["observable"].values.tolist(), row["value"].values.tolist()))
-    values |= dict(zip(row["check_name"].values.tolist(), row["check"].values.tolist()))
+    values = dict(zip(row["observable"].values.tolist(), row["value"].values.tolist(), strict=True))
+    values |= dict(zip(row["check_name"].values.tolist(), row["check"].values.tolist(), strict=True))
     status = str(row["status"].item())
     numbers = {name: float(row[name]) for name in ("wall_time", "yardstick", "time_step_over_limit")}
     whole = {name: int(row[name]) for name in ("seed", "grains", "steps") if np.isfinite(float(row[name]))}

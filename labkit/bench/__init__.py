@@ -3,7 +3,9 @@
 from labkit.lazy import attach
 
 _NAMES = {
-    "bench": "engines", "deform": "lammps", "measure_all": "model",
-}  # fmt: skip
+    "bench": "engines",
+    "deform": "lammps",
+    "measure_all": "model",
+}
 
 __getattr__, __dir__, __all__ = attach(__name__, _NAMES)

@@ -20,7 +20,8 @@ Variant = Callable[[str, int], dict[str, float]]
 
 def variants(scene: Scene) -> dict[str, Variant]:
     """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this computer has and
-    what knows the contact law of the scene."""
+    what knows the contact law of the scene.
+    """
     found: dict[str, Variant] = {}
     if shutil.which("yade") and scene.law == "rolling_resistance":
         found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
@@ -65,7 +66,7 @@ def table(found: Mapping[str, Sequence[Mapping[str, float]]], grains: int, time_
     lines = ["{:<30} {:>9} {:>14} {:>7} {:>13} {:>11} {:>9}".format(*heading)]
     for name, turns in found.items():
         speed = [turn["steps_per_second"] for turn in turns]
-        ratio = [a / b for a, b in zip(speed, base)]
+        ratio = [a / b for a, b in zip(speed, base, strict=True)]
         record = [turn["steps_per_record"] / between for turn in turns if "steps_per_record" in turn]
         sums = [turn["steps_per_stress"] / STANDARD.interval for turn in turns if "steps_per_stress" in turn]
         median = statistics.median(speed)

@@ -36,15 +36,20 @@ def copies(state: State, times: Sequence[int]) -> State:
     second = state.contact_grain[:, 1] + number * np.ravel_multi_index(np.moveaxis(copy, -1, 0), times)
     first = np.broadcast_to(state.contact_grain[:, 0] + number * np.arange(many)[:, None], second.shape)
     history = ordered(
-        np.stack([first, second], axis=-1).reshape(-1, 2), period.reshape(-1, 3),
+        np.stack([first, second], axis=-1).reshape(-1, 2),
+        period.reshape(-1, 3),
         np.tile(np.concatenate([state.tangential_force, state.rolling_moment], axis=1), (many, 1)),
-    )  # fmt: skip
+    )
     return result.replace(
-        velocity=np.tile(state.velocity, (many, 1)), angular_velocity=np.tile(state.angular_velocity, (many, 1)),
-        velocity_gradient=state.velocity_gradient, time_step=state.time_step,
-        contact_grain=history.grain.astype(np.int32), contact_shift=history.shift.astype(np.int32),
-        tangential_force=history.rows[:, :3].copy(), rolling_moment=history.rows[:, 3:].copy(),
-    )  # fmt: skip
+        velocity=np.tile(state.velocity, (many, 1)),
+        angular_velocity=np.tile(state.angular_velocity, (many, 1)),
+        velocity_gradient=state.velocity_gradient,
+        time_step=state.time_step,
+        contact_grain=history.grain.astype(np.int32),
+        contact_shift=history.shift.astype(np.int32),
+        tangential_force=history.rows[:, :3].copy(),
+        rolling_moment=history.rows[:, 3:].copy(),
+    )
 
 
 def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
@@ -77,8 +82,10 @@ def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
             seconds = _seconds_per_step(engine, state, steps, sampled)
             found[name].append(seconds - sum(searches[name]) / steps)
     progress(1.0, "done")
-    lines = [f"{state.number_of_grains} grains, {len(state.contact_grain)} contacts; one thread; medians of {rounds}, "
-             "searches left out"]
+    lines = [
+        f"{state.number_of_grains} grains, {len(state.contact_grain)} contacts; one thread; medians of {rounds}, "
+        "searches left out"
+    ]
     lines.append(f"{'':<36} {'us/step':>9} {'ns/contact':>11} {'of all, %':>10}")
     base = statistics.median(found[FIRST][1:])
     for name, turns in found.items():
@@ -192,8 +199,6 @@ def sizes(state: State, steps: int, progress: Progress) -> str:
         each = 1e9 * seconds / many.number_of_grains
         first = first or each
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        lines.append(
-            f"{many.number_of_grains:8d} {1 / seconds:9.1f} {each:18.1f} {each / first:13.2f} {memory:16.0f}"
-        )
+        lines.append(f"{many.number_of_grains:8d} {1 / seconds:9.1f} {each:18.1f} {each / first:13.2f} {memory:16.0f}")
     progress(1.0, "done")
     return "\n".join(lines)

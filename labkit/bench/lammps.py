@@ -68,7 +68,8 @@ run {steps}
 @dataclasses.dataclass(frozen=True)
 class LammpsRun:
     """What LAMMPS writes while the cell deforms: `size` (record, 3) of the cell, m, `stress` (record, 3, 3) of all
-    contact forces, Pa, compression positive, and the seconds of its loop over `steps` steps."""
+    contact forces, Pa, compression positive, and the seconds of its loop over `steps` steps.
+    """
 
     size: np.ndarray
     stress: np.ndarray
@@ -92,11 +93,21 @@ def write_input(
     data = Path(folder) / "grains.data"
     data.write_text(_grains(state, size, kind, classes))
     file = Path(folder) / "in.shear"
-    file.write_text(INPUT.format(
-        data=data, skin=SKIN * state.scene.mean_diameter, coefficients=_coefficients(state.scene, middle),
-        time_step=state.time_step, settle=settle, every=every, steps=steps, size=size, rates=rates,
-        start=-0.5 * rates * size, end=0.5 * rates * size,
-    ))  # fmt: skip
+    file.write_text(
+        INPUT.format(
+            data=data,
+            skin=SKIN * state.scene.mean_diameter,
+            coefficients=_coefficients(state.scene, middle),
+            time_step=state.time_step,
+            settle=settle,
+            every=every,
+            steps=steps,
+            size=size,
+            rates=rates,
+            start=-0.5 * rates * size,
+            end=0.5 * rates * size,
+        )
+    )
     return file
 
 
@@ -111,10 +122,10 @@ def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarr
 def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> str:
     """The data file: cell and grains."""
     lines = [f"grains\n\n{state.number_of_grains} atoms\n{classes} atom types\n"]
-    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist())]
+    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist(), strict=True)]
     lines += ["\nAtoms # sphere\n"]
     position = np.mod(state.position, size)
-    grains = zip(kind.tolist(), state.radius.tolist(), position.tolist())
+    grains = zip(kind.tolist(), state.radius.tolist(), position.tolist(), strict=True)
     for number, (of, radius, place) in enumerate(grains, 1):
         x, y, z = place
         lines.append(f"{number} {of + 1} {2.0 * radius!r} {state.scene.density!r} {x!r} {y!r} {z!r}")

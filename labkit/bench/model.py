@@ -62,9 +62,13 @@ def work(model: Model, path: Path, start: ModelState) -> dict[str, list[Point]]:
 
 
 def _curve(
-    model: Model, path: Path, start: ModelState, make: Callable[[float], Integrator], settings: Sequence[float],
+    model: Model,
+    path: Path,
+    start: ModelState,
+    make: Callable[[float], Integrator],
+    settings: Sequence[float],
     exact: np.ndarray,
-) -> list[Point]:  # fmt: skip
+) -> list[Point]:
     points = []
     for setting in settings:
         seconds, error = np.inf, None
@@ -95,8 +99,10 @@ def _error(stress: np.ndarray, exact: np.ndarray) -> float | None:
 
 def table(found: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
     """Time and error of every integrator at every setting, as text. found: title -> label -> Points."""
-    lines = [f"Stress error (largest over records, relative) and time; best of {REPEATS}. Fixed steps: strain; others: "
-             "tolerance."]  # fmt: skip
+    lines = [
+        f"Stress error (largest over records, relative) and time; best of {REPEATS}. Fixed steps: strain; others: "
+        "tolerance."
+    ]
     for title, curves in found.items():
         lines += ["", title]
         for label, points in curves.items():
@@ -115,8 +121,10 @@ def one_path(model: Model) -> str:
         begin = time.thread_time()
         result = drive(model, path, start)
         times.append(time.thread_time() - begin)
-    return (f"one CV path to 60 %, {len(result)} records, default tolerance: {np.median(times) * 1e3:.2f} ms, "
-            f"stress error {_error(result.stress, exact):.1e}")  # fmt: skip
+    return (
+        f"one CV path to 60 %, {len(result)} records, default tolerance: {np.median(times) * 1e3:.2f} ms, "
+        f"stress error {_error(result.stress, exact):.1e}"
+    )
 
 
 def material_points(model: Model) -> str:
@@ -137,6 +145,8 @@ def material_points(model: Model) -> str:
                 times.append(time.thread_time() - begin)
             rates.append(POINTS / min(times) / 1e6)
         substeps = found.substeps.mean()
-        lines.append(f"  |strain increment| {size:g}: {rates[0]:.2f} state and stress, {rates[1]:.2f} with consistent "
-                     f"tangent; {substeps:.2f} substeps")  # fmt: skip
+        lines.append(
+            f"  |strain increment| {size:g}: {rates[0]:.2f} state and stress, {rates[1]:.2f} with consistent "
+            f"tangent; {substeps:.2f} substeps"
+        )
     return "\n".join(lines)

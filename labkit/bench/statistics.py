@@ -21,7 +21,8 @@ WHOLE_RUN = ("statistics", "love_stress", "sff_stress", "size_groups", "strong_n
 
 def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFrame:
     """A pandas.DataFrame: milliseconds of each computation for the last snapshot (median of `rounds`), and seconds and
-    peak memory (MB) of each over the whole run, opened anew."""
+    peak memory (MB) of each over the whole run, opened anew.
+    """
     run = labkit.open_run(file)
     snapshot = run.lab.snapshot(-1)
     group = groups_by_diameter(snapshot, diameter_edges(snapshot, 5))
@@ -35,17 +36,18 @@ def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFr
         "reading the snapshot": lambda: run.lab.snapshot(-1),
     }
     size = f"one snapshot of {len(snapshot.contacts)} contacts"
-    rows = [
-        {"what": f"{name}, {size}", "milliseconds": 1e3 * _median(of, rounds)}
-        for name, of in of_one.items()
-    ]
+    rows = [{"what": f"{name}, {size}", "milliseconds": 1e3 * _median(of, rounds)} for name, of in of_one.items()]
     held = sum(run[name].nbytes for name, variable in run.variables.items() if "contact" in variable.dims) / 1e6
     for name in WHOLE_RUN:
         seconds, peak = _whole(file, name)
-        rows.append({
-            "what": f"{name}, {run.sizes['snapshot']} snapshots", "milliseconds": 1e3 * seconds, "peak_MB": peak,
-            "all_contacts_MB": held,
-        })  # fmt: skip
+        rows.append(
+            {
+                "what": f"{name}, {run.sizes['snapshot']} snapshots",
+                "milliseconds": 1e3 * seconds,
+                "peak_MB": peak,
+                "all_contacts_MB": held,
+            }
+        )
     return pandas.DataFrame(rows)
 
 

@@ -1,10 +1,10 @@
 """All runs of a campaign as one labelled object that reads nothing before it is asked.
 
-    runs = labkit.open_campaign("quick")                     # an xarray.Dataset, dimensions run and time
-    runs["stress"].sel(run="cp-dense-fused")                 # reads one file
-    runs.isel(run=(runs["path"] == "cp").values)             # still lazy: the parameters are in memory
-    runs.runs.summary().to_dataframe()                       # one row per run; one run in memory at a time
-    runs.runs.open("cp-dense-fused").lab.contacts(3)         # the contacts of one run, see labkit.open_run
+runs = labkit.open_campaign("quick")                     # an xarray.Dataset, dimensions run and time
+runs["stress"].sel(run="cp-dense-fused")                 # reads one file
+runs.isel(run=(runs["path"] == "cp").values)             # still lazy: the parameters are in memory
+runs.runs.summary().to_dataframe()                       # one row per run; one run in memory at a time
+runs.runs.open("cp-dense-fused").lab.contacts(3)         # the contacts of one run, see labkit.open_run
 """
 
 from __future__ import annotations
@@ -116,17 +116,23 @@ def _read(file: Path) -> _File:
         inputs, name = known["provenance"].get("inputs", []), run.getncattr("path")
         records = len(run.dimensions["time"])
         of_file = {
-            "path": name, "engine": str(run.engine), "specimen": _specimen_of(inputs),
-            "seed": int(getattr(run, "seed", 0)), "grains": len(run["grains"].dimensions["grain"]),
-            "records": records, "complete": bool(run.complete), "file": str(file),
-        }  # fmt: skip
+            "path": name,
+            "engine": str(run.engine),
+            "specimen": _specimen_of(inputs),
+            "seed": int(getattr(run, "seed", 0)),
+            "grains": len(run["grains"].dimensions["grain"]),
+            "records": records,
+            "complete": bool(run.complete),
+            "file": str(file),
+        }
         coordinates = {key: (value, _attributes("", OF_FILES[key])) for key, value in of_file.items()}
         kind = PATHS[name] if name in PATHS else None
         coordinates = {
             **_parameters("recipe", known["recipe"], parameters_of(Recipe)),
             **_parameters("scene", known["scene"], parameters_of(Scene)),
-            **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}), **coordinates,
-        }  # fmt: skip
+            **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}),
+            **coordinates,
+        }
         return _File(coordinates, {name: _described(run[name]) for name in run.variables}, records)
 
 
@@ -134,7 +140,8 @@ def _parameters(
     of: str, values: Mapping[str, Any], known: Mapping[str, Parameter]
 ) -> dict[str, tuple[Any, dict[str, str]]]:
     """Coordinates of the parameters of a path, a scene or a recipe: all that the file has, told what they are if they
-    are known here."""
+    are known here.
+    """
     found = {}
     for name, value in values.items():
         if isinstance(value, (list, tuple)):
@@ -212,9 +219,13 @@ class Runs:
         names = list(dict.fromkeys(name for row in rows for name in row))
         missing = (np.nan, "", "")
         columns = {
-            name: ("run", [row.get(name, missing)[0] for row in rows],
-                   _attributes(*next(row[name] for row in rows if name in row)[1:])) for name in names
-        }  # fmt: skip
+            name: (
+                "run",
+                [row.get(name, missing)[0] for row in rows],
+                _attributes(*next(row[name] for row in rows if name in row)[1:]),
+            )
+            for name in names
+        }
         return xr.Dataset(columns, coords={name: c for name, c in self._campaign.coords.items() if c.dims == ("run",)})
 
     def summary(self) -> xr.Dataset:

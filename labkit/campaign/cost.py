@@ -41,7 +41,8 @@ STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 @dataclasses.dataclass(frozen=True)
 class Speed:
     """Of one engine on one thread: seconds to start, of a step and of a step of each grain; steps that a record and
-    the sum of stresses for the servo are worth."""
+    the sum of stresses for the servo are worth.
+    """
 
     start: float
     step: float

@@ -115,7 +115,8 @@ def _kind(node: Node) -> str:
 @dataclasses.dataclass
 class Fields:
     """What one mapping says. where: how messages call it; line: where it begins; values: name -> value in SI units (a
-    list of them where there may be several); lines: name -> line; broken: names that were given and cannot be read."""
+    list of them where there may be several); lines: name -> line; broken: names that were given and cannot be read.
+    """
 
     where: str
     line: int
@@ -156,9 +157,14 @@ class Fields:
 
 
 def read_fields(
-    node: Node, known: Mapping[str, Parameter], where: str, mistakes: Mistakes, several: Collection[str] = (),
-    sections: Collection[str] = (), line: int | None = None,
-) -> Fields:  # fmt: skip
+    node: Node,
+    known: Mapping[str, Parameter],
+    where: str,
+    mistakes: Mistakes,
+    several: Collection[str] = (),
+    sections: Collection[str] = (),
+    line: int | None = None,
+) -> Fields:
     """The fields of a mapping; what is unknown or cannot be read is a mistake and is left out.
 
     known: name -> Parameter; several: names that may have a list of values; sections: names that others read.
@@ -187,7 +193,9 @@ def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
     if not nodes or None in texts:
         return
     read = []
-    for line, value in [(line_of(node), texts)] if known.kind is tuple else zip(map(line_of, nodes), texts):
+    for line, value in (
+        [(line_of(node), texts)] if known.kind is tuple else zip(map(line_of, nodes), texts, strict=True)
+    ):
         try:
             read.append(known.read(value, unit_needed=True))
         except InputError as error:

@@ -44,7 +44,8 @@ class Consolidated:
 @dataclasses.dataclass(frozen=True)
 class Run:
     """A loading path of a specimen. changes: (parameter of the Scene, value) of those that the specimen need not
-    share."""
+    share.
+    """
 
     name: str
     specimen: str
@@ -88,7 +89,8 @@ class Campaign:
 
     def consolidation(self, run: Run) -> str | None:
         """The name of the consolidation that labkit adds before a run, where the run holds a stress that its specimen
-        was not brought to; None for any other run."""
+        was not brought to; None for any other run.
+        """
         at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
         pressure = run.path.start_pressure()
         return None if pressure in (None, at) else consolidation_name(run.specimen, pressure, run.engine)

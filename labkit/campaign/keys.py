@@ -31,9 +31,7 @@ class Common:
 
 
 def _word(name: str, help: str, choices: object = None) -> Parameter:
-    return Parameter(
-        name, dataclasses.MISSING, help, "1", str, -math.inf, math.inf, -math.inf, choices, False, True
-    )  # fmt: skip
+    return Parameter(name, dataclasses.MISSING, help, "1", str, -math.inf, math.inf, -math.inf, choices, False, True)
 
 
 NAME = _word("name", "name of the campaign and of its folder")

@@ -33,7 +33,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
 def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
     """Puts the campaign file of that text and the files that it uses into the folder, where they are not there yet."""
     names = copied_names(campaign.use)
-    texts = dict(zip(names, map(read_text, campaign.use)))
+    texts = dict(zip(names, map(read_text, campaign.use), strict=True))
     if campaign.use:
         (folder / FOLDER).mkdir(exist_ok=True)
     for name, content in {**texts, CAMPAIGN: with_use(text, names)}.items():

@@ -39,7 +39,8 @@ FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 class Job:
     """One command. kind: specimen, consolidation or run; arguments: of the command, without its files; source: the
     state file that it starts from; extensions: hashes of the user's own files that its result depends on; digest: of
-    all that decides its result, the jobs before it among them. Files are relative to the folder of the campaign."""
+    all that decides its result, the jobs before it among them. Files are relative to the folder of the campaign.
+    """
 
     kind: str
     name: str
@@ -133,11 +134,12 @@ def _consolidation_job(item: Consolidated, source: Job, scene: Scene, hashes: tu
 def _run_job(item: Run, source: Job, origin: Specimen, hashes: tuple[str, ...]) -> Job:
     known = options_of(type(item.path))
     arguments = [
-        "run", item.path.name,
+        "run",
+        item.path.name,
         *_options(known, item.path.parameters(), {name: one.default for name, one in known.items()}),
         *_options(options_of(Options), vars(item.options)),
         *_options(changes_of_runs(), vars(item.scene(origin)), vars(origin.scene)),
-    ]  # fmt: skip
+    ]
     return _job("run", item, arguments, source, hashes)  # statistics of one's own are recorded by all runs
 
 
@@ -150,9 +152,10 @@ def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]
 def _options(known: Mapping[str, Parameter], values: Mapping[str, Any], usual: Mapping[str, Any] = {}) -> list:
     """Options of the command line for the values that are not the usual ones, nor None."""
     return [
-        f"{option_name(name)}={_text(values[name], one.unit)}" for name, one in known.items()
+        f"{option_name(name)}={_text(values[name], one.unit)}"
+        for name, one in known.items()
         if values[name] is not None and (name not in usual or values[name] != usual[name])
-    ]  # fmt: skip
+    ]
 
 
 def _text(value: Any, unit: str) -> str:

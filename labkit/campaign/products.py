@@ -31,15 +31,22 @@ def write_statistics(name: str) -> None:
     file = Path(RUNS) / f"{name}.run.nc"
     output = Path(STATISTICS) / f"{name}.nc"
     run = open_run(file)
-    found = xr.Dataset({key: ((), value, {"units": units, "long_name": long_name})
-                        for key, (value, units, long_name) in numbers(run).items()})  # fmt: skip
+    found = xr.Dataset(
+        {
+            key: ((), value, {"units": units, "long_name": long_name})
+            for key, (value, units, long_name) in numbers(run).items()
+        }
+    )
     found["grains"] = (), run.sizes["grain"], {"units": "1", "long_name": "number of grains"}
     found.attrs = {
-        "labkit_file": "statistics", "run": name, "run_data_sha256": run.attrs.get("data_sha256", ""),
-        "path": run.attrs["path"], "engine": run.attrs["engine"],
+        "labkit_file": "statistics",
+        "run": name,
+        "run_data_sha256": run.attrs.get("data_sha256", ""),
+        "path": run.attrs["path"],
+        "engine": run.attrs["engine"],
         "outside_limits": "; ".join(map(str, exceeded({name: run[name].values for name in RECORDED}, run.lab.scene))),
         "provenance": provenance(inputs=[file], output=output, seed=run.attrs.get("seed")),
-    }  # fmt: skip
+    }
     run.close()
     with whole_file(output) as temporary:
         found.to_netcdf(temporary, engine="netcdf4")
@@ -86,9 +93,13 @@ def _at_end(variable: xr.DataArray) -> tuple[float, str, str]:
 
 
 CRITICAL = {
-    "M": "q/p over the last quarter of the strain", "Z": "coordination number there", "Lambda": "Lambda there",
-    "A_zz": "contact anisotropy there", "F_zz": "anisotropy of normal forces there", "Ft_zz": "mobilisation there",
-}  # fmt: skip
+    "M": "q/p over the last quarter of the strain",
+    "Z": "coordination number there",
+    "Lambda": "Lambda there",
+    "A_zz": "contact anisotropy there",
+    "F_zz": "anisotropy of normal forces there",
+    "Ft_zz": "mobilisation there",
+}
 
 
 def write_report(plan: Plan) -> None:
@@ -130,13 +141,21 @@ def _row(job: Job) -> dict[str, Any] | None:
     run = job.item
     assert isinstance(run, Run)
     return {
-        "run": run.name, "path": run.path.name, "engine": run.engine, "specimen": run.specimen,
-        "grains": int(value["grains"]), "p0, kPa": value["initial_mean_stress"] / 1e3,
-        "p, kPa": value["final_mean_stress"] / 1e3, "e0": value["initial_void_ratio"], "e": value["final_void_ratio"],
-        "Z": value["final_coordination_number"], "peak q/p": value["peak_stress_ratio"],
-        "M": value.get("critical_M", np.nan), "C0 error, %": 100.0 * value["largest_sff_error"],
+        "run": run.name,
+        "path": run.path.name,
+        "engine": run.engine,
+        "specimen": run.specimen,
+        "grains": int(value["grains"]),
+        "p0, kPa": value["initial_mean_stress"] / 1e3,
+        "p, kPa": value["final_mean_stress"] / 1e3,
+        "e0": value["initial_void_ratio"],
+        "e": value["final_void_ratio"],
+        "Z": value["final_coordination_number"],
+        "peak q/p": value["peak_stress_ratio"],
+        "M": value.get("critical_M", np.nan),
+        "C0 error, %": 100.0 * value["largest_sff_error"],
         "time, s": value["wall_time"],
-    }  # fmt: skip
+    }
 
 
 def _attribute(name: str, attribute: str) -> str:
@@ -146,8 +165,11 @@ def _attribute(name: str, attribute: str) -> str:
 
 def _origin(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     here = machine()
-    made = {(known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])
-            for row in rows if (known := of_file(Path(RUNS) / f"{row['run']}.run.nc"))}  # fmt: skip
+    made = {
+        (known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])
+        for row in rows
+        if (known := of_file(Path(RUNS) / f"{row['run']}.run.nc"))
+    }
     yield f"- campaign file: `{CAMPAIGN}`; every file says with `labkit info FILE` what made it"
     for version, code, name in sorted(made):
         yield f"- runs by labkit {version}, {code}, on {name}"

@@ -110,7 +110,7 @@ def _words(
     """What tells a run from the others of its entry."""
     words = [specimen] * (len(names) > 1)
     words += [f"p{pressure / 1e3:g}kPa"] if pressure is not None else []
-    return words + [working["engine"]] if isinstance(fields.values.get("engine"), list) else words
+    return [*words, working["engine"]] if isinstance(fields.values.get("engine"), list) else words
 
 
 def check_run(campaign: Campaign, run: Run, fields: Fields) -> None:

@@ -30,7 +30,8 @@ from labkit.parameters import restored
 @dataclasses.dataclass(frozen=True)
 class Specimens:
     """What the section says. groups: name in the file -> names of the specimens that it makes, none after a mistake;
-    origins: name of any specimen -> the Specimen that it goes back to."""
+    origins: name of any specimen -> the Specimen that it goes back to.
+    """
 
     made: tuple[Specimen, ...]
     consolidated: tuple[Consolidated, ...]
@@ -98,13 +99,17 @@ def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
     named = [(f"{name}-s{seed}" if several else name, seed) for seed in (seeds if several else [seeds])]
     return [
         dataclasses.replace(specimen, name=one, recipe=dataclasses.replace(recipe, seed=seed)) for one, seed in named
-    ]  # fmt: skip
+    ]
 
 
 def _all_consolidated(
-    others: Mapping[str, Fields], groups: dict[str, list[str]], origins: dict[str, Specimen], lines: Mapping[str, int],
-    top: Mapping[str, Any], mistakes: Mistakes,
-) -> list[Consolidated]:  # fmt: skip
+    others: Mapping[str, Fields],
+    groups: dict[str, list[str]],
+    origins: dict[str, Specimen],
+    lines: Mapping[str, int],
+    top: Mapping[str, Any],
+    mistakes: Mistakes,
+) -> list[Consolidated]:
     """The Consolidated of these entries, a source before what is made of it; adds to the groups and the origins."""
     for fields in others.values():
         fields.require([consolidated_keys()["pressure"]])
@@ -138,7 +143,7 @@ def _consolidated(
         return []
     chosen, ones = worked(fields.values, top), list(groups.get(source, ()))
     names = [name] if ones == [source] else [name + one.removeprefix(source) for one in ones]
-    return [Consolidated(made, one, pressure, **chosen) for made, one in zip(names, ones)]
+    return [Consolidated(made, one, pressure, **chosen) for made, one in zip(names, ones, strict=True)]
 
 
 def _cycles(sources: Mapping[str, str | None], lines: Mapping[str, int], mistakes: Mistakes) -> set[str]:

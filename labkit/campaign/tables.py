@@ -14,7 +14,8 @@ SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": 
 
 def write_tables(plan: Plan, folder: Path) -> list[Path]:
     """Writes a table per kind of job into the folder; returns the files. Raises InputError for a job on another engine
-    than yade, which yade-batch cannot start."""
+    than yade, which yade-batch cannot start.
+    """
     others = [job for job in plan.jobs if job.item.engine != "yade"]
     if others:
         has = f"{others[0].name} has the engine {others[0].item.engine}"

@@ -67,9 +67,15 @@ def _watched(words: Sequence[str], folder: Path, progress: Progress) -> int:
     """Runs Snakemake, tells `progress` how far it is and keeps what it says in its log; its exit code."""
     with open(folder / LOG, "w") as log:
         child = subprocess.Popen(
-            words, cwd=folder, preexec_fn=die_with_parent, text=True, errors="replace", stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+            words,
+            cwd=folder,
+            preexec_fn=die_with_parent,
+            text=True,
+            errors="replace",
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
         try:
             for line in child.stdout or ():
                 log.write(line)
@@ -89,8 +95,17 @@ def command(cores: int, profile: str | None) -> list[str]:
     Our own lock keeps a second one out and is gone with a killed process, as Snakemake's is not. A job moves its output
     into place as a whole, so that what Snakemake takes for incomplete after a kill is not.
     """
-    arguments = ["--snakefile", str(SNAKEFILE), "--nolock", "--ignore-incomplete", "--keep-going", "--rerun-triggers",
-                 "mtime", "--quiet", "rules"]  # fmt: skip
+    arguments = [
+        "--snakefile",
+        str(SNAKEFILE),
+        "--nolock",
+        "--ignore-incomplete",
+        "--keep-going",
+        "--rerun-triggers",
+        "mtime",
+        "--quiet",
+        "rules",
+    ]
     if profile is None:
         arguments += ["--cores", str(cores)]
     else:

@@ -1,15 +1,15 @@
 """The command line: `labkit COMMAND`.
 
-    dispatch   reads a command line, runs its command, says what went wrong
-    registry   where the commands are; they register themselves there, with their options
-    parser     of command lines
-    arguments  options made of the table of parameters
-    simulate   specimen, consolidate, run, stratified; also inside YADE
-    look       verify, critical, figure, picture, paraview, watch, info
-    model      model, calibrate, model-speed
-    bench      bench, bench-statistics
-    campaign   campaign; job: one job of a campaign
-    demo       demo
+dispatch   reads a command line, runs its command, says what went wrong
+registry   where the commands are; they register themselves there, with their options
+parser     of command lines
+arguments  options made of the table of parameters
+simulate   specimen, consolidate, run, stratified; also inside YADE
+look       verify, critical, figure, picture, paraview, watch, info
+model      model, calibrate, model-speed
+bench      bench, bench-statistics
+campaign   campaign; job: one job of a campaign
+demo       demo
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from labkit.parameters import Parameter, help_of, parameters_of
 
 def add_parameters(
     parser: argparse.ArgumentParser, kind: type, leave_out: Iterable[str] = (), unset: bool = False
-) -> None:  # fmt: skip
+) -> None:
     """An option for every parameter of a dataclass; its value is text, which `given` reads.
 
     unset: the defaults are not the class's but something that the help cannot know.
@@ -27,9 +27,7 @@ def add_parameters(
             _add(parser, known, help_of(known, None if unset else known.default))
 
 
-def add_path_parameters(
-    parser: argparse.ArgumentParser, kinds: Iterable[type], leave_out: Iterable[str] = ()
-) -> None:  # fmt: skip
+def add_path_parameters(parser: argparse.ArgumentParser, kinds: Iterable[type], leave_out: Iterable[str] = ()) -> None:
     """An option for every parameter that any of these paths has; the help says what it is for which path."""
     options: dict[str, dict[str, list[str]]] = {}
     first: dict[str, Parameter] = {}
@@ -64,8 +62,12 @@ def add_engine_options(parser: argparse.ArgumentParser) -> None:
 
 def add_settings_option(parser: argparse.ArgumentParser) -> None:
     """--settings, of labkit.dem.settings."""
-    parser.add_argument("--settings", choices=SETTINGS, help="how fast and how accurate, see results/speed_error: size "
-                        "of a specimen, rate of a run, time step of both (default: standard)")  # fmt: skip
+    parser.add_argument(
+        "--settings",
+        choices=SETTINGS,
+        help="how fast and how accurate, see results/speed_error: size "
+        "of a specimen, rate of a run, time step of both (default: standard)",
+    )
 
 
 def positive_int(text: str) -> int:

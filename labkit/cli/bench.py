@@ -12,8 +12,12 @@ from labkit.io.progress import reporter
 def bench_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit bench`."""
     parser.add_argument("specimen", help="state file")
-    parser.add_argument("--what", choices=("engines", "features", "sizes"), default="engines", help="compare engines "
-                        "(default), what each feature of the engine fused costs, or sizes of specimens")  # fmt: skip
+    parser.add_argument(
+        "--what",
+        choices=("engines", "features", "sizes"),
+        default="engines",
+        help="compare engines (default), what each feature of the engine fused costs, or sizes of specimens",
+    )
     parser.add_argument("--steps", type=positive_int, default=500, help="steps of one measurement")
     parser.add_argument("--rounds", type=positive_int, default=5, help="measurements of each, in turn")
 

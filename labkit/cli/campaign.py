@@ -20,10 +20,15 @@ def campaign_options(parser: argparse.ArgumentParser) -> None:
     """Options of a campaign."""
     parser.add_argument("file", nargs="?", help="campaign file, or `quick`, which comes with labkit")
     parser.add_argument("--folder", help="where the results go (default: the campaign's name, here)")
-    parser.add_argument("--cores", type=positive_int, default=os.cpu_count() or 1, help="of this computer, to be "
-                        "filled with jobs (default: all)")  # fmt: skip
-    parser.add_argument("--profile", help="slurm, or the folder of a profile of Snakemake: where the jobs run "
-                        "(default: here)")  # fmt: skip
+    parser.add_argument(
+        "--cores",
+        type=positive_int,
+        default=os.cpu_count() or 1,
+        help="of this computer, to be filled with jobs (default: all)",
+    )
+    parser.add_argument(
+        "--profile", help="slurm, or the folder of a profile of Snakemake: where the jobs run (default: here)"
+    )
     parser.add_argument("--dry-run", action="store_true", help="only say what would run, how long, and how large")
     parser.add_argument("--measure", action="store_true", help="measure the speed of this computer again first")
     parser.add_argument("--tables", metavar="FOLDER", help="only write the tables for yade-batch there")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 
@@ -49,7 +50,7 @@ def call(argv: list[str]) -> int:
 
 def files_to_use(argv: list[str]) -> list[str]:
     """What the command line names with --use: the options of a command may depend on it."""
-    after = [value for option, value in zip(argv, argv[1:]) if option == "--use"]
+    after = [value for option, value in itertools.pairwise(argv) if option == "--use"]
     return after + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]
 
 
@@ -62,8 +63,12 @@ def parser_for(command: Command | None) -> Parser:
         one = commands.add_parser(name, help=said, description=f"{said[0].upper()}{said[1:]}.")
         if command is not None and name == command.name:
             command.options(one)
-            one.add_argument("--use", action="append", metavar="FILE", help="Python file of your own that registers "
-                             "paths, contact laws, statistics, engines or figures")  # fmt: skip
+            one.add_argument(
+                "--use",
+                action="append",
+                metavar="FILE",
+                help="Python file of your own that registers paths, contact laws, statistics, engines or figures",
+            )
     return parser
 
 

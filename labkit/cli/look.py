@@ -40,8 +40,10 @@ def do_verify(options: argparse.Namespace, argv: list[str]) -> int:
     require_outputs(figure, options.csv)
     found = {name: verify.findings(run) for name, run in runs.items()}
     for name, run in runs.items():
-        print(f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
-              + ("" if run.attrs["complete"] else ", not complete yet"))  # fmt: skip
+        print(
+            f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
+            + ("" if run.attrs["complete"] else ", not complete yet")
+        )
         print(verify.table(run, options.rows))
         print(*found[name], sep="\n")
     plots.save(plots.sff_against_love(runs), figure, options.run)
@@ -106,8 +108,11 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
         require_snapshots(run, options.run, [options.snapshot], ", or draw its shares")
     more = {"variable": options.variable} if options.variable is not None else {}
     if more and "variable" not in inspect.signature(draw).parameters:
-        raise InputError(f"is for the figure records, not for {options.figure}: leave it out", field="variable",
-                         value=options.variable)  # fmt: skip
+        raise InputError(
+            f"is for the figure records, not for {options.figure}: leave it out",
+            field="variable",
+            value=options.variable,
+        )
     figure, table = draw(run, options.groups, options.snapshot, **more)
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
@@ -120,8 +125,12 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
 def picture_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit picture`."""
     parser.add_argument("file", help="state or run file")
-    parser.add_argument("--snapshot", type=int, nargs="+", help="of a run: which ones, one below the other, from the "
-                        "end if negative (default: -1)")  # fmt: skip
+    parser.add_argument(
+        "--snapshot",
+        type=int,
+        nargs="+",
+        help="of a run: which ones, one below the other, from the end if negative (default: -1)",
+    )
     parser.add_argument("-o", "--output", help="picture (default: beside the file)")
 
 
@@ -142,8 +151,9 @@ def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
 def paraview_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit paraview`."""
     parser.add_argument("file", help="state or run file")
-    parser.add_argument("--snapshot", type=int, nargs="+", help="of a run: which ones, from the end if negative "
-                        "(default: all)")  # fmt: skip
+    parser.add_argument(
+        "--snapshot", type=int, nargs="+", help="of a run: which ones, from the end if negative (default: all)"
+    )
     parser.add_argument("-o", "--output", help="folder (default: beside the file)")
 
 
@@ -230,7 +240,7 @@ def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
 
     short = [Path(file).name.removesuffix(".run.nc") for file in files]
     names = short if len(set(short)) == len(short) else files
-    return {name: labkit.open_run(file) for name, file in zip(names, files)}
+    return {name: labkit.open_run(file) for name, file in zip(names, files, strict=True)}
 
 
 def require_outputs(figure: str, csv: str | None) -> None:

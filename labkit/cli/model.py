@@ -55,8 +55,12 @@ def model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", nargs="?", help=f"loading path: {', '.join((*PATHS, 'oedometer'))}")
     add_parameters(parser, Start)
     add_path_parameters(parser, PATHS.values(), leave_out=("pressure",))
-    parser.add_argument("--beyond-e-cmax", choices=BEYOND, default="error", help="what holds for "
-                        "void ratios above e_cmax: error (default), or flat: Z^c = 4, Lambda^c = 0")  # fmt: skip
+    parser.add_argument(
+        "--beyond-e-cmax",
+        choices=BEYOND,
+        default="error",
+        help="what holds for void ratios above e_cmax: error (default), or flat: Z^c = 4, Lambda^c = 0",
+    )
     parser.add_argument("--parameters", help="JSON file of labkit calibrate (default: Table 2)")
     parser.add_argument("-o", "--output", help="run file to write")
 
@@ -95,8 +99,10 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     for limit in exceeded(records(result), Scene(young_modulus=model.young_modulus)):
         print(f"{output}: {limit}")
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
-    print(f"{output}: {path.name} complete, {len(result)} records, axial strain {result.axial_strain[-1]:.2%}, "
-          f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}")  # fmt: skip
+    print(
+        f"{output}: {path.name} complete, {len(result)} records, axial strain {result.axial_strain[-1]:.2%}, "
+        f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}"
+    )
 
 
 def calibrate_options(parser: argparse.ArgumentParser) -> None:

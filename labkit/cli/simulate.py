@@ -71,16 +71,26 @@ def specimen_task(options: argparse.Namespace, history: str) -> SpecimenTask:
 
 
 SHORT = {
-    "young_modulus": "E", "time_step_factor": "t", "friction": "mu", "rolling_friction": "mur", "strain": "e",
-    "rate": "r", "reversals": "c",
-}  # fmt: skip
+    "young_modulus": "E",
+    "time_step_factor": "t",
+    "friction": "mu",
+    "rolling_friction": "mur",
+    "strain": "e",
+    "rate": "r",
+    "reversals": "c",
+}
 
 
 def specimen_name(recipe: Recipe, scene: Scene) -> str:
     """A file name from the parameters; of the scene those that are not Table 1's."""
     size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
-    words = [f"e{recipe.void_ratio:g}", f"f{recipe.step1_friction:g}", f"r{recipe.step1_rolling_friction:g}", size,
-             f"s{recipe.seed}"]  # fmt: skip
+    words = [
+        f"e{recipe.void_ratio:g}",
+        f"f{recipe.step1_friction:g}",
+        f"r{recipe.step1_rolling_friction:g}",
+        size,
+        f"s{recipe.seed}",
+    ]
     for name in parameters_of(Scene):
         value = getattr(scene, name)
         if value != getattr(Scene, name):
@@ -136,9 +146,14 @@ def consolidation_task(options: argparse.Namespace, history: str) -> Consolidati
     output = require(options.output, "output")
     require_writable(output, "state")
     return ConsolidationTask(
-        state=state, source=options.specimen, pressure=path.start_pressure() or 0.0, engine=options.engine,
-        threads=options.threads, output=output, history=history,
-    )  # fmt: skip
+        state=state,
+        source=options.specimen,
+        pressure=path.start_pressure() or 0.0,
+        engine=options.engine,
+        threads=options.threads,
+        output=output,
+        history=history,
+    )
 
 
 @command("consolidate", consolidation_options)
@@ -164,8 +179,9 @@ def run_options(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser, Scene, leave_out=MADE_WITH, unset=True)
     add_settings_option(parser)
     add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="run file to write or to go on with (default: a name made of the "
-                        "parameters)")  # fmt: skip
+    parser.add_argument(
+        "-o", "--output", help="run file to write or to go on with (default: a name made of the parameters)"
+    )
 
 
 def run_task(options: argparse.Namespace, history: str) -> RunTask:
@@ -183,9 +199,15 @@ def run_task(options: argparse.Namespace, history: str) -> RunTask:
     output = options.output or run_name(options, kind)
     require_writable(output, "run")
     return RunTask(
-        state=state, source=options.specimen, path=path, options=recording, engine=options.engine,
-        threads=options.threads, output=output, history=history,
-    )  # fmt: skip
+        state=state,
+        source=options.specimen,
+        path=path,
+        options=recording,
+        engine=options.engine,
+        threads=options.threads,
+        output=output,
+        history=history,
+    )
 
 
 def run_scene(options: argparse.Namespace, scene: Scene, chosen: Settings | None) -> Scene:
@@ -256,8 +278,9 @@ def layer_options(parser: argparse.ArgumentParser) -> None:
     """Options of the stratified layer; their names are also the columns of a yade-batch table."""
     add_parameters(parser, Layer)
     add_engine_options(parser)
-    parser.add_argument("-o", "--output", default="stratified.state.nc", help="state file to write (default: "
-                        "stratified.state.nc)")  # fmt: skip
+    parser.add_argument(
+        "-o", "--output", default="stratified.state.nc", help="state file to write (default: stratified.state.nc)"
+    )
 
 
 def layer_task(options: argparse.Namespace, history: str) -> LayerTask:

@@ -56,7 +56,8 @@ def opened(state: State) -> State:
 
 def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
     """Energy that has vanished (positive) or come from nothing (negative) since the ledger was opened, over the work
-    of the cell or the initial energy, whichever is larger; 0 where both are zero. `snapshot`: if at hand."""
+    of the cell or the initial energy, whichever is larger; 0 where both are zero. `snapshot`: if at hand.
+    """
     ledger = state.ledger
     scale = max(abs(ledger.cell_work), ledger.start)
     lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss

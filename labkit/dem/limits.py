@@ -30,7 +30,8 @@ RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # wha
 @dataclasses.dataclass(frozen=True)
 class Exceeded:
     """A limit that a run or a specimen has exceeded. records: at how many of `of`; strain: the first and the last axial
-    strain of these; largest: value there. A specimen has no records."""
+    strain of these; largest: value there. A specimen has no records.
+    """
 
     name: str
     limit: float

@@ -42,8 +42,13 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "volume": state.volume,
         "stress": stress,
         "stress_sff": c0_stress(
-            scene.young_modulus, fabric.coordination_number, fabric.mean_normalised_force, nominal,
-            fabric.contact_anisotropy, fabric.normal_force_anisotropy, fabric.mobilisation,
+            scene.young_modulus,
+            fabric.coordination_number,
+            fabric.mean_normalised_force,
+            nominal,
+            fabric.contact_anisotropy,
+            fabric.normal_force_anisotropy,
+            fabric.mobilisation,
         ),
         "void_ratio": void_ratio(snapshot),
         "void_ratio_nominal": nominal,
@@ -52,9 +57,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "mean_normalised_force": fabric.mean_normalised_force,
         "normal_force_anisotropy": fabric.normal_force_anisotropy,
         "mobilisation": fabric.mobilisation,
-        "inertial_number": indicators.inertial_number(
-            rate, mean_stress(stress), 2.0 * radius.mean(), scene.density
-        ),
+        "inertial_number": indicators.inertial_number(rate, mean_stress(stress), 2.0 * radius.mean(), scene.density),
         "overlap_ratio": indicators.overlap_ratio(snapshot),
         "rattler_fraction": indicators.rattler_fraction(snapshot),
         "kinetic_energy": kinetic_energy(state),
@@ -67,4 +70,4 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "energy_balance_error": balance_error(state, snapshot),
         "drift_velocity": drift_velocity(state),
         **{statistic.name: statistic(snapshot) for statistic in recorded()},
-    }  # fmt: skip
+    }

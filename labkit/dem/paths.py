@@ -26,7 +26,8 @@ REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
 @dataclasses.dataclass(frozen=True)
 class Control:
     """What the servo holds: `measure` (k, 3) @ (sigma_x, sigma_y, sigma_z) at `target` (k,), Pa, by moving the cell
-    with `free` (3, k) @ the k rates that it finds."""
+    with `free` (3, k) @ the k rates that it finds.
+    """
 
     measure: np.ndarray
     free: np.ndarray
@@ -328,7 +329,7 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
     """
     kind = PATHS.require(name)
     given = {key: value for key, value in (parameters or {}).items() if value is not None}
-    for key, value in given.items():
+    for key, _value in given.items():
         if key not in parameters_of(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field=key)
     for key, known in parameters_of(kind).items():

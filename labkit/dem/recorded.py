@@ -57,7 +57,8 @@ def register_statistic(
     name: str, *, long_name: str, units: str = "1", dimensions: tuple[str, ...] = ()
 ) -> Callable[[Callable[[Snapshot], Any]], Statistic]:
     """A decorator for a function of a Snapshot, which is recorded from then on. Raises InputError for a name that is
-    taken, or dimensions that are not i, j or side."""
+    taken, or dimensions that are not i, j or side.
+    """
     unknown = set(dimensions) - set(SIZES)
     if unknown or isinstance(dimensions, str) or len(set(dimensions)) < len(dimensions):
         allowed = 'a tuple of different ones of "i", "j", "side"'

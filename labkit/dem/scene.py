@@ -57,9 +57,7 @@ class Scene:
     local_damping: float = parameter(
         0.2, low=0.0, high=0.99, help="Newton's non-viscous damping, law rolling_resistance"
     )
-    time_step_factor: float = parameter(
-        0.2, low=1e-6, high=10.0, help="time step over sqrt(m/kn) of the mean grain"
-    )
+    time_step_factor: float = parameter(0.2, low=1e-6, high=10.0, help="time step over sqrt(m/kn) of the mean grain")
     law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
     planar: bool = parameter(False, option=False, help="discs in a plane")
     beta_n: float = parameter(0.2, low=0.0, high=10.0, help="normal dashpot, law spring_dashpot")

@@ -63,9 +63,14 @@ def cell_stiffness(snapshot: Snapshot) -> np.ndarray:
 
 
 def velocity_gradient(
-    path: Path, sign: float, time_step: float, stress: np.ndarray | None = None, stiffness: np.ndarray | None = None,
-    before: np.ndarray | None = None, servo: Servo = STANDARD,
-) -> np.ndarray:  # fmt: skip
+    path: Path,
+    sign: float,
+    time_step: float,
+    stress: np.ndarray | None = None,
+    stiffness: np.ndarray | None = None,
+    before: np.ndarray | None = None,
+    servo: Servo = STANDARD,
+) -> np.ndarray:
     """The velocity gradient L (3, 3), 1/s, of a path until the `servo` corrects again.
 
     Given rates make 1 + L dt = exp(-rate dt) in every step: the cell follows the logarithmic strains exactly,

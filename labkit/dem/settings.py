@@ -15,7 +15,8 @@ from labkit.errors import InputError
 @dataclasses.dataclass(frozen=True)
 class Settings:
     """`side` of the cube or number of `grains`, time step rule of the Scene, axial rate over that of the path's
-    default (10 1/s in shear)."""
+    default (10 1/s in shear).
+    """
 
     side: float | None = None  # m
     grains: int | None = None

@@ -77,8 +77,10 @@ class Schedule:
         if steps.min() < LEAST_STEPS or steps.sum() > MOST_STEPS:
             raise InputError(
                 f"makes {steps.min():.3g} steps of the shortest leg of the path and {steps.sum():.3g} of the whole",
-                field="rate", value=path.rate, allowed=f"a rate that makes {LEAST_STEPS} to {MOST_STEPS:g} steps",
-            )  # fmt: skip
+                field="rate",
+                value=path.rate,
+                allowed=f"a rate that makes {LEAST_STEPS} to {MOST_STEPS:g} steps",
+            )
         steps = steps.astype(int)
         sign = 1.0 if path.direction[2] * legs[0] > 0.0 else -1.0
         per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
@@ -124,10 +126,12 @@ def run(
     SIGINT or SIGTERM, with a checkpoint written.
     """
     settings = {
-        "record_strain": options.record_strain or path.record_strain, "snapshots": options.snapshots,
-        "engine": start.name, **{f"servo_{name}": value for name, value in vars(options.servo).items()},
+        "record_strain": options.record_strain or path.record_strain,
+        "snapshots": options.snapshots,
+        "engine": start.name,
+        **{f"servo_{name}": value for name, value in vars(options.servo).items()},
         "guarded": options.guarded,
-    }  # fmt: skip
+    }
     with Recorder(file, path, settings, specimen) as recorder:
         begun = recorder.resume()
         if begun and begun.complete:
@@ -151,9 +155,14 @@ class _Loop:
     """The loop of a run and what it remembers between records."""
 
     def __init__(
-        self, recorder: Recorder, specimen: State, begun: Begun | None, start: Start, options: Options,
+        self,
+        recorder: Recorder,
+        specimen: State,
+        begun: Begun | None,
+        start: Start,
+        options: Options,
         progress: Progress,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.recorder, self.path, self.progress = recorder, recorder.path, progress
         self.options, self.threads = options, start.threads
         self.first_cell = begun.first_cell if begun else specimen.cell
@@ -203,9 +212,14 @@ class _Loop:
         while self.step < end and not self.stopped and not signals.caught:
             stress = self.engine.stress() if self.stiffness is not None else None
             self.gradient = velocity_gradient(
-                self.path, self.schedule.sign(self.step), self.time_step, stress, self.stiffness, self.gradient,
+                self.path,
+                self.schedule.sign(self.step),
+                self.time_step,
+                stress,
+                self.stiffness,
+                self.gradient,
                 self.options.servo,
-            )  # fmt: skip
+            )
             steps = min(self.options.servo.interval if self.stiffness is not None else LISTEN, end - self.step)
             self.engine.advance(steps, self.gradient)
             self.step += steps

@@ -28,7 +28,8 @@ from labkit.micro.snapshot import Snapshot
 @dataclasses.dataclass(frozen=True)
 class Ledger:
     """Energies since the ledger was opened, J (labkit.dem.energy): what was stored then, the work of the cell, and what
-    friction, rolling and damping (Newton's or the dashpots') have taken."""
+    friction, rolling and damping (Newton's or the dashpots') have taken.
+    """
 
     start: float = 0.0
     cell_work: float = 0.0
@@ -117,9 +118,7 @@ class State:
     def at_rest(self) -> State:
         """The same state with all velocities zero, the cell held, and the clock at zero."""
         zero = np.zeros_like(self.velocity)
-        return self.replace(
-            velocity=zero, angular_velocity=zero, velocity_gradient=np.zeros((3, 3)), time=0.0, step=0
-        )
+        return self.replace(velocity=zero, angular_velocity=zero, velocity_gradient=np.zeros((3, 3)), time=0.0, step=0)
 
 
 def grains_in_cell(
@@ -128,12 +127,21 @@ def grains_in_cell(
     """A State of grains at rest without contact history. radius (n,), position (n, 3), cell (3, 3), m."""
     zero = np.zeros((len(radius), 3))
     return State(
-        scene=scene, radius=radius, position=position, velocity=zero, angular_velocity=zero,
-        cell=cell, velocity_gradient=np.zeros((3, 3)),
-        contact_grain=np.zeros((0, 2), np.int32), contact_shift=np.zeros((0, 3), np.int32),
-        tangential_force=np.zeros((0, 3)), rolling_moment=np.zeros((0, 3)),
-        time_step=scene.time_step, seed=seed, history=history,
-    )  # fmt: skip
+        scene=scene,
+        radius=radius,
+        position=position,
+        velocity=zero,
+        angular_velocity=zero,
+        cell=cell,
+        velocity_gradient=np.zeros((3, 3)),
+        contact_grain=np.zeros((0, 2), np.int32),
+        contact_shift=np.zeros((0, 3), np.int32),
+        tangential_force=np.zeros((0, 3)),
+        rolling_moment=np.zeros((0, 3)),
+        time_step=scene.time_step,
+        seed=seed,
+        history=history,
+    )
 
 
 FAR = 1000  # cells: no grain travels so far

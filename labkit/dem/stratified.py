@@ -77,9 +77,7 @@ def insert_layer(layer: Layer, scene: Scene) -> State:
     z = floor + radius + rng.random(len(radius)) * (0.5 * height - 2.0 * radius)
     position = np.stack([rng.random(len(radius)) * width, np.full(len(radius), 0.5 * thickness), z], axis=1)
     order = spatial_order(position, height, coarse)
-    return grains_in_cell(
-        scene, radius[order], position[order], np.diag([width, thickness, height]), layer.seed
-    )
+    return grains_in_cell(scene, radius[order], position[order], np.diag([width, thickness, height]), layer.seed)
 
 
 def _draw_discs(diameter: float, spread: float, area: float, rng: np.random.Generator) -> np.ndarray:
@@ -147,9 +145,11 @@ def strata(state: State) -> list[Stratum]:
     by_normalised = strong_by_normalised_force(snapshot, volume)
     return [
         Stratum(
-            name, int(stresses.grains[k]), int(stresses.contacts[k]),
+            name,
+            int(stresses.grains[k]),
+            int(stresses.contacts[k]),
             float(stresses.per_contact[k, 2, 2] / stresses.per_contact[k, 0, 0]),
             *(float(values[side == k].mean()) for values in (force, normalised, by_force, by_normalised)),
         )
         for k, name in ((1, "upper, coarse"), (0, "lower, fine"))
-    ]  # fmt: skip
+    ]

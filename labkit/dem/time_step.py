@@ -49,7 +49,7 @@ def largest_eigenvalues(
         some = slice(first, first + CHUNK)
         _add_contacts(
             K, radius, contacts.grain[some], contacts.normal[some], normal[some], tangential[some], rolling[some]
-        )  # fmt: skip
+        )
     largest = np.empty(grains)
     for first in range(0, grains, CHUNK):
         some = slice(first, first + CHUNK)

@@ -1,8 +1,8 @@
 """Engines advance a State.
 
-    yade          YADE itself, the reference; runs in YADE's own process
-    yade_process  how that process is started
-    fused         labkit's own, compiled: kernel/
+yade          YADE itself, the reference; runs in YADE's own process
+yade_process  how that process is started
+fused         labkit's own, compiled: kernel/
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def require_engine(name: str, scene: Scene) -> type[Engine]:
 
 def starter(name: str, threads: int = 1) -> Start:
     """What starts the engine of that name. Raises InputError for an unknown name; when it starts an engine, for a scene
-    that this engine cannot take."""
+    that this engine cannot take.
+    """
     ENGINES.require(name)
 
     def make(state: State, threads: int) -> Engine:
@@ -43,7 +44,15 @@ def register_engine(kind: type[Engine]) -> type[Engine]:
 
 __getattr__, __dir__, __all__ = attach(
     __name__,
-    {"FusedEngine": "fused", "YadeEngine": "yade", "die_with_parent": "yade_process", "find_yade": "yade_process",
-     "execute": "tasks", "RunTask": "tasks", "SpecimenTask": "tasks", "ConsolidationTask": "tasks"},
-)  # fmt: skip
+    {
+        "FusedEngine": "fused",
+        "YadeEngine": "yade",
+        "die_with_parent": "yade_process",
+        "find_yade": "yade_process",
+        "execute": "tasks",
+        "RunTask": "tasks",
+        "SpecimenTask": "tasks",
+        "ConsolidationTask": "tasks",
+    },
+)
 __all__ += ["ENGINES", "Engine", "register_engine", "require_engine", "starter"]

@@ -29,8 +29,14 @@ SEARCH_STEPS = (150, 1500)
 
 # Arrays of a State that the kernel holds in its own form
 IN_KERNEL = (
-    "position", "velocity", "angular_velocity", "contact_grain", "contact_shift", "tangential_force", "rolling_moment",
-)  # fmt: skip
+    "position",
+    "velocity",
+    "angular_velocity",
+    "contact_grain",
+    "contact_shift",
+    "tangential_force",
+    "rolling_moment",
+)
 
 
 class FusedEngine(Engine):
@@ -67,14 +73,18 @@ class FusedEngine(Engine):
         self._advance = self._kernel.advance if self._threads == 1 else self._kernel.advance_threads
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
-            values for values, kept in (
-                (state.tangential_force, self._features.friction), (state.rolling_moment, self._features.rolling),
-            ) if kept is not None
-        ]  # fmt: skip
+            values
+            for values, kept in (
+                (state.tangential_force, self._features.friction),
+                (state.rolling_moment, self._features.rolling),
+            )
+            if kept is not None
+        ]
         history = History(
-            state.contact_grain, state.contact_shift,
+            state.contact_grain,
+            state.contact_shift,
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
-        )  # fmt: skip
+        )
         self._search((state.position, state.velocity, state.angular_velocity), history)
         try:
             self._run(1, self._before, dt=0.0, moved_already=True)
@@ -121,9 +131,20 @@ class FusedEngine(Engine):
             self._cell, self._before, self._first_cell, self._spread, 2.0 * self._start.radius.max(), self._margin
         )
         return self._advance(
-            steps, moved_already, dt, gradient, motion, self._packing.arrays, law.constants, law.friction,
-            law.rolling, law.dashpots, law.damping, gradient if self.energy else None, law.turning,
-        )  # fmt: skip
+            steps,
+            moved_already,
+            dt,
+            gradient,
+            motion,
+            self._packing.arrays,
+            law.constants,
+            law.friction,
+            law.rolling,
+            law.dashpots,
+            law.damping,
+            gradient if self.energy else None,
+            law.turning,
+        )
 
     def _search(self, kinematics, history):
         """Finds the pairs of grains near each other anew and lays out the kernel's arrays."""
@@ -179,11 +200,18 @@ class FusedEngine(Engine):
         nothing = np.zeros((len(order), 3))
         friction, rolling = self._features.friction is not None, self._features.rolling is not None
         return self._start.replace(
-            position=position, velocity=velocity, angular_velocity=spin,
-            cell=self._cell.copy(), velocity_gradient=self._before.copy(),
-            contact_grain=history.grain[order].astype(np.int32), contact_shift=history.shift[order].astype(np.int32),
+            position=position,
+            velocity=velocity,
+            angular_velocity=spin,
+            cell=self._cell.copy(),
+            velocity_gradient=self._before.copy(),
+            contact_grain=history.grain[order].astype(np.int32),
+            contact_shift=history.shift[order].astype(np.int32),
             tangential_force=rows[order, :3] if friction else nothing,
             rolling_moment=rows[order, -3:] if rolling else nothing,
-            time=self._time, step=self._step, engine=self.name, engine_version=self.version,
+            time=self._time,
+            step=self._step,
+            engine=self.name,
+            engine_version=self.version,
             ledger=self._ledger,
-        )  # fmt: skip
+        )

@@ -79,15 +79,13 @@ class YadeEngine(Engine):
         self._add_grains(state)
         gradient = _matrix(state.velocity_gradient)
         omega.cell.updateAttrs({"velGrad": gradient, "prevVelGrad": gradient})
-        newton = NewtonIntegrator(
-            damping=state.scene.local_damping, prevVelGrad=gradient, warnNoForceReset=False
-        )
+        newton = NewtonIntegrator(damping=state.scene.local_damping, prevVelGrad=gradient, warnNoForceReset=False)
         forces = [
             ForceResetter(),
             InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-VERLET_DISTANCE),
             InteractionLoop(self._law.geometry, self._law.physics, self._law.law),
-        ]  # fmt: skip
-        omega.engines = [newton] + forces
+        ]
+        omega.engines = [newton, *forces]
         newton.dead = True
         omega.dt = 0.0  # no motion and no increment of the history while the contacts are found and loaded
         omega.step()
@@ -104,7 +102,7 @@ class YadeEngine(Engine):
         bodies, planar = self._omega.bodies, state.scene.planar
         common = self._law.material(float(state.radius[0])) if len(state.radius) else None
         columns = (state.position, state.velocity, state.angular_velocity)
-        for radius, position, velocity, spin in zip(state.radius.tolist(), *(c.tolist() for c in columns)):
+        for radius, position, velocity, spin in zip(state.radius.tolist(), *(c.tolist() for c in columns), strict=True):
             grain = yade_utils.sphere(position, radius, material=self._law.material(radius) if planar else common)
             grain.state.vel = velocity
             grain.state.angVel = spin
@@ -115,7 +113,7 @@ class YadeEngine(Engine):
     def _set_history(self, state):
         """Gives the contacts that YADE has found the tangential forces and moments of the state."""
         pairs = [tuple(pair) for pair in state.contact_grain.tolist()]
-        history = dict(zip(pairs, zip(state.tangential_force, state.rolling_moment)))
+        history = dict(zip(pairs, zip(state.tangential_force, state.rolling_moment, strict=True), strict=True))
         for contact in self._omega.interactions:
             first, second = contact.id1, contact.id2
             sign = -1.0  # YADE keeps the force on the second grain
@@ -200,9 +198,12 @@ class YadeEngine(Engine):
             contact_shift=np.where(swap, -shift, shift)[order],
             tangential_force=(sign * _components([getattr(p, self._law.tangential_force) for p in physics]))[order],
             rolling_moment=(sign * _components([getattr(p, self._law.rolling_moment) for p in physics]))[order],
-            time=self._time, step=self._step, engine=self.name, engine_version=self.version,
+            time=self._time,
+            step=self._step,
+            engine=self.name,
+            engine_version=self.version,
             ledger=self._ledger_now(),
-        )  # fmt: skip
+        )
 
 
 def _components(vectors):

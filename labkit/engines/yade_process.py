@@ -58,9 +58,15 @@ def run_script(name: str, arguments: Sequence[str], threads: int, progress: Prog
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(name)), *arguments]
     environment = {**yade_environment(), PIPE: "1"}
     child = subprocess.Popen(
-        command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, errors="replace", preexec_fn=die_with_parent,
-    )  # fmt: skip
+        command,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        preexec_fn=die_with_parent,
+    )
     output, complaints = child.stdout, child.stderr
     assert output is not None and complaints is not None
     errors: collections.deque[str] = collections.deque(maxlen=20)
@@ -126,7 +132,10 @@ class _forwarded_signals:
         if threading.current_thread() is not threading.main_thread():
             self.before = {}
             return
-        forward = lambda number, frame: self.child.send_signal(number)  # noqa: E731
+
+        def forward(number, frame):
+            return self.child.send_signal(number)
+
         self.before = {number: signal.signal(number, forward) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def __exit__(self, *exception: Any) -> None:

@@ -129,7 +129,7 @@ def _require_run(path: Path, dataset: netCDF4.Dataset) -> None:
 
 def create_variables(
     group: netCDF4.Group, table: Mapping[str, Variable], sizes: Mapping[str, int], compression: str | None = "zlib"
-) -> None:  # fmt: skip
+) -> None:
     """Creates the variables of a schema table in a netCDF group; dimensions without a size are unlimited."""
     known = {**SIZES, **sizes}
     for variable in table.values():
@@ -138,8 +138,13 @@ def create_variables(
                 group.createDimension(dimension, known.get(dimension))
         chunks = [min(_CHUNK.get(d, known.get(d)), max(known.get(d, 1 << 20), 1)) for d in variable.dimensions]
         created = group.createVariable(
-            variable.name, variable.dtype, variable.dimensions, compression=compression, complevel=1,
-            shuffle=True, chunksizes=chunks,
+            variable.name,
+            variable.dtype,
+            variable.dimensions,
+            compression=compression,
+            complevel=1,
+            shuffle=True,
+            chunksizes=chunks,
         )
         created.units = variable.units
         created.long_name = variable.long_name

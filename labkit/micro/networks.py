@@ -70,6 +70,6 @@ def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
         lost.append((~stays).sum())
         alive, birth = now, born
     lives.append((alive, birth, np.full(len(alive), snapshot + 1)))
-    key, birth, death = (np.concatenate(column).astype(np.int64) for column in zip(*lives))
+    key, birth, death = (np.concatenate(column).astype(np.int64) for column in zip(*lives, strict=True))
     pair = np.stack([key // grains, key % grains], axis=1) if grains else np.zeros((0, 2), np.int64)
     return Lives(*(np.array(x, dtype=np.int64) for x in (counts, gained, lost, kept)), pair, birth, death)

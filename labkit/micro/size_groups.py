@@ -78,9 +78,9 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
     group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume
     lf = _outer_products(snapshot)
     side_group = group[contacts.grain]  # (n, 2)
-    moment = np.stack([
-        sum(np.bincount(side_group[:, s], lf[:, s, ij], groups) for s in (0, 1)) for ij in range(9)
-    ], axis=1).reshape(groups, 3, 3)  # fmt: skip
+    moment = np.stack(
+        [sum(np.bincount(side_group[:, s], lf[:, s, ij], groups) for s in (0, 1)) for ij in range(9)], axis=1
+    ).reshape(groups, 3, 3)
     grains = np.bincount(group, minlength=groups)
     sides = np.bincount(side_group.ravel(), minlength=groups)
     solid = np.bincount(group, 4.0 / 3.0 * np.pi * radius**3, groups)
@@ -94,10 +94,14 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
         coordination = np.where(grains > 0, sides / grains / Z, 0.0) if total else np.zeros(groups)
     undefined = (sides == 0)[:, None, None]
     return GroupStresses(
-        grains=grains, contacts=sides, by_contacts=sides / total if total else np.zeros(groups),
-        coordination_ratio=coordination, volume_fraction=solid / solid.sum(),
-        per_contact=np.where(undefined, np.nan, per_contact), per_volume=np.where(undefined, np.nan, per_volume),
-    )  # fmt: skip
+        grains=grains,
+        contacts=sides,
+        by_contacts=sides / total if total else np.zeros(groups),
+        coordination_ratio=coordination,
+        volume_fraction=solid / solid.sum(),
+        per_contact=np.where(undefined, np.nan, per_contact),
+        per_volume=np.where(undefined, np.nan, per_volume),
+    )
 
 
 def _outer_products(snapshot):

@@ -87,7 +87,8 @@ class Snapshot:
 
     def contact_ends(self) -> np.ndarray:
         """Both ends of each contact, shape (n, 2, 3), m: the first centre, in the cell, and from there along the branch
-        to the second, which lies beyond the face of the cell if the contact goes through it."""
+        to the second, which lies beyond the face of the cell if the contact goes through it.
+        """
         first = self.wrapped_position[self.contacts.grain[:, 0]]
         branch = self.contacts.branch_length(self.radius)[:, None] * self.contacts.normal
         return np.stack([first, first + branch], axis=1)

@@ -11,15 +11,17 @@ from labkit.model.compiled import compiled
 from labkit.model.parameters import Constants
 from labkit.model.rates import FINE, SIZE, TOO_MANY_STEPS, Control, rates
 
-NODES = np.array([
-    [0, 0, 0, 0, 0, 0],
-    [1 / 5, 0, 0, 0, 0, 0],
-    [3 / 40, 9 / 40, 0, 0, 0, 0],
-    [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
-    [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
-    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
-    [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-])  # fmt: skip
+NODES = np.array(
+    [
+        [0, 0, 0, 0, 0, 0],
+        [1 / 5, 0, 0, 0, 0, 0],
+        [3 / 40, 9 / 40, 0, 0, 0, 0],
+        [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
+        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 FLOOR = np.full(SIZE, 0.1)  # a component smaller than this is not resolved relative to itself ...
 FLOOR[2] = 1e-4  # ... Lambda is 1e-3 to 1e-2
@@ -28,9 +30,15 @@ SMALLEST = 1e-13  # step in strain at which a boundary counts as reached
 
 @compiled
 def advance(
-    y: np.ndarray, span: float, step: float, control: Control, x: np.ndarray, c: Constants, tolerance: float,
+    y: np.ndarray,
+    span: float,
+    step: float,
+    control: Control,
+    x: np.ndarray,
+    c: Constants,
+    tolerance: float,
     most_steps: int,
-) -> tuple[int, float, int, float]:  # fmt: skip
+) -> tuple[int, float, int, float]:
     """Integrates y (27,) over `span` in place. Returns (status, step to try next, steps taken, length travelled).
 
     `step`: length to begin with; `x` (k,): the free rates, kept from call to call; `tolerance`: error of a step,

@@ -56,26 +56,28 @@ def critical_fit(observations: Sequence[Observation], model: Model = Model()) ->
         for o in observations
         if o.path in PATHS and PATHS[o.path].shear and abs(o.strain_step[:, 2].sum()) >= ENOUGH_STRAIN
         for end in [at_end(np.concatenate([[0.0], np.cumsum(o.strain_step[:, 2])]))]
-    ]  # fmt: skip
+    ]
     if not ends:
-        raise InputError(f"no shear test (cv, cr, cp, ...) among the runs goes to {ENOUGH_STRAIN:.0%} axial strain: "
-                         "the critical state needs one, give more runs")  # fmt: skip
+        raise InputError(
+            f"no shear test (cv, cr, cp, ...) among the runs goes to {ENOUGH_STRAIN:.0%} axial strain: "
+            "the critical state needs one, give more runs"
+        )
     e, Z, Lam, A, F, Ft = np.array(ends).T
-    norms = {name: abs(float(np.mean(zz))) * np.sqrt(1.5) for name, zz in zip(CRITICAL[4:], (A, F, Ft))}
+    norms = {name: abs(float(np.mean(zz))) * np.sqrt(1.5) for name, zz in zip(CRITICAL[4:], (A, F, Ft), strict=True)}
     p = model.parameters
     found = {"e_cmax": p.e_cmax, "c_cZ": p.c_cZ, "gamma_cZ": p.gamma_cZ, "c_cLam": p.c_cLam}
     if np.ptp(e) > 0.02:
         free = ("e_cmax", "c_cZ", "c_cLam", "gamma_cZ")[: 4 if len(e) >= 3 else 3]
 
         def misfit(logarithms):
-            v = model.constants._replace(**found | dict(zip(free, np.exp(logarithms))))
+            v = model.constants._replace(**found | dict(zip(free, np.exp(logarithms), strict=True)))
             lines = critical_coordination_number(e, v) - Z, critical_force(e, v) - Lam
             prior = 0.1 * (logarithms - start)  # a line through few points stays near Table 2
             return np.concatenate([lines[0] / NATURAL[0], lines[1] / NATURAL[1], prior])
 
         start = np.log([found[name] for name in free])
         solved = scipy.optimize.least_squares(misfit, start)
-        found |= dict(zip(free, np.exp(solved.x).tolist()))
+        found |= dict(zip(free, np.exp(solved.x).tolist(), strict=True))
     return {**found, **norms}
 
 
@@ -99,10 +101,15 @@ class Fit:
         shown = self.table.drop(columns=["low", "high"])
         pairs = _strongest(self.correlation, 8)
         lines = [
-            shown.to_string(index=False, float_format="%.4g"), "", "strongest correlations: " + "; ".join(pairs), "",
-            "misfit, RMS:", self.misfit.to_string(index=False, float_format="%.3g"), "",
+            shown.to_string(index=False, float_format="%.4g"),
+            "",
+            "strongest correlations: " + "; ".join(pairs),
+            "",
+            "misfit, RMS:",
+            self.misfit.to_string(index=False, float_format="%.3g"),
+            "",
             *(f"warning: {warning}" for warning in self.warnings),
-        ]  # fmt: skip
+        ]
         return "\n".join(lines).rstrip()
 
 
@@ -112,9 +119,11 @@ def calibrate(runs: Mapping[str, Any], model: Model = Model()) -> Fit:
 
 
 def fit(
-    observations: Sequence[Observation], model: Model = Model(), names: Sequence[str] | None = None,
+    observations: Sequence[Observation],
+    model: Model = Model(),
+    names: Sequence[str] | None = None,
     thinning: bool = True,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """Fits `names` (default: all of Table 2) to the observations of several runs at once; a Fit.
 
     Each run has five more unknowns, its start (Z, Lambda, A_zz, F_zz,
@@ -173,7 +182,7 @@ class _Problem:
 
     def values(self, x):
         """name -> value of every parameter at the unknowns x."""
-        return self.begin | {name: _value(name, self.begin[name], u) for name, u in zip(self.names, x)}
+        return self.begin | {name: _value(name, self.begin[name], u) for name, u in zip(self.names, x, strict=False)}
 
     def constants(self, x):
         return self.model.constants._replace(**self.values(x))
@@ -213,22 +222,31 @@ class _Problem:
 
     def solve(self, x, weight):
         return scipy.optimize.least_squares(
-            self.residuals, x, self.jacobian, method="lm", args=(weight,), x_scale="jac", xtol=1e-5, ftol=1e-6,
+            self.residuals,
+            x,
+            self.jacobian,
+            method="lm",
+            args=(weight,),
+            x_scale="jac",
+            xtol=1e-5,
+            ftol=1e-6,
             max_nfev=MOST_EVALUATIONS,
         )
 
     def misfit(self, x):
         """RMS (runs, 5)."""
-        return np.array([
-            np.sqrt(np.mean((self.predicted(x, k) - o.values) ** 2, axis=0)) for k, o in enumerate(self.observations)
-        ])  # fmt: skip
+        return np.array(
+            [np.sqrt(np.mean((self.predicted(x, k) - o.values) ** 2, axis=0)) for k, o in enumerate(self.observations)]
+        )
 
     def sensitive(self):
         """(names that some record depends on, the others)."""
         n = len(self.names)
         J = self.jacobian(self.start(), NATURAL)[:-n, :n]
         size = np.sqrt((J**2).sum(axis=0))
-        free = tuple(name for name, s in zip(self.names, size) if s > 1.0 / PRIOR and self.begin[name] > 0.0)
+        free = tuple(
+            name for name, s in zip(self.names, size, strict=False) if s > 1.0 / PRIOR and self.begin[name] > 0.0
+        )
         return free, tuple(name for name in self.names if name not in free)
 
 
@@ -243,7 +261,7 @@ def _judge(problem, solved, x, weight, untouched, model, thinning):
     correlation = covariance / np.outer(error, error)
     values, begin = problem.values(x), problem.begin
     table_2 = dataclasses.asdict(Parameters())
-    bounds = {name: _interval(name, begin[name], u, s) for name, u, s in zip(problem.names, x, error)}
+    bounds = {name: _interval(name, begin[name], u, s) for name, u, s in zip(problem.names, x, error, strict=False)}
     bounds |= {name: (np.nan, np.nan, np.nan) for name in untouched}
     relative = {name: bounds[name][0] / max(values[name], begin[name] * _exponent(name)) for name in problem.names}
     determined = {name for name, s in relative.items() if s < DETERMINED}
@@ -297,8 +315,11 @@ def _correlation_length(series):
 
 def _strongest(correlation, most, least=0.5):
     values = correlation.to_numpy()
-    pairs = [(abs(values[i, j]), f"{correlation.index[i]} and {correlation.index[j]} ({values[i, j]:+.2f})")
-             for i in range(len(values)) for j in range(i)]  # fmt: skip
+    pairs = [
+        (abs(values[i, j]), f"{correlation.index[i]} and {correlation.index[j]} ({values[i, j]:+.2f})")
+        for i in range(len(values))
+        for j in range(i)
+    ]
     return [words for size, words in sorted(pairs, reverse=True)[:most] if size > least]
 
 
@@ -306,7 +327,7 @@ def _follow(observation, first, constants):
     """The model along the strain of an observation: (n, 5), zz components."""
     y = np.zeros(SIZE)
     y[0], y[1], y[2] = observation.e[0], first[0], first[1]
-    for start, zz in zip((3, 9, 15), first[2:]):
+    for start, zz in zip((3, 9, 15), first[2:], strict=True):
         y[start : start + 6] = to_six(zz * AXIS)
     found = np.empty((len(observation.e), SIZE))
     _follow_strain(y, observation.strain_step, constants, TOLERANCE, found)

@@ -106,9 +106,12 @@ def control_of(path: Path | Mixed, sign: float = 1.0) -> Control:
     """The Control of a path, per unit of its axial strain (of travelled strain for Mixed), turned round by `sign`."""
     if isinstance(path, Mixed):
         return Control(
-            sign * to_six(path.strain_rate), np.ascontiguousarray(to_six(path.free).T), to_six(path.measured),
-            path.target, GAIN,
-        )  # fmt: skip
+            sign * to_six(path.strain_rate),
+            np.ascontiguousarray(to_six(path.free).T),
+            to_six(path.measured),
+            path.target,
+            GAIN,
+        )
     given = np.zeros(6)
     given[:3] = sign * np.array(path.direction)
     held = path.control()

@@ -101,16 +101,18 @@ def rates_differentials(
         dZ_rate = (
             dfeZ * ((Zc - Z) * rate - c.c_Z * A_size)
             + feZ * ((dZc - dZ) * rate + (Zc - Z) * drate - c.c_Z * dA_size)
-            + dfvZ * volumetric + fvZ * dvol
-        )  # fmt: skip
+            + dfvZ * volumetric
+            + fvZ * dvol
+        )
         # C4
         dfeLam = feLam * (c.gamma_eLam * dLam / Lam + dfeZ / feZ)
         dforce = dLam if c.with_force else 0.0
         dLam_rate = (
             (dfeLam * force + feLam * dforce) * (Lamc - Lam) * rate
             + feLam * force * ((dLamc - dLam) * rate + (Lamc - Lam) * drate)
-            + dfvLam * volumetric + fvLam * dvol
-        )  # fmt: skip
+            + dfvLam * volumetric
+            + fvLam * dvol
+        )
         row = out[k]
         row[0], row[1], row[2] = -(1.0 + e) * dvol - de * volumetric, dZ_rate, dLam_rate
         store(row, 3, dA_rate)

@@ -99,9 +99,12 @@ class Result:
 
 
 def drive(
-    model: Model, path: Path | Mixed, state: ModelState, record_strain: float | None = None,
+    model: Model,
+    path: Path | Mixed,
+    state: ModelState,
+    record_strain: float | None = None,
     integrator: Integrator | None = None,
-) -> Result:  # fmt: skip
+) -> Result:
     """Takes `state` along `path` (labkit.dem.paths, or Oedometer and Mixed of labkit.model.controls); a Result.
 
     record_strain: axial strain between two records (default: the path's). integrator: default Adaptive(). Each
@@ -189,4 +192,3 @@ def _require_start(model, path, state):
         said = f"stops {path.name} at once, as the start has {mean_stress(stress):g} Pa"
         value = path.parameters().get("pressure")  # a path of one's own may stop at something else
         raise InputError(said, field="stop_pressure", value=value, allowed="a stress that it reaches later")
-

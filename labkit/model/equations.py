@@ -125,10 +125,7 @@ def coordination_number_rate(
 ) -> float:
     """dZ/dt = f^{e,Z} (Z^c - Z) |rate| + f^{v,Z} rate_v - c_Z f^{e,Z} |dA/dt|   (C2)"""
     shear = critical_coordination_number(e, c) - Z
-    return (
-        f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate))
-        + f_vZ(e, Z, Lam, compressing, c) * volumetric
-    )  # fmt: skip
+    return f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate)) + f_vZ(e, Z, Lam, compressing, c) * volumetric
 
 
 @compiled
@@ -183,9 +180,20 @@ def stress(e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, c: Constants
 
 @compiled
 def stress_rate(
-    e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six,
-    e_rate: float, Z_rate: float, Lam_rate: float, A_rate: Six, F_rate: Six, Ft_rate: Six, c: Constants,
-) -> Six:  # fmt: skip
+    e: float,
+    Z: float,
+    Lam: float,
+    A: Six,
+    F: Six,
+    Ft: Six,
+    e_rate: float,
+    Z_rate: float,
+    Lam_rate: float,
+    A_rate: Six,
+    F_rate: Six,
+    Ft_rate: Six,
+    c: Constants,
+) -> Six:
     """Total differential of C0: Eq. 33 with the coupled terms of A and F, which the paper leaves out."""
     scale = c.E * Z * Lam / (1.0 + e)
     scale_rate = c.E * (Z_rate * Lam + Z * Lam_rate) / (1.0 + e) - scale * e_rate / (1.0 + e)

@@ -28,9 +28,7 @@ class Failure(PhysicsError):
 
     def __init__(self, status: int, y: np.ndarray, travelled: float = 0.0) -> None:
         """The message names the reason and the state y (27,) where it holds."""
-        super().__init__(
-            f"{REASONS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)"
-        )
+        super().__init__(f"{REASONS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)")
         self.status = status
         self.y = y
         self.travelled = travelled
@@ -121,9 +119,15 @@ class Scipy(Integrator):
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         jacobian = {"jac": lambda t, y: problem.jacobian(y)} if self.method in ("LSODA", "Radau", "BDF") else {}
         found = scipy.integrate.solve_ivp(
-            lambda t, y: problem.rates(y), (0.0, span), y, self.method, rtol=self.tolerance,
-            atol=self.tolerance * FLOOR, t_eval=(span,), **jacobian,
-        )  # fmt: skip
+            lambda t, y: problem.rates(y),
+            (0.0, span),
+            y,
+            self.method,
+            rtol=self.tolerance,
+            atol=self.tolerance * FLOOR,
+            t_eval=(span,),
+            **jacobian,
+        )
         if not found.success:
             raise Failure(TOO_MANY_STEPS, y, found.t[-1] if len(found.t) else 0.0)
         return found.y[:, -1]

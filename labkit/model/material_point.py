@@ -25,7 +25,7 @@ from labkit.model.rates import (
     strain_driven,
     stress_of,
     stress_rate_of,
-)  # fmt: skip
+)
 from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, load, store, trace
 
@@ -53,8 +53,9 @@ class Update:
         failed = np.flatnonzero(self.status)
         if failed.size:
             point = failed[0]
-            raise PhysicsError(f"{failed.size} of {len(self.status)} points failed, point {point}: "
-                               f"{REASONS[int(self.status[point])]}")  # fmt: skip
+            raise PhysicsError(
+                f"{failed.size} of {len(self.status)} points failed, point {point}: {REASONS[int(self.status[point])]}"
+            )
         return self
 
 

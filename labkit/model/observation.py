@@ -10,8 +10,13 @@ import xarray
 from labkit.errors import InputError
 from labkit.model.tensors import to_six
 
-VARIABLES = ("coordination_number", "mean_normalised_force", "contact_anisotropy", "normal_force_anisotropy",
-             "mobilisation")  # fmt: skip
+VARIABLES = (
+    "coordination_number",
+    "mean_normalised_force",
+    "contact_anisotropy",
+    "normal_force_anisotropy",
+    "mobilisation",
+)
 MOST_RECORDS = 80  # of one run
 
 

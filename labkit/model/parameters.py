@@ -104,9 +104,12 @@ READINGS = {
 
 Constants = NamedTuple(
     "Constants",
-    [("E", float), *((field.name, float) for field in dataclasses.fields(Parameters)),
-     *((name, bool) for name in ("total_rate", "with_force", "as_printed", "flat"))],
-)  # fmt: skip
+    [
+        ("E", float),
+        *((field.name, float) for field in dataclasses.fields(Parameters)),
+        *((name, bool) for name in ("total_rate", "with_force", "as_printed", "flat")),
+    ],
+)
 Constants.__doc__ = "What compiled code takes: E in Pa, the parameters, and whether each reading is its second value."
 
 

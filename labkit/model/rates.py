@@ -24,13 +24,13 @@ REASONS = {
     NO_FORCE: "Lambda falls to zero: the contacts have lost their forces",
     NO_CONTACTS: "Z falls to zero: there are no contacts left",
     TOO_LOOSE: "the void ratio reaches e_cmax, beyond which Z^c has no value: "
-               "end the path before, or choose the reading beyond_e_cmax = flat (--beyond-e-cmax flat)",
+    "end the path before, or choose the reading beyond_e_cmax = flat (--beyond-e-cmax flat)",
     NO_VOIDS: "the void ratio falls to zero: the grains fill all space, end the path before",
     UNREACHABLE: "no strain rate brings the stress where the control wants it: the control asks for more than the "
-                 "material bears, hold other stresses or give more of the strain rates",
+    "material bears, hold other stresses or give more of the strain rates",
     TOO_MANY_STEPS: "too many steps: the equations are too stiff here for this integrator",
     NO_CONVERGENCE: "Newton's iteration of the implicit step does not converge: take smaller steps",
-}  # fmt: skip
+}
 
 
 class Control(NamedTuple):
@@ -97,7 +97,7 @@ def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
     """d sigma/dt for dy/dt = v (Eq. 33 with its coupled terms), Pa/s."""
     return eq.stress_rate(
         y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15), v[0], v[1], v[2], load(v, 3), load(v, 9), load(v, 15), c
-    )  # fmt: skip
+    )
 
 
 @compiled

@@ -54,8 +54,9 @@ def records(result: Result) -> dict[str, np.ndarray]:
     size = {"time": len(result), "i": 3}
     absent = {
         name: np.full([size[d] for d in variable.dimensions], np.nan)
-        for name, variable in RECORD.items() if name not in known
-    }  # fmt: skip
+        for name, variable in RECORD.items()
+        if name not in known
+    }
     return {**known, **absent}
 
 
@@ -71,9 +72,12 @@ def as_run(result: Result) -> xr.Dataset:
 
 
 def write_result(
-    file: str | os.PathLike[str], result: Result, history: str = "", wall_time: float = 0.0,
+    file: str | os.PathLike[str],
+    result: Result,
+    history: str = "",
+    wall_time: float = 0.0,
     parameters: dict[str, Any] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Writes a run file, whole or not at all.
 
     history: the command; wall_time: s; parameters: what else decides the result, for JSON. Raises OSError.
@@ -115,7 +119,8 @@ def read_model(file: str | None) -> Model:
     try:
         return Model.from_json(Path(file).read_text())
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file of "
-                         "labkit calibrate") from None  # fmt: skip
+        raise InputError(
+            f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file of labkit calibrate"
+        ) from None
     except InputError as error:
         raise InputError(f"{file}: {error}") from None

@@ -34,8 +34,11 @@ class ModelState:
 
     def __post_init__(self) -> None:
         """Converts to float and checks. Raises InputError."""
-        for name, words, least in (("e", "void ratio", "above 0"), ("Z", "coordination number", "0 or more"),
-                                   ("Lam", "mean normalised force", "0 or more")):  # fmt: skip
+        for name, words, least in (
+            ("e", "void ratio", "above 0"),
+            ("Z", "coordination number", "0 or more"),
+            ("Lam", "mean normalised force", "0 or more"),
+        ):
             value = float(getattr(self, name))
             if not np.isfinite(value) or value < 0.0 or (name == "e" and value == 0.0):
                 raise InputError(f"{words} {value:g} is not possible: give a number {least}")
@@ -44,8 +47,10 @@ class ModelState:
             tensor = require_symmetric(words, getattr(self, name), deviatoric=True)
             object.__setattr__(self, name, tensor)
         if np.linalg.eigvalsh(self.A)[0] < -1.0:
-            raise InputError("contact anisotropy A has an eigenvalue below -1: it would make the density of contact "
-                             "normals 1 + n.A n negative, give a smaller A")  # fmt: skip
+            raise InputError(
+                "contact anisotropy A has an eigenvalue below -1: it would make the density of contact "
+                "normals 1 + n.A n negative, give a smaller A"
+            )
 
     def vector(self) -> np.ndarray:
         """(27,): e, Z, Lambda, the tensors in Mandel's order, and no strain."""
@@ -124,7 +129,8 @@ def contact_anisotropy(a1: float, angle: float) -> np.ndarray:
 
 def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: float) -> ModelState:
     """The state with A0 of size `a1` at `angle` (rad from z), the F0 that keeps the stress isotropic, and Lambda
-    changed so that the mean stress stays (section 5.3)."""
+    changed so that the mean stress stays (section 5.3).
+    """
     if a1 == 0.0:
         return state
     pressure = np.trace(state.stress(model)) / 3

@@ -99,7 +99,7 @@ def _evaluate(model, state, D):
     flat = np.ascontiguousarray(D.reshape(-1, 6))
     rates, stresses = np.empty((len(flat), STATE)), np.empty((len(flat), 6))
     _rates(state.vector(), flat, model.constants, rates, stresses)
-    return rates.reshape(D.shape[:-1] + (STATE,)), stresses.reshape(D.shape)
+    return rates.reshape((*D.shape[:-1], STATE)), stresses.reshape(D.shape)
 
 
 @compiled

@@ -33,7 +33,8 @@ def to_tensor(six: np.ndarray) -> np.ndarray:
 
 def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -> np.ndarray:
     """The tensor as a float array (..., 3, 3); `name` is for the message. Raises InputError unless it is finite,
-    symmetric and, with `deviatoric`, traceless, within rounding."""
+    symmetric and, with `deviatoric`, traceless, within rounding.
+    """
     tensor = np.asarray(tensor, dtype=float)
     if tensor.shape[-2:] != (3, 3):
         raise InputError(f"{name} has the shape {tensor.shape}: give 3 x 3 tensors")

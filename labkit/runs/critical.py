@@ -42,13 +42,20 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
         ratio = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[last]
         mean = {key: float(run[key].values[last].mean()) for key in ("void_ratio", "coordination_number")}
         zz = {key: float(run[key].values[last, 2, 2].mean()) for key in TENSORS}
-        rows.append({
-            "run": name, "path": run.attrs["path"], "strain": float(strain[-1]), "M": float(np.mean(ratio)),
-            "M_scatter": float(np.std(ratio)), "p_MPa": float(run.lab.mean_stress().values[last].mean() / 1e6),
-            "e": mean["void_ratio"], "Z": mean["coordination_number"],
-            "Lambda": float(run["mean_normalised_force"].values[last].mean()),
-            **{label: zz[key] for key, label in TENSORS.items()},
-        })  # fmt: skip
+        rows.append(
+            {
+                "run": name,
+                "path": run.attrs["path"],
+                "strain": float(strain[-1]),
+                "M": float(np.mean(ratio)),
+                "M_scatter": float(np.std(ratio)),
+                "p_MPa": float(run.lab.mean_stress().values[last].mean() / 1e6),
+                "e": mean["void_ratio"],
+                "Z": mean["coordination_number"],
+                "Lambda": float(run["mean_normalised_force"].values[last].mean()),
+                **{label: zz[key] for key, label in TENSORS.items()},
+            }
+        )
     return pandas.DataFrame(rows)
 
 

@@ -75,9 +75,11 @@ def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequenc
     for k in numbers:
         if not -count <= k < count:
             raise InputError(
-                f"is not in {file}, which has {count}", field="snapshot", value=k,
+                f"is not in {file}, which has {count}",
+                field="snapshot",
+                value=k,
                 allowed=f"a number from 0 to {count - 1}, or from -{count} to -1, counted from the end",
-            )  # fmt: skip
+            )
 
 
 def open_state(path: str | os.PathLike) -> xr.Dataset:
@@ -94,8 +96,9 @@ def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[
     """
     if labkit_kind(file) == "state":
         if numbers:
-            raise InputError(f"is for run files, and {file} is a state file: leave it out", field="snapshot",
-                             value=numbers[0])  # fmt: skip
+            raise InputError(
+                f"is for run files, and {file} is a state file: leave it out", field="snapshot", value=numbers[0]
+            )
         return (read_state(file).snapshot() for _ in range(1))
     run = open_run(file)
     require_snapshots(run, file, numbers, ", or a state file")
@@ -144,10 +147,15 @@ class Lab:
         contacts, at = self.contacts(number), self._run.isel(snapshot=number)
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         return Snapshot(
-            self.scene, self._radius, at["snapshot_cell"].values, Contacts(*(contacts[name].values for name in names)),
-            at["position"].values if "position" in at else None, float(at["snapshot_time"]) if "snapshot_time" in at
-            else 0.0, float(at["snapshot_strain"]), number=number,
-        )  # fmt: skip
+            self.scene,
+            self._radius,
+            at["snapshot_cell"].values,
+            Contacts(*(contacts[name].values for name in names)),
+            at["position"].values if "position" in at else None,
+            float(at["snapshot_time"]) if "snapshot_time" in at else 0.0,
+            float(at["snapshot_strain"]),
+            number=number,
+        )
 
     def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
         """The Snapshots of these numbers, or all, one in memory at a time."""
@@ -162,11 +170,13 @@ class Lab:
         of, both = self.snapshot(snapshot), ("contact", "side")
         return self.contacts(snapshot).assign(
             normalised_normal_force=(
-                both, normalised_normal_force(of), {"units": "1", "long_name": "normalised force Lambda_n"},
+                both,
+                normalised_normal_force(of),
+                {"units": "1", "long_name": "normalised force Lambda_n"},
             ),
             strong_by_force=(both, strong_by_force(of), {"long_name": "normal force above its mean"}),
             strong_by_normalised_force=(both, strong_by_normalised_force(of), {"long_name": "Lambda_n above its mean"}),
-        )  # fmt: skip
+        )
 
     def over_snapshots(
         self, function: Callable[[Snapshot], dict], attributes: dict | None = None, coords: dict | None = None
@@ -273,11 +283,16 @@ class Lab:
         lives, way = self._lives, self._travelled()
         alive = lives.death == self.number_of_snapshots
         end = way[np.minimum(lives.death, len(way) - 1)] if len(way) else np.zeros(0)
-        return xr.Dataset({
-            "pair": (("life", "side"), lives.pair), "birth": ("life", lives.birth), "death": ("life", lives.death),
-            "alive": ("life", alive), "birth_strain": ("life", way[lives.birth], {"units": "1"}),
-            "lifetime": ("life", end - way[lives.birth], {"units": "1"}),
-        })  # fmt: skip
+        return xr.Dataset(
+            {
+                "pair": (("life", "side"), lives.pair),
+                "birth": ("life", lives.birth),
+                "death": ("life", lives.death),
+                "alive": ("life", alive),
+                "birth_strain": ("life", way[lives.birth], {"units": "1"}),
+                "lifetime": ("life", end - way[lives.birth], {"units": "1"}),
+            }
+        )
 
     def contact_changes(self) -> xr.Dataset:
         """Contacts gained, lost and kept since the snapshot before, and their mean age, a Dataset along `snapshot`.
@@ -307,16 +322,20 @@ class Lab:
         names = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
         shares = strength_shares(*(self._run[name].values for name in names))
         return xr.DataArray(
-            np.array([shares[term] for term in TERMS]), dims=("term", "time"),
+            np.array([shares[term] for term in TERMS]),
+            dims=("term", "time"),
             coords={"term": list(TERMS), "axial_strain": ("time", self._run["axial_strain"].values)},
             attrs={"units": "1", "long_name": "share of q/p after C0"},
-        )  # fmt: skip
+        )
 
     def sff_error(self) -> xr.DataArray:
         """Frobenius norm of C0 - Love over that of Love at every record, DataArray (time)."""
         error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
-        return self._run["axial_strain"].copy(data=error).rename("sff_error").assign_attrs(
-            units="1", long_name="error of C0 against Love"
+        return (
+            self._run["axial_strain"]
+            .copy(data=error)
+            .rename("sff_error")
+            .assign_attrs(units="1", long_name="error of C0 against Love")
         )
 
     def mean_stress(self, name: str = "stress") -> xr.DataArray:

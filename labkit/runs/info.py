@@ -44,7 +44,8 @@ def describe_file(path: str | os.PathLike[str]) -> str:
 
 def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
     """Recomputes the hashes of a file: lines of text, and whether all are the same. Raises InputError for a file that
-    has none."""
+    has none.
+    """
     file_kind(path)
     found = provenance.check(path)
     if not found:

@@ -31,9 +31,13 @@ from labkit.runs.run import Run
 
 
 def make_specimen(
-    recipe: Recipe, scene: Scene | None = None, engine: str = "fused", threads: int = 1,
-    file: str | os.PathLike[str] | None = None, progress: bool | Progress = True,
-) -> State:  # fmt: skip
+    recipe: Recipe,
+    scene: Scene | None = None,
+    engine: str = "fused",
+    threads: int = 1,
+    file: str | os.PathLike[str] | None = None,
+    progress: bool | Progress = True,
+) -> State:
     """A specimen at rest, and its state file if `file` is given.
 
     progress: whether it is shown, or a function of the fraction done and a text. Raises InputError for values that are
@@ -46,9 +50,13 @@ def make_specimen(
 
 
 def consolidate(
-    state: State, pressure: float | str, engine: str = "fused", threads: int = 1,
-    file: str | os.PathLike[str] | None = None, progress: bool | Progress = True,
-) -> State:  # fmt: skip
+    state: State,
+    pressure: float | str,
+    engine: str = "fused",
+    threads: int = 1,
+    file: str | os.PathLike[str] | None = None,
+    progress: bool | Progress = True,
+) -> State:
     """The specimen brought to the same normal stress in all directions, and its state file if `file` is given.
 
     pressure: Pa, or text with a unit. Raises InputError, PhysicsError.
@@ -64,9 +72,15 @@ def consolidate(
 
 
 def run(
-    state: State, path: Path, engine: str = "fused", file: str | os.PathLike[str] | None = None, threads: int = 1,
-    progress: bool | Progress = True, options: Options | None = None, **recording: Any,
-) -> Run:  # fmt: skip
+    state: State,
+    path: Path,
+    engine: str = "fused",
+    file: str | os.PathLike[str] | None = None,
+    threads: int = 1,
+    progress: bool | Progress = True,
+    options: Options | None = None,
+    **recording: Any,
+) -> Run:
     """Takes a specimen along a loading path; the Run.
 
     A path that holds a stress consolidates the specimen first where that is needed. `file`: a run file, with which an

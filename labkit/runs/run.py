@@ -40,7 +40,8 @@ class Snapshots(Sequence[Snapshot]):
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
     """The result of a test. data: the xarray.Dataset that labkit.open_run gives for a run file, with the accessor
-    `.lab`; file: the run file, None for a run in memory."""
+    `.lab`; file: the run file, None for a run in memory.
+    """
 
     data: xarray.Dataset
     file: File | None = None

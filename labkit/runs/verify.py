@@ -82,10 +82,12 @@ def _checks(run):
     judged = run.lab.mean_stress().values > SFF_PRESSURE
     error = run.lab.sff_error().values
     worst = float(error[judged].max()) if judged.any() else np.nan
-    recomputed = np.max([
-        _difference(run.lab.love_stress().values, run.lab.at_snapshots("stress").values),
-        _difference(run.lab.sff_stress().values, run.lab.at_snapshots("stress_sff").values),
-    ])  # fmt: skip
+    recomputed = np.max(
+        [
+            _difference(run.lab.love_stress().values, run.lab.at_snapshots("stress").values),
+            _difference(run.lab.sff_stress().values, run.lab.at_snapshots("stress_sff").values),
+        ]
+    )
     unknown = int((~np.isfinite(run["stress"].values)).any(axis=(1, 2)).sum())
     yield Finding("records whose stress is no number", unknown, "0", unknown == 0, True)
     if judged.any():
@@ -95,9 +97,12 @@ def _checks(run):
         name = "C0 against Love: not judged, no record with p > 50 kPa"
         yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False, False)
     yield Finding(
-        f"stored stress against its contacts, {run.sizes['snapshot']} snapshots", recomputed,
-        f"< {RECOMPUTED_TOLERANCE:g}", recomputed < RECOMPUTED_TOLERANCE, True,
-    )  # fmt: skip
+        f"stored stress against its contacts, {run.sizes['snapshot']} snapshots",
+        recomputed,
+        f"< {RECOMPUTED_TOLERANCE:g}",
+        recomputed < RECOMPUTED_TOLERANCE,
+        True,
+    )
     yield from _recorded(run)
     yield from _held(run)
 
@@ -169,13 +174,14 @@ def _limits(run):
     low, high = GRAINS_LIMIT
     expected = grain_volume(radius) / mean_grain_volume(scene)
     cube = len(radius) * 64e-9 / float(run["volume"][0])
+    yield Finding(f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False)
     yield Finding(
-        f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False
+        "grains over what the mean grain makes of the solid",
+        len(radius) / expected,
+        "0.97 to 1.03",
+        abs(len(radius) / expected - 1.0) < 0.03,
+        False,
     )
-    yield Finding(
-        "grains over what the mean grain makes of the solid", len(radius) / expected, "0.97 to 1.03",
-        abs(len(radius) / expected - 1.0) < 0.03, False,
-    )  # fmt: skip
 
 
 def _known(run: xarray.Dataset, name: str) -> bool:
@@ -204,10 +210,16 @@ def table(run: xarray.Dataset, rows: int = 20) -> str:
     p, q, error = run.lab.mean_stress().values, run.lab.deviatoric_stress().values, run.lab.sff_error().values
     zz = {"i": 2, "j": 2}
     columns = (
-        run["axial_strain"].values * 100, p / 1e6, q / 1e6, run["coordination_number"].values,
-        run["mean_normalised_force"].values, run["contact_anisotropy"].isel(zz).values,
-        run["normal_force_anisotropy"].isel(zz).values, run["mobilisation"].isel(zz).values, error * 100,
-    )  # fmt: skip
+        run["axial_strain"].values * 100,
+        p / 1e6,
+        q / 1e6,
+        run["coordination_number"].values,
+        run["mean_normalised_force"].values,
+        run["contact_anisotropy"].isel(zz).values,
+        run["normal_force_anisotropy"].isel(zz).values,
+        run["mobilisation"].isel(zz).values,
+        error * 100,
+    )
     style = "{:8.3f} {:9.4f} {:9.4f} {:7.3f} {:9.6f} {:7.3f} {:7.3f} {:7.4f} {:9.3f}"
     shown = np.unique(np.linspace(0, len(p) - 1, min(rows, len(p))).round().astype(int))
     return "\n".join([header, units, *(style.format(*(column[k] for column in columns)) for k in shown)])

@@ -13,6 +13,7 @@ fourth: `sampling`. It is the part that has a standard error of its own size (se
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = Tru
         "equal_stress": love_stress(snapshot),
     }
     names = list(chain)
-    return {name: chain[before] - chain[name] for before, name in zip(names, names[1:])}
+    return {name: chain[before] - chain[name] for before, name in itertools.pairwise(names)}
 
 
 def standard_errors(snapshot: Snapshot, samples: int = 50, seed: int = 1) -> dict[str, np.ndarray]:

@@ -61,9 +61,14 @@ def sff_stress(snapshot: Snapshot) -> np.ndarray:
         return np.zeros((3, 3))
     found = statistics(snapshot)
     return c0_stress(
-        snapshot.young_modulus, found.coordination_number, found.mean_normalised_force, void_ratio_nominal(snapshot),
-        found.contact_anisotropy, found.normal_force_anisotropy, found.mobilisation,
-    )  # fmt: skip
+        snapshot.young_modulus,
+        found.coordination_number,
+        found.mean_normalised_force,
+        void_ratio_nominal(snapshot),
+        found.contact_anisotropy,
+        found.normal_force_anisotropy,
+        found.mobilisation,
+    )
 
 
 TERMS = ("A", "F", "Ft", "coupled")
@@ -78,5 +83,7 @@ def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray) -> dict[str, n
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)
     mean = 1 / 3 + 2 / 105 * trace + 8 / 315 * trace + np.trace(Ft, axis1=-2, axis2=-1) / 3
-    parts = dict(zip(TERMS, (2 / 15 * np.asarray(A), 2 / 15 * np.asarray(F), np.asarray(Ft), 8 / 105 * FA)))
+    parts = dict(
+        zip(TERMS, (2 / 15 * np.asarray(A), 2 / 15 * np.asarray(F), np.asarray(Ft), 8 / 105 * FA), strict=True)
+    )
     return {name: (part[..., 2, 2] - 0.5 * (part[..., 0, 0] + part[..., 1, 1])) / mean for name, part in parts.items()}

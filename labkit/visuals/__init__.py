@@ -3,9 +3,15 @@
 from labkit.lazy import attach
 
 _NAMES = {
-    "plots": "plots:", "micro_figures": "micro_figures:", "sff_figures": "sff_figures:",
-    "direction_figure": "direction_figure:", "layer_figure": "layer_figure:", "draw_grains": "picture:picture",
-    "save": "plots", "e_p_paths": "plots", "sff_against_love": "plots",
-}  # fmt: skip
+    "plots": "plots:",
+    "micro_figures": "micro_figures:",
+    "sff_figures": "sff_figures:",
+    "direction_figure": "direction_figure:",
+    "layer_figure": "layer_figure:",
+    "draw_grains": "picture:picture",
+    "save": "plots",
+    "e_p_paths": "plots",
+    "sff_against_love": "plots",
+}
 
 __getattr__, __dir__, __all__ = attach(__name__, _NAMES)

@@ -45,9 +45,9 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
     values = {
         "$4\\pi E_{PDF}$": None,
         "$\\overline{\\Lambda_n}/\\Lambda$": vectors.normal_component / mean,
-        "$\\overline{t_\\theta}$ = mean of $-\\Lambda_t\\cdot e_\\theta/\\Lambda$":
-            np.einsum("mi,mi->m", pull, along) / mean,
-    }  # fmt: skip
+        "$\\overline{t_\\theta}$ = mean of $-\\Lambda_t\\cdot e_\\theta/\\Lambda$": np.einsum("mi,mi->m", pull, along)
+        / mean,
+    }
     fits = [_directional_fits(vectors, mean, order) for order in (2, 4)]
     figure = plt.figure(figsize=(WIDTH, 6.6), layout="constrained")
     rows = []
@@ -93,11 +93,18 @@ def _rose(axes, n, data, fits, title):
     for quarter in range(4):
         sign, start = ((1, 0), (-1, np.pi), (1, np.pi), (-1, 0))[quarter]
         left = start + sign * 0.5 * (angle[1:] + angle[:-1])
-        axes.bar(left, np.abs(means), width=angle[:-1] - angle[1:], color="0.85", edgecolor="0.6", lw=0.5,
-                 label="contacts" if quarter == 0 else None)  # fmt: skip
+        axes.bar(
+            left,
+            np.abs(means),
+            width=angle[:-1] - angle[1:],
+            color="0.85",
+            edgecolor="0.6",
+            lw=0.5,
+            label="contacts" if quarter == 0 else None,
+        )
     theta = np.linspace(0.0, 2 * np.pi, 361)
     averages = [_average_about_z(fit, theta) for fit in fits]
-    for average, style, order in zip(averages, ("-", "--"), (2, 4)):
+    for average, style, order in zip(averages, ("-", "--"), (2, 4), strict=True):
         axes.plot(theta, np.abs(average), style, color=("C0", "C3")[order == 4], lw=1.4, label=f"order {order}")
     axes.set_theta_zero_location("N")
     axes.set_title(title + (" (size)" if np.nanmin(means) < 0 else ""), fontsize=10)

@@ -21,23 +21,26 @@ def stratified_layer(state: State) -> Figure:
     normalised = normalised_normal_force(snapshot, stratified.disc_volume(state))
     figure, axes = plt.subplots(1, 3, figsize=(1.3 * WIDTH, 0.4 * WIDTH * up / across + 1.7), layout="constrained")
     inside = np.mod(state.position[:, [0, 2]], [across, up]) * 1e3
-    discs = [plt.Circle(x, r * 1e3) for x, r in zip(inside, state.radius)]
+    discs = [plt.Circle(x, r * 1e3) for x, r in zip(inside, state.radius, strict=True)]
     coarse = stratified.stratum_of(state).astype(bool)[:, None]
     colors = np.where(coarse, [[0.80, 0.65, 0.40]], [[0.55, 0.65, 0.75]])
     axes[0].add_collection(PatchCollection(discs, facecolors=colors, edgecolors="0.3", linewidths=0.15))
     start = inside[found.grain[:, 0]]
     branch = (found.branch_length(state.radius)[:, None] * found.normal)[:, [0, 2]] * 1e3
     drawn = {"contact force": found.normal_force, "normalised contact force": normalised.mean(axis=1)}
-    for panel, (name, values) in zip(axes[1:], drawn.items()):
+    for panel, (_name, values) in zip(axes[1:], drawn.items(), strict=True):
         ratio = values / values.mean()
         order = np.argsort(ratio)
         lines = LineCollection(
-            np.stack([start, start + branch], axis=1)[order], array=ratio[order], cmap="inferno_r",
-            norm=plt.Normalize(0, 3), linewidths=0.2 + 0.8 * np.clip(ratio[order], 0, 4),
-        )  # fmt: skip
+            np.stack([start, start + branch], axis=1)[order],
+            array=ratio[order],
+            cmap="inferno_r",
+            norm=plt.Normalize(0, 3),
+            linewidths=0.2 + 0.8 * np.clip(ratio[order], 0, 4),
+        )
         panel.add_collection(lines)
         figure.colorbar(lines, ax=panel, shrink=0.7, label="over the mean", extend="max")
-    for panel, title in zip(axes, ("grains", *drawn)):
+    for panel, title in zip(axes, ("grains", *drawn), strict=True):
         panel.set(xlim=(0, across * 1e3), ylim=(0, up * 1e3), aspect="equal", xlabel="x (mm)", title=title)
     axes[0].set_ylabel("z (mm)")
     said = (

@@ -23,9 +23,17 @@ from labkit.visuals.plots import WIDTH
 from labkit.visuals.sff_figures import budget, family, shares, stack_shares
 
 __all__ = [
-    "budget", "contacts", "densities", "directions", "family", "group_stresses", "groups", "shares", "stack_shares",
+    "budget",
+    "contacts",
+    "densities",
+    "directions",
+    "family",
+    "group_stresses",
+    "groups",
+    "shares",
+    "stack_shares",
     "stratified_layer",
-]  # fmt: skip
+]
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # of the mean force
 
@@ -46,30 +54,41 @@ def group_stresses(
     panels = {
         "per contact, $\\sigma^N(k)/\\sigma$": found["per_contact"].values,
         "per volume, $\\sigma^V(k)/\\sigma$": found["per_volume"].values,
-        "of the grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$":
-            found["per_volume"].values * found["coordination_ratio"].values[..., None, None],
-    }  # fmt: skip
+        "of the grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": found["per_volume"].values
+        * found["coordination_ratio"].values[..., None, None],
+    }
     scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": deviatoric_stress}
     figure, axes = plt.subplots(1, 3, figsize=(width, 0.4 * width), sharey=True, layout="constrained")
     rows = []
     colors = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, number))
-    for panel, (title, values) in zip(axes, panels.items()):
+    for panel, (title, values) in zip(axes, panels.items(), strict=True):
         for k, color in enumerate(colors):
             ratio = {name: of(values[:, k]) / of(love.values) for name, of in scalars.items()}
             label = f"{found['diameter'].values[k] * 1e3:.3f}"
             panel.plot(strain, ratio["p"], color=color, label=label)
             panel.plot(strain[1:], ratio["q"][1:], "--", color=color)  # q of the isotropic start is zero
             rows += [
-                {"stress": title.split(",")[0], "group": k, "diameter_mm": found["diameter"].values[k] * 1e3,
-                 "axial_strain": s / 100, **{name: r[i] for name, r in ratio.items()}}
+                {
+                    "stress": title.split(",")[0],
+                    "group": k,
+                    "diameter_mm": found["diameter"].values[k] * 1e3,
+                    "axial_strain": s / 100,
+                    **{name: r[i] for name, r in ratio.items()},
+                }
                 for i, s in enumerate(strain)
-            ]  # fmt: skip
+            ]
         panel.set(xlabel="axial strain (%)", title=title)
         panel.axhline(1.0, color="0.5", lw=0.8)
         panel.grid(alpha=0.25)
     axes[0].set_ylabel("over Love: p solid, q dashed")
-    figure.legend(*axes[0].get_legend_handles_labels(), title="middle of the size group, D (mm)",
-                  loc="outside lower center", ncols=number, frameon=False, fontsize=8)  # fmt: skip
+    figure.legend(
+        *axes[0].get_legend_handles_labels(),
+        title="middle of the size group, D (mm)",
+        loc="outside lower center",
+        ncols=number,
+        frameon=False,
+        fontsize=8,
+    )
     return figure, pandas.DataFrame(rows)
 
 
@@ -81,15 +100,14 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
     force = np.stack([of.contacts.normal_force] * 2, axis=1)
     values = {
         "normal force, $f_n/\\langle f_n\\rangle$": force,
-        "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$":
-            normalised_normal_force(of),
-    }  # fmt: skip
+        "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$": normalised_normal_force(of),
+    }
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.2), sharey=True, layout="constrained")
     colors = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, number))
     bins = np.linspace(0.0, DENSITY_TOP, DENSITY_BINS + 1)
     middle = 0.5 * (bins[1:] + bins[:-1])
     rows = []
-    for panel, (title, sides) in zip(axes, values.items()):
+    for panel, (title, sides) in zip(axes, values.items(), strict=True):
         sides = sides / sides.mean()
         for k, color in enumerate(colors):
             chosen = sides[side_group == k]
@@ -99,15 +117,29 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
             label = f"{0.5e3 * (edges[k] + edges[k + 1]):.3f}"
             panel.semilogy(middle, np.where(density > 0, density, np.nan), "o-", ms=2.5, color=color, label=label)
             panel.axvline(chosen.mean(), color=color, lw=0.8, ls=":")
-            rows += [{"of": title.split(",")[0], "group": k, "diameter_mm": 0.5e3 * (edges[k] + edges[k + 1]),
-                      "group_mean": chosen.mean(), "value": m, "density": d}
-                     for m, d in zip(middle, density)]  # fmt: skip
+            rows += [
+                {
+                    "of": title.split(",")[0],
+                    "group": k,
+                    "diameter_mm": 0.5e3 * (edges[k] + edges[k + 1]),
+                    "group_mean": chosen.mean(),
+                    "value": m,
+                    "density": d,
+                }
+                for m, d in zip(middle, density, strict=True)
+            ]
         panel.set(xlabel=title)
         panel.grid(alpha=0.25)
     axes[0].set_ylabel("probability density")
     figure.suptitle(f"at {percent(run, snapshot)} axial strain; dotted: mean of the group", fontsize=10)
-    figure.legend(*axes[0].get_legend_handles_labels(), title="middle of the size group, D (mm)",
-                  loc="outside lower center", ncols=number, frameon=False, fontsize=8)  # fmt: skip
+    figure.legend(
+        *axes[0].get_legend_handles_labels(),
+        title="middle of the size group, D (mm)",
+        loc="outside lower center",
+        ncols=number,
+        frameon=False,
+        fontsize=8,
+    )
     return figure, pandas.DataFrame(rows)
 
 
@@ -123,8 +155,10 @@ def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[
         axes[0].plot(strain[1:], rate, "o-", ms=3, color=color, label=name)
     axes[0].set(xlabel="axial strain (%)", ylabel="contacts per 1 % of strain (%)", ylim=(0, None))
     axes[0].legend(frameon=False, fontsize=8)
-    for born, label, color in ((lives["birth"].values == 0, "of the specimen", "C0"),
-                               (lives["birth"].values > 0, "born in the test", "C1")):  # fmt: skip
+    for born, label, color in (
+        (lives["birth"].values == 0, "of the specimen", "C0"),
+        (lives["birth"].values > 0, "born in the test", "C1"),
+    ):
         if born.any():
             life, alive = lives["lifetime"].values[born], lives["alive"].values[born]
             survival = stats.ecdf(stats.CensoredData(uncensored=life[~alive], right=life[alive])).sf

@@ -52,9 +52,11 @@ def write_series(snapshots: Iterable[Snapshot], folder: str | os.PathLike) -> li
             file = folder / f"{name}_{snapshot.number:04d}.vtu"
             points, cells, point_data, cell_data = mesh_of(snapshot)
             mesh = meshio.Mesh(
-                np.float32(points), [cells], {key: _small(values) for key, values in point_data.items()},
+                np.float32(points),
+                [cells],
+                {key: _small(values) for key, values in point_data.items()},
                 {key: [_small(values)] for key, values in cell_data.items()},
-            )  # fmt: skip
+            )
             with whole_file(file) as temporary:
                 meshio.write(temporary, mesh, file_format="vtu")
             times[name][file.name] = snapshot.time
@@ -88,11 +90,17 @@ def grains(snapshot: Snapshot) -> Mesh:
     force = np.stack([snapshot.contacts.normal_force] * 2, axis=1)
     stress = grain_stress(snapshot)
     data = {
-        "diameter": 2.0 * snapshot.radius, "grain": grain, "coordination_number": contacts_per_grain(snapshot),
-        "mean_normalised_force": of_grains, "normalised_force_over_mean": over_mean(of_grains, normalised),
-        "mean_normal_force": mean_per_grain(snapshot, force), "fabric": grain_fabric(snapshot),
-        "stress": stress, "mean_stress": mean_stress(stress), "deviatoric_stress": deviatoric_stress(stress),
-    }  # fmt: skip
+        "diameter": 2.0 * snapshot.radius,
+        "grain": grain,
+        "coordination_number": contacts_per_grain(snapshot),
+        "mean_normalised_force": of_grains,
+        "normalised_force_over_mean": over_mean(of_grains, normalised),
+        "mean_normal_force": mean_per_grain(snapshot, force),
+        "fabric": grain_fabric(snapshot),
+        "stress": stress,
+        "mean_stress": mean_stress(stress),
+        "deviatoric_stress": deviatoric_stress(stress),
+    }
     if snapshot.velocity is not None:
         data["velocity"] = snapshot.velocity
     return snapshot.wrapped_position, ("vertex", grain[:, None]), data, {}
@@ -105,13 +113,19 @@ def contacts(snapshot: Snapshot) -> Mesh:
     tangential = np.linalg.norm(found.tangential_force, axis=1)
     limit = snapshot.scene.friction * found.normal_force
     data = {
-        "normal_force": found.normal_force, "tangential_force": found.tangential_force,
-        "force_on_first": found.force_on_first(), "rolling_moment": found.rolling_moment, "overlap": found.overlap,
-        "normalised_force": both, "normalised_force_over_mean": ratio, "strong": ratio > 1.0,
+        "normal_force": found.normal_force,
+        "tangential_force": found.tangential_force,
+        "force_on_first": found.force_on_first(),
+        "rolling_moment": found.rolling_moment,
+        "overlap": found.overlap,
+        "normalised_force": both,
+        "normalised_force_over_mean": ratio,
+        "strong": ratio > 1.0,
         "friction_mobilised": np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0),
-        "first_grain": found.grain[:, 0], "second_grain": found.grain[:, 1],
+        "first_grain": found.grain[:, 0],
+        "second_grain": found.grain[:, 1],
         "periodic": _crosses_face(snapshot),
-    }  # fmt: skip
+    }
     ends = {
         "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too: what ParaView's Tube needs
         "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * ratio, 2),
@@ -124,9 +138,12 @@ def cell(snapshot: Snapshot) -> Mesh:
     """The cell as one hexahedron, with the stress and the five statistics of C0 on it."""
     stress = love_stress(snapshot)
     values = {
-        "stress": stress, "mean_stress": mean_stress(stress), "deviatoric_stress": deviatoric_stress(stress),
-        "void_ratio_nominal": void_ratio_nominal(snapshot), **vars(statistics(snapshot)),
-    }  # fmt: skip
+        "stress": stress,
+        "mean_stress": mean_stress(stress),
+        "deviatoric_stress": deviatoric_stress(stress),
+        "void_ratio_nominal": void_ratio_nominal(snapshot),
+        **vars(statistics(snapshot)),
+    }
     if snapshot.axial_strain is not None:
         values["axial_strain"] = snapshot.axial_strain
     return cell_corners(snapshot.cell), ("hexahedron", np.arange(8)[None]), {}, {k: [v] for k, v in values.items()}

@@ -51,7 +51,8 @@ def images(
     snapshot: Snapshot, low: np.ndarray, high: np.ndarray, width: int = round(150 * PANEL)
 ) -> tuple[np.ndarray, np.ndarray]:
     """The pictures of the grains and of the contacts, (rows, width, 4) each, of the part of the view from `low` to
-    `high` (2,), m from the middle of the cell."""
+    `high` (2,), m from the middle of the cell.
+    """
     middle = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
     low, high = low + middle, high + middle
     mean = 2.0 * snapshot.radius.mean()
@@ -90,7 +91,8 @@ def _colors(ratio):
 
 def _frame(snapshots):
     """The lower left and upper right corner, m from the middle of each cell, of a view that holds all of them and the
-    grains at their faces."""
+    grains at their faces.
+    """
     corners = [cell_corners(snapshot.cell) for snapshot in snapshots]
     seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
     margin = 1.2 * max(snapshot.radius.max() for snapshot in snapshots)
@@ -101,8 +103,11 @@ def _color_bar(figure, height):
     axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
     colors = plt.cm.ScalarMappable(plt.Normalize(0.0, TOP), COLORS)
     figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
-    axes.set_xlabel("normalised force $\\Lambda_n$ over its mean; of a grain: mean of its contacts, blue: it has none",
-                    fontsize=9, labelpad=2)  # fmt: skip
+    axes.set_xlabel(
+        "normalised force $\\Lambda_n$ over its mean; of a grain: mean of its contacts, blue: it has none",
+        fontsize=9,
+        labelpad=2,
+    )
 
 
 def _scale_bar(figure, metres_per_inch, height):
@@ -121,9 +126,10 @@ def _scale_bar(figure, metres_per_inch, height):
 def _directions(figure, height):
     """x, y and z as arrows at the lower right."""
     size = 0.8  # inches
-    axes = figure.add_axes((0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4),
-                           ylim=(-0.8, 1.6))  # fmt: skip
+    axes = figure.add_axes(
+        (0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4), ylim=(-0.8, 1.6)
+    )
     axes.axis("off")
-    for name, arrow in zip("xyz", VIEW[:2].T):
+    for name, arrow in zip("xyz", VIEW[:2].T, strict=True):
         axes.annotate("", arrow, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "lw": 1.2, "color": "0.2"})
         axes.text(*(1.3 * arrow), name, ha="center", va="center", fontsize=9, color="0.2")

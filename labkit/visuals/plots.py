@@ -32,11 +32,11 @@ def sff_against_love(runs: Runs) -> Figure:
     `runs`: label -> run. A colour is a run, solid is Love, dashed is C0.
     """
     figure, panels = plt.subplots(1, 3, figsize=(WIDTH, 3.6 + 0.22 * (len(runs) // 4)), layout="constrained")
-    for color, (label, run) in zip(_colors(len(runs)), runs.items()):
+    for color, (label, run) in zip(_colors(len(runs)), runs.items(), strict=True):
         strain = run["axial_strain"].values * 100
         for name, style in STYLES.values():
             p, q = run.lab.mean_stress(name).values / 1e6, run.lab.deviatoric_stress(name).values / 1e6
-            for axes, x, y in zip(panels, (strain, strain, p), (q, p, q)):
+            for axes, x, y in zip(panels, (strain, strain, p), (q, p, q), strict=True):
                 axes.plot(x, y, style, color=color, label=label if style == "-" else None)
     for axes in panels:
         axes.set(xlabel="axial strain (%)", ylim=(min(0, axes.get_ylim()[0]), None))
@@ -62,13 +62,18 @@ def test(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figu
 
 def records(
     run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
-) -> tuple[Figure, pandas.DataFrame]:  # fmt: skip
+) -> tuple[Figure, pandas.DataFrame]:
     """Any recorded variable over the axial strain, one of your own too: of a tensor its components. Raises InputError
-    for a variable that the run does not hold."""
+    for a variable that the run does not hold.
+    """
     names = [name for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
     if variable not in names:
-        raise InputError("is not recorded" if variable else "is missing", field="variable", value=variable,
-                         allowed=f"one of {', '.join(map(str, names))}")  # fmt: skip
+        raise InputError(
+            "is not recorded" if variable else "is missing",
+            field="variable",
+            value=variable,
+            allowed=f"one of {', '.join(map(str, names))}",
+        )
     values = run[variable]
     columns = {"axial_strain": run["axial_strain"].values}
     if values.ndim == 3:
@@ -77,7 +82,7 @@ def records(
         flat = values.values.reshape(len(values), -1).T
         columns |= {variable + (f"_{'xyz'[k]}" if len(flat) > 1 else ""): row for k, row in enumerate(flat)}
     figure, axes = plt.subplots(figsize=(0.6 * WIDTH, 4.0), layout="constrained")
-    for color, (label, column) in zip(_colors(len(columns) - 1), list(columns.items())[1:]):
+    for color, (label, column) in zip(_colors(len(columns) - 1), list(columns.items())[1:], strict=True):
         axes.plot(percent(run), column, color=color, label=label)
     units = values.attrs.get("units", "1")
     label = f"{values.attrs.get('long_name', variable)}" + f" ({units})" * (units != "1")
@@ -93,7 +98,7 @@ test.of_records = records.of_records = True  # type: ignore[attr-defined]  # the
 
 def e_p_paths(
     runs: Runs, critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None, width: float = WIDTH
-) -> Figure:  # fmt: skip
+) -> Figure:
     """e against p of shear tests in one diagram (Fig. 1), and q against p beside it; a Figure.
 
     `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path. `critical`:
@@ -103,7 +108,7 @@ def e_p_paths(
     styles = {name: PATHS[name].line_style for name in dict.fromkeys(run.attrs["path"] for run in runs.values())}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale = plt.Normalize(start.min(), start.max() + 1e-9)
-    for e, run in zip(start, runs.values()):
+    for e, run in zip(start, runs.values(), strict=True):
         color, style = plt.get_cmap("viridis")(0.9 * scale(e)), styles[run.attrs["path"]]
         p, q = run.lab.mean_stress().values / 1e6, run.lab.deviatoric_stress().values / 1e6
         left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2)
@@ -118,7 +123,7 @@ def e_p_paths(
     lines = [Line2D([], [], color="0.3", linestyle=styles[name], label=name.upper()) for name in order]
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
     lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
-    for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":")):
+    for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":"), strict=False):
         lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
     for axes in (left, right):
         axes.grid(alpha=0.25)
@@ -167,12 +172,12 @@ def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
         len(rows), len(names), figsize=(WIDTH, 3.1 * len(rows)), layout="constrained", squeeze=False
     )
     both = len({run.attrs.get("engine") == "model" for runs in rows.values() for run in runs.values()}) > 1
-    for panels, (title, runs) in zip(grid, rows.items()):
-        for color, (label, run) in zip(_colors(len(runs)), runs.items()):
+    for panels, (title, runs) in zip(grid, rows.items(), strict=True):
+        for color, (label, run) in zip(_colors(len(runs)), runs.items(), strict=True):
             style = ":" if both and run.attrs.get("engine") == "model" else "-"
-            for axes, name in zip(panels, names):
+            for axes, name in zip(panels, names, strict=True):
                 axes.plot(*diagram(name)[2](run), style, color=color, lw=1.4, label=label)
-        for axes, name in zip(panels, names):
+        for axes, name in zip(panels, names, strict=True):
             axes.set(xlabel=diagram(name)[0], ylabel=diagram(name)[1])
             axes.grid(alpha=0.25)
         panels[0].set_title(title, loc="left", fontsize=10)
@@ -191,13 +196,13 @@ def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]
     """
     figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 6.0), layout="constrained")
     panels = grid.ravel()
-    for color, o in zip(_colors(len(observations)), observations):
+    for color, o in zip(_colors(len(observations)), observations, strict=True):
         steps = np.linalg.norm(o.strain_step, axis=1)
         way = 100 * np.concatenate([[0.0], np.cumsum(steps)])
         for k, axes in enumerate(panels[:5]):
             axes.plot(way, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
             axes.plot(way, predicted[o.name][:, k], ":", color=color, lw=1.8)
-    for label, axes in zip(STATISTICS, panels):
+    for label, axes in zip(STATISTICS, panels, strict=True):
         axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
         axes.grid(alpha=0.25)
     panels[5].axis("off")
@@ -213,11 +218,13 @@ def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float
     Settings at which an integrator gave up have no error and no point.
     """
     figure, grid = plt.subplots(1, len(panels), figsize=(WIDTH * 1.3, 4.6), layout="constrained", squeeze=False)
-    for axes, (title, curves_) in zip(grid[0], panels.items()):
+    for axes, (title, curves_) in zip(grid[0], panels.items(), strict=True):
         for number, (label, points) in enumerate(curves_.items()):
             kept = [(error, 1e3 * seconds) for _, seconds, error in points if error]
             color, marker = plt.get_cmap("tab20").colors[number % 20], "osD^v<>*PXhp"[number % 12]
-            axes.loglog(*zip(*kept), marker=marker, ms=4, lw=1.2, color=color, label=label) if kept else None
+            axes.loglog(
+                *zip(*kept, strict=True), marker=marker, ms=4, lw=1.2, color=color, label=label
+            ) if kept else None
         axes.set(xlabel="relative error of the stress", ylabel="time (ms)", title=title)
         axes.title.set_fontsize(10)
         axes.invert_xaxis()
@@ -233,10 +240,11 @@ def _colors(number: int) -> Any:
 
 def save(
     figure: Figure, path: str | Path, inputs: Sequence[str | Path] = (), command: str | None = None, dpi: int = DPI
-) -> None:  # fmt: skip
+) -> None:
     """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
     provenance, beside another lies a file with it; `inputs`: the files that it shows, `command`: what made it
-    (default: this process)."""
+    (default: this process).
+    """
     ending = Path(path).suffix[1:].lower()
     metadata = {"provenance": provenance(command, inputs, path)} if ending == "png" else None
     with whole_file(path) as temporary:

@@ -82,7 +82,7 @@ def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndar
     `reach`: the length over which things darken what lies between them; `white`: 0 to 1 of each pixel, see `haze`.
     """
     light = LIGHT / np.linalg.norm(LIGHT)
-    halfway = (light + [0.0, 0.0, 1.0]) / np.linalg.norm(light + [0.0, 0.0, 1.0])
+    halfway = (light + np.array([0.0, 0.0, 1.0])) / np.linalg.norm(light + np.array([0.0, 0.0, 1.0]))
     bright = AMBIENT + DIFFUSE * np.clip(on.normal @ light, 0.0, None)
     gloss = GLOSS * np.clip(on.normal @ halfway, 0.0, None) ** 30
     color = np.clip(on.color * (bright * _open_sky(on, reach))[..., None] + gloss[..., None], 0.0, 1.0)

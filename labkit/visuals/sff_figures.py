@@ -31,13 +31,13 @@ def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     left.set(xlabel="axial strain (%)", ylabel="q/p", title="stacked: they add up to C0")
     total = found.values.sum(axis=0)
     grown = np.abs(total) > 0.1 * np.nanmax(np.abs(total))
-    for term, color, values in zip(TERMS, colors, found.values):
+    for _term, color, values in zip(TERMS, colors, found.values, strict=False):
         right.plot(strain[grown], 100 * values[grown] / total[grown], color=color)
     right.set(xlabel="axial strain (%)", ylabel="share of the strength (%)", ylim=(0, None))
     for axes in (left, right):
         axes.grid(alpha=0.25)
     figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=8)
-    table = {"axial_strain": strain / 100, "q_over_p_love": love, **dict(zip(TERMS, found.values))}
+    table = {"axial_strain": strain / 100, "q_over_p_love": love, **dict(zip(TERMS, found.values, strict=True))}
     return figure, pandas.DataFrame(table)
 
 
@@ -65,17 +65,22 @@ def family(
     cost = _costs(run, snapshot, rounds)
     strain = found["axial_strain"].values * 100
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 4.6), layout="constrained")
-    colors = dict(zip(sff_family.FORMS, plt.get_cmap("tab10").colors))
+    colors = dict(zip(sff_family.FORMS, plt.get_cmap("tab10").colors, strict=False))
     rows = []
     for form, values in error.items():
         left.semilogy(strain, 100 * values, color=colors[form], label=form)
         mean = float(np.nanmean(values[1:])) if len(values) > 1 else float(values[0])
         right.loglog(cost[form] * 1e3, 100 * mean, "o", color=colors[form])
-        rows.append({
-            "form": form, "mean_error": mean, "worst_error": float(np.nanmax(values)),
-            "first_error": float(values[0]), "milliseconds": cost[form] * 1e3,
-            "cost_over_c0": cost[form] / cost["c0"],
-        })  # fmt: skip
+        rows.append(
+            {
+                "form": form,
+                "mean_error": mean,
+                "worst_error": float(np.nanmax(values)),
+                "first_error": float(values[0]),
+                "milliseconds": cost[form] * 1e3,
+                "cost_over_c0": cost[form] / cost["c0"],
+            }
+        )
     left.set(xlabel="axial strain (%)", ylabel="error against Love (%)")
     number_of_contacts = int(run["row_size"].values[snapshot])
     right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error after the start (%)")
@@ -107,8 +112,8 @@ def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     strain, p = parts["axial_strain"].values * 100, mean_stress(love)
     shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
     figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.6), layout="constrained")
-    for panel, of, name in zip(axes, (mean_stress, deviatoric_stress), "pq"):
-        for color, part in zip(plt.get_cmap("tab10").colors, shown):
+    for panel, of, name in zip(axes, (mean_stress, deviatoric_stress), "pq", strict=True):
+        for color, part in zip(plt.get_cmap("tab10").colors, shown, strict=False):
             panel.plot(strain, 100 * of(parts.sel(part=part).values) / p, color=color, label=PARTS[part])
         panel.plot(strain, 100 * of(parts.sum("part").values) / p, "k-", lw=2, label="C0 - Love")
         panel.axhline(0.0, color="0.5", lw=0.8)
@@ -118,11 +123,16 @@ def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     of = run.lab.snapshot(snapshot)
     scatter = standard_errors(of) if len(of.contacts) else {}
     rows = [
-        {"axial_strain": strain[k] / 100, "part": part, "p_error": mean_stress(parts.values[k, i]) / p[k],
-         "q_error": deviatoric_stress(parts.values[k, i]) / p[k],
-         "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k])}
-        for k in range(len(strain)) for i, part in enumerate(PARTS)
-    ]  # fmt: skip
+        {
+            "axial_strain": strain[k] / 100,
+            "part": part,
+            "p_error": mean_stress(parts.values[k, i]) / p[k],
+            "q_error": deviatoric_stress(parts.values[k, i]) / p[k],
+            "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
+        }
+        for k in range(len(strain))
+        for i, part in enumerate(PARTS)
+    ]
     table = pandas.DataFrame(rows)
     last = {part: np.linalg.norm(error) / np.linalg.norm(love[snapshot]) for part, error in scatter.items()}
     table["norm_standard_error"] = np.where(

@@ -29,7 +29,7 @@ def watch(files: Sequence[str], interval: int, once: bool) -> None:
         if not once:
             print("\x1b[2J\x1b[H", end="")  # clears the terminal
         print(draw(runs, size.columns, max(12, size.lines - len(runs) - 2)))
-        lines = (status(name, run, writes) for (name, run), writes in zip(runs.items(), going_on))
+        lines = (status(name, run, writes) for (name, run), writes in zip(runs.items(), going_on, strict=True))
         print(*lines, sep="\n", flush=True)
         if once or not any(going_on):
             return

@@ -13,9 +13,13 @@ ROOT = Path(__file__).resolve().parents[2]
 def run_study(*words, cwd=None):
     """`./lab words` for a study, with the Python of the tests; the finished process with its output as text."""
     return subprocess.run(
-        [sys.executable, "-P", "-m", "analysis", *map(str, words)], cwd=cwd, env=in_the_clone(), capture_output=True,
-        text=True, timeout=600,
-    )  # fmt: skip
+        [sys.executable, "-P", "-m", "analysis", *map(str, words)],
+        cwd=cwd,
+        env=in_the_clone(),
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
 
 
 def in_the_clone():

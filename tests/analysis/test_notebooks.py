@@ -31,9 +31,9 @@ def alone(file, folder):
     return folder / "analysis"
 
 
-@pytest.mark.parametrize("file", [
-    pytest.param(file, id=file.stem, marks=() if file.stem == "07_model" else there) for file in NOTEBOOKS
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "file", [pytest.param(file, id=file.stem, marks=() if file.stem == "07_model" else there) for file in NOTEBOOKS]
+)
 def test_runs_and_draws(file, tmp_path):
     figures = tmp_path / "figures"
     words = ["notebooks", alone(file, tmp_path), "--results", RESULTS, "-o", figures]

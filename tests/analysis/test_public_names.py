@@ -9,8 +9,10 @@ import pytest
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # of commands
-ROOMS = {f"labkit.{name}" for name in ("bench", "campaign", "dem", "engines", "io", "micro", "model", "runs", "sff",
-                                       "visuals")}  # fmt: skip
+ROOMS = {
+    f"labkit.{name}"
+    for name in ("bench", "campaign", "dem", "engines", "io", "micro", "model", "runs", "sff", "visuals")
+}
 
 
 def imported(file):

@@ -21,10 +21,15 @@ def test_every_feature_is_measured_and_put_beside_what_the_computer_can_do(speci
     assert f"{state.number_of_grains} grains, {len(state.contact_grain)} contacts" in text
     rows = dict(re.findall(r"^(law .*?|\.\.\. .*?) +([\d.]+) +[\d.]+ +[\d.]+$", text, re.MULTILINE))
     assert list(rows) == [
-        "law rolling_resistance, everything", "... stress every 5 steps as well", "... without energy sums",
-        "... without local damping", "... without rolling", "... without rolling and friction",
-        "law spring_dashpot, everything", "... without dashpots",
-    ]  # fmt: skip
+        "law rolling_resistance, everything",
+        "... stress every 5 steps as well",
+        "... without energy sums",
+        "... without local damping",
+        "... without rolling",
+        "... without rolling and friction",
+        "law spring_dashpot, everything",
+        "... without dashpots",
+    ]
     assert all(float(value) > 0.0 for value in rows.values())
     for said in ("neighbour search: ", "pairs kept at hand: ", "bytes that pass per pair: ", "GFLOP/s"):
         assert said in text
@@ -53,7 +58,7 @@ def test_the_input_of_lammps_has_the_grains_and_the_law(specimen_file, tmp_path)
     pair = next(line.split() for line in text.splitlines() if line.startswith("pair_coeff"))
     middle = 0.5 * (state.radius.min() + state.radius.max())
     cn, ct = state.scene.contact_law.dashpots(state.scene, middle, middle)
-    values = dict(zip(("kn", "cn", "kt", "share", "mu"), (float(pair[k]) for k in (4, 5, 8, 9, 10))))
+    values = dict(zip(("kn", "cn", "kt", "share", "mu"), (float(pair[k]) for k in (4, 5, 8, 9, 10)), strict=True))
     kn, kt = state.scene.normal_stiffness(middle, middle), state.scene.tangential_stiffness(middle, middle)
     assert values == pytest.approx({"kn": kn, "cn": cn, "kt": kt, "share": ct / cn, "mu": 0.4}, rel=1e-12)
     assert f"{state.number_of_grains} atoms" in (tmp_path / "grains.data").read_text()

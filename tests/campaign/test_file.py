@@ -43,8 +43,10 @@ BROKEN = {
     "a tab": ("specimens:\n\ta: 1\n", [(2, "not YAML")]),
     "a character that may not be": ("specimens: \x00\n", [(1, "not YAML")]),
     "nested without end": ("[" * 5000, [(1, "nested too deep")]),
-    "too many runs": (specimen("void_ratio: 0.67, grains: 150, seed: [" + ", ".join(map(str, range(11000))) + "]"),
-                      [(5, "there are 11000 runs: give at most 10000")]),
+    "too many runs": (
+        specimen("void_ratio: 0.67, grains: 150, seed: [" + ", ".join(map(str, range(11000))) + "]"),
+        [(5, "there are 11000 runs: give at most 10000")],
+    ),
     "no runs": (HEAD, [(1, "`runs:` is missing")]),
     "no specimens": (RUNS, [(1, "`specimens:` is missing"), (2, "no specimen 'a'")]),
     "empty runs": (HEAD + "runs: {}\n", [(4, "`runs:` is empty")]),
@@ -53,8 +55,10 @@ BROKEN = {
     "unknown key of the file": (HEAD + RUNS + "colour: red\n", [(6, "'colour' is unknown")]),
     "misspelt key of the file": (HEAD + RUNS + "setings: quick\n", [(6, "did you mean 'settings'")]),
     "unknown settings": ("settings: fast\n" + HEAD + RUNS, [(1, "settings 'fast' is unknown: give one of quick")]),
-    "unknown engine": (HEAD.replace("fused", "warp") + RUNS,
-                     [(1, "engine 'warp' is unknown: give one of yade, fused")]),
+    "unknown engine": (
+        HEAD.replace("fused", "warp") + RUNS,
+        [(1, "engine 'warp' is unknown: give one of yade, fused")],
+    ),
     "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 is not possible")]),
     "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "snapshots 'many' is not a number: give e.g. 20")]),
     "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "makes no name of a folder")]),
@@ -69,54 +73,84 @@ BROKEN = {
     "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 is not possible")]),
     "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "grains 150.5 is not a whole number")]),
     "a side without a unit": (specimen("void_ratio: 0.67, side: 4"), [(3, "side 4 has no unit: give e.g. 4 mm")]),
-    "a side in MPa": (specimen("void_ratio: 0.67, side: 4 MPa"),
-                     [(3, "side 4 MPa has an unknown unit 'MPa': give it in m, cm, mm")]),
-    "a side of a metre": (specimen("void_ratio: 0.67, side: 1 m"),
-                     [(3, "side 1 is not possible: give a number above 0, at most 0.1 m")]),
-    "a side that holds nothing": (specimen("void_ratio: 0.67, side: 0.1 mm"),
-                     [(3, "side 0.0001 m would hold 0.224 grains")]),
+    "a side in MPa": (
+        specimen("void_ratio: 0.67, side: 4 MPa"),
+        [(3, "side 4 MPa has an unknown unit 'MPa': give it in m, cm, mm")],
+    ),
+    "a side of a metre": (
+        specimen("void_ratio: 0.67, side: 1 m"),
+        [(3, "side 1 is not possible: give a number above 0, at most 0.1 m")],
+    ),
+    "a side that holds nothing": (
+        specimen("void_ratio: 0.67, side: 0.1 mm"),
+        [(3, "side 0.0001 m would hold 0.224 grains")],
+    ),
     "side and grains": (specimen("void_ratio: 0.67, side: 1 mm, grains: 150"), [(3, "both given")]),
     "negative friction": (specimen("void_ratio: 0.67, grains: 150, step1_friction: -1"), [(3, "step1_friction -1")]),
     "a seed below zero": (specimen("void_ratio: 0.67, grains: 150, seed: -3"), [(3, "seed -3")]),
     "the same seed twice": (specimen("void_ratio: 0.67, grains: 150, seed: [1, 1]"), [(3, "same value twice")]),
     "no seeds": (specimen("void_ratio: 0.67, grains: 150, seed: []"), [(3, "empty list")]),
     "unknown key of a specimen": (specimen("void_ratio: 0.67, frction: 1"), [(3, "'frction' is unknown")]),
-    "law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper, engine: yade"),
-                          [(3, "engine yade has no contact law spring_dashpot")]),
-    "a run of law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper")
-                                   .replace("cv,", "cv, engine: yade,"),
-                                   [(5, "engine yade has no contact law spring_dashpot")]),
+    "law paper on yade": (
+        specimen("void_ratio: 0.67, grains: 150, law: paper, engine: yade"),
+        [(3, "engine yade has no contact law spring_dashpot")],
+    ),
+    "a run of law paper on yade": (
+        specimen("void_ratio: 0.67, grains: 150, law: paper").replace("cv,", "cv, engine: yade,"),
+        [(5, "engine yade has no contact law spring_dashpot")],
+    ),
     "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time_step_factor 0 is not possible")]),
-    "a specimen that is a number": (HEAD + "  b: 3\n" + RUNS,
-                     [(4, "specimen b is a single value"), (4, "void_ratio is missing")]),
+    "a specimen that is a number": (
+        HEAD + "  b: 3\n" + RUNS,
+        [(4, "specimen b is a single value"), (4, "void_ratio is missing")],
+    ),
     "the same specimen twice": (HEAD + "  a: {void_ratio: 0.7}\n" + RUNS, [(4, "'a' is there twice, first in line 3")]),
-    "the same run twice": (HEAD + RUNS + "  cv: {path: cr, specimen: a}\n",
-                     [(6, "'cv' is there twice, first in line 5")]),
-    "names that come out the same": (HEAD + "  b: {void_ratio: 0.67, grains: 150}\nruns:\n  cv: {path: cv, specimen: "
-                                     "[a, b]}\n  cv-a: {path: cv, specimen: a}\n",
-                     [(7, "run cv-a is made twice, also in line 6")]),
+    "the same run twice": (
+        HEAD + RUNS + "  cv: {path: cr, specimen: a}\n",
+        [(6, "'cv' is there twice, first in line 5")],
+    ),
+    "names that come out the same": (
+        HEAD + "  b: {void_ratio: 0.67, grains: 150}\nruns:\n  cv: {path: cv, specimen: "
+        "[a, b]}\n  cv-a: {path: cv, specimen: a}\n",
+        [(7, "run cv-a is made twice, also in line 6")],
+    ),
     "a name with a slash": (HEAD + "  a/b: {void_ratio: 0.7}\n" + RUNS, [(4, "makes no name of a file")]),
     "made of itself": (HEAD + "  b: {from: b, pressure: 1 MPa}\n" + RUNS, [(4, "made of itself (b from b)")]),
-    "a cycle of three": (HEAD + "  b: {from: d, pressure: 1 MPa}\n  c: {from: b, pressure: 1 MPa}\n"
-                         "  d: {from: c, pressure: 1 MPa}\n" + RUNS, [(4, "b from d from c from b")]),
-    "a run on a cycle": (HEAD + "  b: {from: b, pressure: 1 MPa}\nruns:\n  r: {path: cv, specimen: b}\n",
-                     [(4, "itself")]),
-    "made of nothing known": (HEAD + "  b: {from: aa, pressure: 1 MPa}\n" + RUNS,
-                     [(4, "no specimen 'aa': did you mean 'a'")]),
+    "a cycle of three": (
+        HEAD + "  b: {from: d, pressure: 1 MPa}\n  c: {from: b, pressure: 1 MPa}\n"
+        "  d: {from: c, pressure: 1 MPa}\n" + RUNS,
+        [(4, "b from d from c from b")],
+    ),
+    "a run on a cycle": (
+        HEAD + "  b: {from: b, pressure: 1 MPa}\nruns:\n  r: {path: cv, specimen: b}\n",
+        [(4, "itself")],
+    ),
+    "made of nothing known": (
+        HEAD + "  b: {from: aa, pressure: 1 MPa}\n" + RUNS,
+        [(4, "no specimen 'aa': did you mean 'a'")],
+    ),
     "consolidated to no pressure": (HEAD + "  b: {from: a}\n" + RUNS, [(4, "pressure is missing")]),
     "consolidated too far": (HEAD + "  b: {from: a, pressure: 5 MPa}\n" + RUNS, [(4, "5e+06 Pa is not possible")]),
-    "consolidated with a void ratio": (HEAD + "  b: {from: a, pressure: 1 MPa, void_ratio: 0.6}\n" + RUNS,
-                     [(4, "'void_ratio' is unknown")]),
+    "consolidated with a void ratio": (
+        HEAD + "  b: {from: a, pressure: 1 MPa, void_ratio: 0.6}\n" + RUNS,
+        [(4, "'void_ratio' is unknown")],
+    ),
     "path missing": (run("specimen: a"), [(5, "path is missing")]),
     "path unknown": (run("path: cx, specimen: a"), [(5, "path 'cx' is unknown: give one of cv, cr")]),
     "specimen missing": (run("path: cv"), [(5, "specimen is missing")]),
     "specimen unknown": (run("path: cv, specimen: dense"), [(5, "no specimen 'dense'")]),
-    "pressure without a unit": (run("path: cp, specimen: a, pressure: 0.5"),
-                     [(5, "pressure 0.5 has no unit: give e.g. 0.5 MPa")]),
-    "pressure in bar": (run("path: cp, specimen: a, pressure: 5 bar"),
-                     [(5, "pressure 5 bar has an unknown unit 'bar'")]),
-    "pressure below zero": (run("path: cp, specimen: a, pressure: -1 MPa"),
-                     [(5, "pressure -1e+06 is not possible: give a number above 0, at most 1e+12 Pa")]),
+    "pressure without a unit": (
+        run("path: cp, specimen: a, pressure: 0.5"),
+        [(5, "pressure 0.5 has no unit: give e.g. 0.5 MPa")],
+    ),
+    "pressure in bar": (
+        run("path: cp, specimen: a, pressure: 5 bar"),
+        [(5, "pressure 5 bar has an unknown unit 'bar'")],
+    ),
+    "pressure below zero": (
+        run("path: cp, specimen: a, pressure: -1 MPa"),
+        [(5, "pressure -1e+06 is not possible: give a number above 0, at most 1e+12 Pa")],
+    ),
     "pressure of cv": (run("path: cv, specimen: a, pressure: 1 MPa"), [(5, "not a parameter of cv")]),
     "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
     "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 is not possible")]),
@@ -124,37 +158,59 @@ BROKEN = {
     "rate without a unit": (run("path: cv, specimen: a, rate: 10"), [(5, "rate 10 has no unit: give e.g. 10 1/s")]),
     "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps of the shortest leg")]),
     "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 is not possible")]),
-    "reversals that do not turn": (run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
-                     [(5, "does not turn")]),
+    "reversals that do not turn": (
+        run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
+        [(5, "does not turn")],
+    ),
     "reversals of cv": (run("path: cv, specimen: a, reversals: [0.01]"), [(5, "not a parameter of cv")]),
     "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
     "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
-    "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"),
-                     [(1, "time_step_factor -1 is not possible")]),
-    "a consolidation on yade of a specimen with law paper":
-        (specimen("void_ratio: 0.67, grains: 150, law: paper").replace(
-            "cv,", "cp, pressure: 500 kPa, law: yade, engine: yade,"), [(5, "its consolidation: engine yade")]),
-    "a name that labkit gives": ((HEAD + "  a-at-p500kPa-fused: {void_ratio: 0.67, grains: 150}\n" + RUNS),
-                                 [(4, "give another name")]),
+    "time step of all": (
+        "time_step_factor: -1\n" + specimen("void_ratio: 0.67"),
+        [(1, "time_step_factor -1 is not possible")],
+    ),
+    "a consolidation on yade of a specimen with law paper": (
+        specimen("void_ratio: 0.67, grains: 150, law: paper").replace(
+            "cv,", "cp, pressure: 500 kPa, law: yade, engine: yade,"
+        ),
+        [(5, "its consolidation: engine yade")],
+    ),
+    "a name that labkit gives": (
+        (HEAD + "  a-at-p500kPa-fused: {void_ratio: 0.67, grains: 150}\n" + RUNS),
+        [(4, "give another name")],
+    ),
     "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
-    "law paper in a run on yade": (run("path: cv, specimen: a, law: paper, engine: yade"),
-                                   [(5, "engine yade has no contact law spring_dashpot")]),
-    "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"),
-                           [(5, "time_step_factor 100 is not possible")]),
-    "five at once": ("settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1")
-                     + "  r: {path: cx, specimen: a}\n",
-                     [(1, "'fast'"), (4, "void_ratio 9"), (4, "grains 0"), (4, "seed -1"), (7, "'cx'")]),
-    "grains of another size in a run": (run("path: cv, specimen: a, mean_diameter: 1 mm"),
-                                        [(5, "'mean_diameter' is unknown")]),
-    "friction with a unit": (specimen("void_ratio: 0.67, grains: 150, friction: 0.4 MPa"),
-                             [(3, "friction 0.4 MPa has an unknown unit 'MPa': give it in %")]),
-    "softer grains in a run": (run("path: cp, specimen: a, pressure: 1 MPa, young_modulus: 10 MPa"),
-                               [(5, "pressure 1e+06 Pa is not possible for grains of E = 1e+07 Pa")]),
-    "a file to use that is not there": ("use: [own.py]\n" + HEAD + RUNS.replace("cv,", "own,"),
-                                        [(1, "own.py does not exist: give a Python file")]),
+    "law paper in a run on yade": (
+        run("path: cv, specimen: a, law: paper, engine: yade"),
+        [(5, "engine yade has no contact law spring_dashpot")],
+    ),
+    "time step of a run": (
+        run("path: cv, specimen: a, time_step_factor: 100"),
+        [(5, "time_step_factor 100 is not possible")],
+    ),
+    "five at once": (
+        "settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1") + "  r: {path: cx, specimen: a}\n",
+        [(1, "'fast'"), (4, "void_ratio 9"), (4, "grains 0"), (4, "seed -1"), (7, "'cx'")],
+    ),
+    "grains of another size in a run": (
+        run("path: cv, specimen: a, mean_diameter: 1 mm"),
+        [(5, "'mean_diameter' is unknown")],
+    ),
+    "friction with a unit": (
+        specimen("void_ratio: 0.67, grains: 150, friction: 0.4 MPa"),
+        [(3, "friction 0.4 MPa has an unknown unit 'MPa': give it in %")],
+    ),
+    "softer grains in a run": (
+        run("path: cp, specimen: a, pressure: 1 MPa, young_modulus: 10 MPa"),
+        [(5, "pressure 1e+06 Pa is not possible for grains of E = 1e+07 Pa")],
+    ),
+    "a file to use that is not there": (
+        "use: [own.py]\n" + HEAD + RUNS.replace("cv,", "own,"),
+        [(1, "own.py does not exist: give a Python file")],
+    ),
     "a file to use that is a mapping": ("use: {own: py}\n" + HEAD + RUNS, [(1, "use is a mapping: give one value")]),
     "two in one run": (run("path: cp, specimen: a, pressure: 9 MPa, rate: 0 1/s"), [(5, "9e+06"), (5, "rate 0")]),
-}  # fmt: skip
+}
 
 
 def test_a_good_file_is_multiplied_out(tmp_path):
@@ -166,8 +222,9 @@ def test_a_good_file_is_multiplied_out(tmp_path):
     sizes = [(s.recipe.seed, s.recipe.grains, s.recipe.side) for s in campaign.specimens]
     assert sizes == [(1, 150, None), (2, 150, None), (1, None, 1e-3)]
     assert [(c.name, c.source) for c in campaign.consolidated] == [
-        ("dense_1MPa-s1", "dense-s1"), ("dense_1MPa-s2", "dense-s2")
-    ]  # fmt: skip
+        ("dense_1MPa-s1", "dense-s1"),
+        ("dense_1MPa-s2", "dense-s2"),
+    ]
     names = [r.name for r in campaign.runs]
     assert len(names) == len(set(names)) == 1 + 3 * 2 * 2 + 2
     assert "cp-dense-s2-p500kPa-yade" in names and "cv" in names and "cyclic-dense_1MPa-s1" in names

@@ -13,7 +13,7 @@ import pytest
 import labkit
 from labkit.campaign.own_files import copied_names, with_use
 
-OWN = '''\
+OWN = """\
 import dataclasses
 
 import numpy as np
@@ -50,7 +50,7 @@ def sliding(snapshot):
     contacts = snapshot.contacts
     limit = snapshot.scene.friction * contacts.normal_force
     return np.mean(np.linalg.norm(contacts.tangential_force, axis=1) > 0.999 * limit)
-'''
+"""
 FILE = """\
 use: files/own.py    # a comment that stays
 settings: quick
@@ -166,13 +166,15 @@ def test_broken_keys_of_a_path_of_ones_own_are_mistakes_with_their_lines(tmp_pat
 
 def test_a_required_parameter_and_a_rule_of_the_path(tmp_path, labkit_command):
     own = OWN.replace("@dataclasses.dataclass(frozen=True)", "@dataclasses.dataclass(frozen=True, kw_only=True)")
-    own = own.replace('axial: float | None = parameter(None, unit', "axial: float = parameter(unit").replace(
-        "    name = ", '''    def __post_init__(self):
+    own = own.replace("axial: float | None = parameter(None, unit", "axial: float = parameter(unit").replace(
+        "    name = ",
+        """    def __post_init__(self):
         super().__post_init__()
         if self.share == 0.3:
             raise ValueError("this share is not for me")
 
-    name = ''')  # fmt: skip
+    name = """,
+    )
     runs = (
         "  one: {path: constant_axial_stress, specimen: a}\n"
         "  two: {path: constant_axial_stress, specimen: a, axial: 50 Pa, share: 0.3}\n"
@@ -185,11 +187,14 @@ def test_a_required_parameter_and_a_rule_of_the_path(tmp_path, labkit_command):
     assert three.startswith("  line 10: run three: rate 1e-09 makes ")
 
 
-@pytest.mark.parametrize("own, said", [
-    ("import nothing_like_this\n", "cannot be loaded (ModuleNotFoundError"),
-    ("def (:\n", "cannot be loaded (SyntaxError"),
-    (OWN.replace('name = "constant_axial_stress"', 'name = "cp"'), "is the name of another path"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "own, said",
+    [
+        ("import nothing_like_this\n", "cannot be loaded (ModuleNotFoundError"),
+        ("def (:\n", "cannot be loaded (SyntaxError"),
+        (OWN.replace('name = "constant_axial_stress"', 'name = "cp"'), "is the name of another path"),
+    ],
+)
 def test_a_file_that_cannot_be_used_is_the_only_mistake(own, said, tmp_path, labkit_command):
     write(tmp_path, own=own)
     (line,) = mistakes(labkit_command, tmp_path)
@@ -209,11 +214,19 @@ def test_files_of_the_command_line_are_those_of_the_campaign(tmp_path, labkit_co
     assert again.returncode == 0, again.stderr
 
 
-@pytest.mark.parametrize("text", [
-    "use: [a/own.py, b/own.py]\nname: c\n", "use:\n  - a/own.py\n  - b/own.py\nname: c\n", "name: c\n",
-    "---\nname: c\n", "{name: c}\n",
-    "{use: 'a/own.py', name: c}\n", "# first\n\nname: c\nuse:\n- a/own.py\n- b/own.py\n", "  name: c\n",
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "use: [a/own.py, b/own.py]\nname: c\n",
+        "use:\n  - a/own.py\n  - b/own.py\nname: c\n",
+        "name: c\n",
+        "---\nname: c\n",
+        "{name: c}\n",
+        "{use: 'a/own.py', name: c}\n",
+        "# first\n\nname: c\nuse:\n- a/own.py\n- b/own.py\n",
+        "  name: c\n",
+    ],
+)
 def test_the_copy_of_a_campaign_file_differs_in_use_alone(text, tmp_path):
     import yaml
 

@@ -34,6 +34,9 @@ def test_results_of_other_parameters_are_no_results(tmp_path):
     write_recipes(changed, tmp_path)
     assert outputs(tmp_path, changed) == {"specimens/b.state.nc", "runs/cv-b.run.nc"}
     assert {p.name for p in (tmp_path / OUTDATED).iterdir()} == {
-        "a.state.nc", "cv-a.run.nc", "cv-a.nc", "cv-a.png",
-    }  # fmt: skip
+        "a.state.nc",
+        "cv-a.run.nc",
+        "cv-a.nc",
+        "cv-a.png",
+    }
     assert (tmp_path / "figures/cv-b.png").exists()

@@ -30,8 +30,10 @@ def files(folder):
     """Name -> (time of change, hash of the data) of what took simulation to make."""
     return {
         file.name: (file.stat().st_mtime_ns, data_hash(file))
-        for kind in ("specimens", "runs") for file in sorted((folder / kind).iterdir()) if file.suffix == ".nc"
-    }  # fmt: skip
+        for kind in ("specimens", "runs")
+        for file in sorted((folder / kind).iterdir())
+        if file.suffix == ".nc"
+    }
 
 
 def data_hash(file):

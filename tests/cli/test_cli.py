@@ -46,8 +46,10 @@ BAD = {
     "pressure above the overlap limit": ("run cr s.state.nc --pressure 5e6 -o new.run.nc", "2 %"),
     "pressure above the limit, consolidation": ("consolidate s.state.nc --pressure 4e6 -o new.state.nc", "pressure"),
     "no pressure to consolidate to": ("consolidate s.state.nc -o new.state.nc", "--pressure"),
-    "strain of the wrong sign": ("run isod s.state.nc --strain 0.1 -o new.run.nc", "strain 0.1 is not possible: give a "
-                             "negative number from -2"),
+    "strain of the wrong sign": (
+        "run isod s.state.nc --strain 0.1 -o new.run.nc",
+        "strain 0.1 is not possible: give a negative number from -2",
+    ),
     "empty reversals": ("run cyclic_cp s.state.nc --reversals= -o new.run.nc", "reversals is empty"),
     "reversals that do not turn": ("run cyclic_cp s.state.nc --reversals 0.01,0.02 -o new.run.nc", "turn"),
     "reversals that are words": ("run cyclic_cp s.state.nc --reversals up,down -o new.run.nc", "reversals"),
@@ -67,12 +69,18 @@ BAD = {
     "a rate too fast for the strain": ("run cv s.state.nc --rate 1e4 --strain 1e-3 -o new.run.nc", "steps"),
     "too many threads": ("run cv s.state.nc --threads 100000 -o new.run.nc", "threads"),
     "side and grains": (f"{SPECIMEN} 0.67 --side 2mm", "--side 0.002 and a number of grains are both given"),
-    "pressure without a unit": ("run cr s.state.nc --pressure 0.5 -o new.run.nc", "--pressure 0.5 has no unit, and is "
-                                "less than 100 Pa: give 0.5 MPa or kPa, or 0.5 Pa if that is meant"),
-    "unknown unit": ("run cr s.state.nc --pressure 5bar -o new.run.nc", "--pressure 5bar has an unknown unit 'bar': "
-                     "give it in Pa, kPa, MPa, GPa"),
-    "unknown law": (f"{SPECIMEN} 0.67 --law hertz", "--law 'hertz' is unknown: give one of rolling_resistance, "
-                    "spring_dashpot"),
+    "pressure without a unit": (
+        "run cr s.state.nc --pressure 0.5 -o new.run.nc",
+        "--pressure 0.5 has no unit, and is less than 100 Pa: give 0.5 MPa or kPa, or 0.5 Pa if that is meant",
+    ),
+    "unknown unit": (
+        "run cr s.state.nc --pressure 5bar -o new.run.nc",
+        "--pressure 5bar has an unknown unit 'bar': give it in Pa, kPa, MPa, GPa",
+    ),
+    "unknown law": (
+        f"{SPECIMEN} 0.67 --law hertz",
+        "--law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot",
+    ),
     "half a grain": (f"{SPECIMEN} 0.67 --grains 200.5", "--grains 200.5 is not a whole number"),
     "negative snapshots": ("run cv s.state.nc --snapshots -1 -o new.run.nc", "--snapshots -1 is not possible"),
     "unknown settings": ("run cv s.state.nc --settings best -o new.run.nc", "--settings"),
@@ -125,9 +133,14 @@ def damage(file, group, name, index, value):
 
 @pytest.mark.parametrize(
     ("name", "index", "value"),
-    [("contact_grain", 0, 99999), ("position", (0, 0), float("nan")), ("position", (0, 0), 1e300),
-     ("radius", 3, -1e-5), ("cell", (2, 2), 0.0)],
-)  # fmt: skip
+    [
+        ("contact_grain", 0, 99999),
+        ("position", (0, 0), float("nan")),
+        ("position", (0, 0), 1e300),
+        ("radius", 3, -1e-5),
+        ("cell", (2, 2), 0.0),
+    ],
+)
 def test_a_state_that_cannot_be_is_refused(name, index, value, folder, labkit_command):
     damage(folder / "s.state.nc", None, name, index, value)
     for words in (["run", "cv", "s.state.nc", "-o", "new.run.nc"], ["info", "s.state.nc"]):

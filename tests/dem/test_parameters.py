@@ -34,9 +34,21 @@ def refused(kind, **values):
 
 @pytest.mark.parametrize(
     ("text", "pascal"),
-    [("0.5 MPa", 0.5e6), ("500 kPa", 0.5e6), ("500kPa", 0.5e6), ("5e5", 0.5e6), (" 5E+5 Pa ", 0.5e6), ("1e-3 GPa", 1e6),
-     (500e3, 0.5e6), (100, 100.0), ("100", 100.0), ("50 Pa", 50.0), (".5 MPa", 0.5e6), (np.float32(1e5), 1e5)],
-)  # fmt: skip
+    [
+        ("0.5 MPa", 0.5e6),
+        ("500 kPa", 0.5e6),
+        ("500kPa", 0.5e6),
+        ("5e5", 0.5e6),
+        (" 5E+5 Pa ", 0.5e6),
+        ("1e-3 GPa", 1e6),
+        (500e3, 0.5e6),
+        (100, 100.0),
+        ("100", 100.0),
+        ("50 Pa", 50.0),
+        (".5 MPa", 0.5e6),
+        (np.float32(1e5), 1e5),
+    ],
+)
 def test_a_pressure_has_a_unit_or_is_in_pascal(text, pascal):
     found = ConstantMeanStress(pressure=text).pressure
     assert found == pascal and type(found) is float
@@ -55,11 +67,14 @@ def test_rates_densities_and_shares():
 
 @pytest.mark.parametrize(
     ("kind", "field", "text", "units"),
-    [(ConstantMeanStress, "pressure", "5 bar", "Pa, kPa, MPa, GPa"),
-     (Scene, "mean_diameter", "1 inch", "m, cm, mm, um"), (ConstantMeanStress, "rate", "5 1/h", "1/s"),
-     (Scene, "friction", "30 deg", "%"),
-     (ConstantMeanStress, "pressure", "5 mPa", "Pa, kPa, MPa, GPa")],
-)  # fmt: skip
+    [
+        (ConstantMeanStress, "pressure", "5 bar", "Pa, kPa, MPa, GPa"),
+        (Scene, "mean_diameter", "1 inch", "m, cm, mm, um"),
+        (ConstantMeanStress, "rate", "5 1/h", "1/s"),
+        (Scene, "friction", "30 deg", "%"),
+        (ConstantMeanStress, "pressure", "5 mPa", "Pa, kPa, MPa, GPa"),
+    ],
+)
 def test_an_unknown_unit_is_refused_with_those_that_are_known(kind, field, text, units):
     unit = text.split()[1]
     error = refused(kind, **{field: text})
@@ -119,21 +134,26 @@ def test_every_parameter_keeps_to_its_range(kind):
 
 @pytest.mark.parametrize(
     ("kind", "values", "said"),
-    [(Scene, {"friction": -0.1}, "friction -0.1 is not possible: give 0 to 10"),
-     (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not possible: give 1e-09 to 1000 m"),
-     (ConstantMeanStress, {"rate": 0.0}, "rate 0 is not possible: give a number above 0, at most 10000 1/s"),
-     (ConstantMeanStress, {"pressure": -1e5},
-      "pressure -100000 is not possible: give a number above 0, at most 1e+12 Pa"),
-     (PATHS["isod"], {"strain": 0.1}, "strain 0.1 is not possible: give a negative number from -2"),
-     (ConstantMeanStress, {"strain": "nan"}, "strain nan is not possible: give a number above 0, at most 2"),
-     (ConstantMeanStress, {"strain": "far"}, "strain 'far' is not a number: give e.g. 0.67"),
-     (ConstantMeanStress, {"strain": ""}, "strain '' is not a number: give e.g. 0.67"),
-     (ConstantMeanStress, {"strain": [0.1]}, "strain [0.1] is not a number: give a number above 0, at most 2"),
-     (ConstantMeanStress, {"strain": True}, "strain True is not a number: give a number above 0, at most 2"),
-     (ConstantMeanStress, {"strain": None}, "strain is not a number: give a number above 0, at most 2"),
-     (Options, {"snapshots": -1}, "snapshots -1 is not possible: give 0 to 1e+06"),
-     (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not possible: give a number above 0, at most 0.1 m")],
-)  # fmt: skip
+    [
+        (Scene, {"friction": -0.1}, "friction -0.1 is not possible: give 0 to 10"),
+        (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not possible: give 1e-09 to 1000 m"),
+        (ConstantMeanStress, {"rate": 0.0}, "rate 0 is not possible: give a number above 0, at most 10000 1/s"),
+        (
+            ConstantMeanStress,
+            {"pressure": -1e5},
+            "pressure -100000 is not possible: give a number above 0, at most 1e+12 Pa",
+        ),
+        (PATHS["isod"], {"strain": 0.1}, "strain 0.1 is not possible: give a negative number from -2"),
+        (ConstantMeanStress, {"strain": "nan"}, "strain nan is not possible: give a number above 0, at most 2"),
+        (ConstantMeanStress, {"strain": "far"}, "strain 'far' is not a number: give e.g. 0.67"),
+        (ConstantMeanStress, {"strain": ""}, "strain '' is not a number: give e.g. 0.67"),
+        (ConstantMeanStress, {"strain": [0.1]}, "strain [0.1] is not a number: give a number above 0, at most 2"),
+        (ConstantMeanStress, {"strain": True}, "strain True is not a number: give a number above 0, at most 2"),
+        (ConstantMeanStress, {"strain": None}, "strain is not a number: give a number above 0, at most 2"),
+        (Options, {"snapshots": -1}, "snapshots -1 is not possible: give 0 to 1e+06"),
+        (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not possible: give a number above 0, at most 0.1 m"),
+    ],
+)
 def test_the_sentence_names_the_field_the_value_and_what_is_allowed(kind, values, said):
     assert str(refused(kind, **values)) == said
 
@@ -141,8 +161,11 @@ def test_the_sentence_names_the_field_the_value_and_what_is_allowed(kind, values
 def test_a_front_end_names_the_field_in_its_own_way():
     error = refused(Recipe, void_ratio=0.67, step1_friction=-1)
     assert (error.field, error.value, error.allowed, error.problem) == (
-        "step1_friction", -1, "0 to 10", "is not possible",
-    )  # fmt: skip
+        "step1_friction",
+        -1,
+        "0 to 10",
+        "is not possible",
+    )
     assert error.said(named) == "--step1-friction -1 is not possible: give 0 to 10"
     assert error.said(option_name) == error.said(named) and str(error).startswith("step1_friction -1")
     assert named("path") == "path" and isinstance(error, ValueError)
@@ -186,8 +209,9 @@ def test_words_have_their_earlier_names_too():
     )
 
 
-@pytest.mark.parametrize("value", ["0.01,-0.01,0.02", "(0.01, -0.01, 0.02)", [0.01, -0.01, 0.02], "1%,-1%,2%",
-                                   np.array([0.01, -0.01, 0.02])])  # fmt: skip
+@pytest.mark.parametrize(
+    "value", ["0.01,-0.01,0.02", "(0.01, -0.01, 0.02)", [0.01, -0.01, 0.02], "1%,-1%,2%", np.array([0.01, -0.01, 0.02])]
+)
 def test_lists_of_numbers(value):
     path = CyclicConstantMeanStress(reversals=value, pressure=1e5)
     assert path.reversals == (0.01, -0.01, 0.02) and path.strain == 0.02

@@ -23,17 +23,27 @@ def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():
 
 @pytest.mark.parametrize(
     ("name", "parameters", "field"),
-    [("cx", {}, "path"), ("cv", {"strain": 0.0}, "strain"), ("cv", {"strain": -0.1}, "strain"),
-     ("cv", {"strain": float("nan")}, "strain"), ("cv", {"rate": 0.0}, "rate"), ("cv", {"rate": -10.0}, "rate"),
-     ("cv", {"strain": 5.0}, "strain"), ("cp", {"pressure": 0.0}, "pressure"), ("cp", {"pressure": -1e5}, "pressure"),
-     ("isod", {"strain": 0.1}, "strain"), ("isoc", {"strain": -0.1}, "strain"),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": ()}, "reversals"),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.02)}, "reversals"),
-     ("cyclic_cp", {"pressure": 1e5, "strain": 0.1}, "strain"),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.01)}, "reversals"), ("cv", {"pressure": 1e5}, "pressure"),
-     ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, float("nan"))}, "reversals"),
-     ("cr", {"reversals": (0.1,)}, "reversals")],
-)  # fmt: skip
+    [
+        ("cx", {}, "path"),
+        ("cv", {"strain": 0.0}, "strain"),
+        ("cv", {"strain": -0.1}, "strain"),
+        ("cv", {"strain": float("nan")}, "strain"),
+        ("cv", {"rate": 0.0}, "rate"),
+        ("cv", {"rate": -10.0}, "rate"),
+        ("cv", {"strain": 5.0}, "strain"),
+        ("cp", {"pressure": 0.0}, "pressure"),
+        ("cp", {"pressure": -1e5}, "pressure"),
+        ("isod", {"strain": 0.1}, "strain"),
+        ("isoc", {"strain": -0.1}, "strain"),
+        ("cyclic_cp", {"pressure": 1e5, "reversals": ()}, "reversals"),
+        ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.02)}, "reversals"),
+        ("cyclic_cp", {"pressure": 1e5, "strain": 0.1}, "strain"),
+        ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, 0.01)}, "reversals"),
+        ("cv", {"pressure": 1e5}, "pressure"),
+        ("cyclic_cp", {"pressure": 1e5, "reversals": (0.01, float("nan"))}, "reversals"),
+        ("cr", {"reversals": (0.1,)}, "reversals"),
+    ],
+)
 def test_impossible_paths_are_refused(name, parameters, field):
     with pytest.raises(InputError) as refused:
         make_path(name, parameters)

@@ -15,9 +15,11 @@ def run(run_file):
 
 
 def test_a_run_file_has_the_contracts_names_units_and_attributes(run_file):
-    root = ("axial_strain strain cell volume stress stress_sff void_ratio void_ratio_nominal coordination_number "
-            "contact_anisotropy mean_normalised_force normal_force_anisotropy mobilisation inertial_number "
-            "overlap_ratio rattler_fraction kinetic_energy unbalanced_force").split()  # fmt: skip
+    root = (
+        "axial_strain strain cell volume stress stress_sff void_ratio void_ratio_nominal coordination_number "
+        "contact_anisotropy mean_normalised_force normal_force_anisotropy mobilisation inertial_number "
+        "overlap_ratio rattler_fraction kinetic_energy unbalanced_force"
+    ).split()
     contacts = ("record row_size contact_grain normal overlap normal_force tangential_force rolling_moment").split()
     with netCDF4.Dataset(run_file) as dataset:
         assert set(root) <= set(dataset.variables)
@@ -25,8 +27,10 @@ def test_a_run_file_has_the_contracts_names_units_and_attributes(run_file):
         assert set(dataset["grains"].variables) == {"radius", "position"}
         for group in (dataset, dataset["contacts"], dataset["grains"]):
             assert all(v.units and v.long_name for v in group.variables.values())
-        names = ("scene time time_step step seed engine engine_version labkit_version history path path_parameters "
-                 "complete wall_time steps").split()  # fmt: skip
+        names = (
+            "scene time time_step step seed engine engine_version labkit_version history path path_parameters "
+            "complete wall_time steps"
+        ).split()
         assert set(names) <= set(dataset.ncattrs())
         assert dataset.getncattr("path") == "cv" and dataset.complete == 1 and dataset.wall_time > 0
         assert dataset["contacts"]["row_size"][:].sum() == len(dataset["contacts"].dimensions["contact"])

@@ -12,9 +12,11 @@ def test_stiffness_of_a_cubic_crystal_is_its_closed_form():
     """One grain per cell with contacts along the axes: kn/spacing in compression, nothing across."""
     radius, spacing = 85e-6, 168e-6
     state = grains_in_cell(Scene(), np.array([radius]), np.zeros((1, 3)), np.eye(3) * spacing).replace(
-        contact_grain=np.zeros((3, 2), int), contact_shift=np.eye(3, dtype=int),
-        tangential_force=np.zeros((3, 3)), rolling_moment=np.zeros((3, 3)),
-    )  # fmt: skip
+        contact_grain=np.zeros((3, 2), int),
+        contact_shift=np.eye(3, dtype=int),
+        tangential_force=np.zeros((3, 3)),
+        rolling_moment=np.zeros((3, 3)),
+    )
     kn = Scene().normal_stiffness(radius, radius)
     expected = kn / spacing * np.eye(3) + servo.FLOOR * 0.15e9 * np.eye(3)
     np.testing.assert_allclose(servo.cell_stiffness(state.snapshot()), expected, rtol=1e-12)

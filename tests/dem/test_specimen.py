@@ -40,9 +40,15 @@ def test_neighbours_in_memory_are_neighbours_in_space():
 
 @pytest.mark.parametrize(
     "values",
-    [{"void_ratio": 0.0}, {"void_ratio": 5.0}, {"void_ratio": float("nan")}, {"step1_friction": -0.1},
-     {"step1_rolling_friction": -1.0}, {"seed": -1}],
-)  # fmt: skip
+    [
+        {"void_ratio": 0.0},
+        {"void_ratio": 5.0},
+        {"void_ratio": float("nan")},
+        {"step1_friction": -0.1},
+        {"step1_rolling_friction": -1.0},
+        {"seed": -1},
+    ],
+)
 def test_impossible_recipes_are_refused(values):
     with pytest.raises(InputError) as refused:
         Recipe(**{"void_ratio": 0.67, **values})

@@ -10,8 +10,10 @@ from labkit.io.schema import STATE
 def test_a_state_file_has_the_contracts_names_units_and_attributes(specimen_file):
     with netCDF4.Dataset(specimen_file) as dataset:
         assert set(dataset.dimensions) == {"grain", "contact", "side", "i", "j"}
-        names = ("radius position velocity angular_velocity cell velocity_gradient contact_grain contact_shift "
-                 "tangential_force rolling_moment").split()  # fmt: skip
+        names = (
+            "radius position velocity angular_velocity cell velocity_gradient contact_grain contact_shift "
+            "tangential_force rolling_moment"
+        ).split()
         assert set(names) == set(dataset.variables)
         for variable in dataset.variables.values():
             assert variable.units and variable.long_name
@@ -26,8 +28,11 @@ def test_writing_and_reading_keeps_every_bit(specimen_file, tmp_path):
     for name in STATE:
         np.testing.assert_array_equal(getattr(state, name), getattr(copy, name))
     assert (copy.scene, copy.time_step, copy.seed, copy.history) == (
-        state.scene, state.time_step, state.seed, state.history,
-    )  # fmt: skip
+        state.scene,
+        state.time_step,
+        state.seed,
+        state.history,
+    )
 
 
 def test_a_state_without_contacts_has_a_file_too(specimen_file, tmp_path):

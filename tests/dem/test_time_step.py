@@ -12,14 +12,17 @@ def pair(scene):
     radius = np.full(2, 85e-6)
     position = np.array([[0.0, 0.0, 0.0], [169e-6, 0.0, 0.0]])
     return grains_in_cell(scene, radius, position, np.eye(3) * 1e-3).replace(
-        contact_grain=np.array([[0, 1]]), contact_shift=np.zeros((1, 3), int),
-        tangential_force=np.zeros((1, 3)), rolling_moment=np.zeros((1, 3)),
-    )  # fmt: skip
+        contact_grain=np.array([[0, 1]]),
+        contact_shift=np.zeros((1, 3), int),
+        tangential_force=np.zeros((1, 3)),
+        rolling_moment=np.zeros((1, 3)),
+    )
 
 
 def test_the_limit_of_a_pair_is_its_closed_form():
     """Sliding couples translation and spin: omega^2 = kt (1/m + R^2/I) = 3.5 kt/m for one held neighbour, twice
-    that for two free grains; with kappa = 2 this is stiffer than the normal spring."""
+    that for two free grains; with kappa = 2 this is stiffer than the normal spring.
+    """
     scene = Scene(rolling_friction=0.0)
     m, kn = scene.mass(85e-6), scene.normal_stiffness(85e-6, 85e-6)
     assert np.isclose(critical_time_step(pair(scene)), 2 / np.sqrt(2 * 3.5 * (kn / 2) / m), rtol=1e-9)

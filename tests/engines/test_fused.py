@@ -42,8 +42,16 @@ def yade_specimen():
     return make_specimen(Scene(), Recipe(0.67, 0.15, grains=1100), FUSED)
 
 
-def pair(scene, distance, velocity=(0.0, 0.0, 0.0), spin=((0, 0, 0), (0, 0, 0)), radius=(R, R), direction=(0, 0, 1.0),
-         cell=None, time_step=1e-9):  # fmt: skip
+def pair(
+    scene,
+    distance,
+    velocity=(0.0, 0.0, 0.0),
+    spin=((0, 0, 0), (0, 0, 0)),
+    radius=(R, R),
+    direction=(0, 0, 1.0),
+    cell=None,
+    time_step=1e-9,
+):
     """Two grains, the second at `distance` in `direction` from the first, moving with `velocity`."""
     unit = np.array(direction) / np.linalg.norm(direction)
     state = grains_in_cell(
@@ -72,14 +80,18 @@ def beside_yade(yade_specimen, in_yade, tmp_path_factory):
     found = []
     for name, by in (("given", order[::-1]), ("reverse", order)):
         turned = yade_specimen.replace(
-            radius=yade_specimen.radius[by], position=yade_specimen.position[by], velocity=yade_specimen.velocity[by],
+            radius=yade_specimen.radius[by],
+            position=yade_specimen.position[by],
+            velocity=yade_specimen.velocity[by],
             angular_velocity=yade_specimen.angular_velocity[by],
             contact_grain=np.argsort(by)[yade_specimen.contact_grain].astype(np.int32),
-        )  # fmt: skip
+        )
         write_state(folder / f"{name}.state.nc", turned)
         numbers = ",".join(repr(float(x)) for x in gradient.ravel())
         result = in_yade("advance.py", folder / f"{name}.state.nc", ",".join(map(str, COUNTS)), numbers)
-        found.append([(read_state(file), np.array(s)) for file, s in zip(result["files"], result["stress"])])
+        found.append(
+            [(read_state(file), np.array(s)) for file, s in zip(result["files"], result["stress"], strict=True)]
+        )
     return gradient, *found
 
 
@@ -104,11 +116,12 @@ def test_after_one_step_the_forces_are_yades(yade_specimen, beside_yade):
 
 def test_after_2000_steps_positions_and_stress_are_yades(yade_specimen, beside_yade):
     """Rounding grows in a specimen in which contacts open and slide: YADE with its grains in another order is the
-    measure of how much. Ours is below 1e-8 D, or no further from YADE than YADE is from itself."""
+    measure of how much. Ours is below 1e-8 D, or no further from YADE than YADE is from itself.
+    """
     gradient, given, reverse = beside_yade
     diameter = 2 * yade_specimen.radius.mean()
     engine, done = FusedEngine(yade_specimen), 0
-    for count, (yades, stress), (other, other_stress) in zip(COUNTS, given, reverse):
+    for count, (yades, stress), (other, other_stress) in zip(COUNTS, given, reverse, strict=True):
         engine.advance(count - done, gradient)
         done = count
         ours = engine.state()
@@ -209,7 +222,8 @@ def test_no_tension_and_no_memory_of_a_contact_that_has_opened():
 
 def orbit(state, gradient, time, kt=None):
     """Position of both grains and tangential force in the plane of x and z, after solve_ivp: an independent form of
-    Eqs. 1-3 for two grains, with the force along the tangent as a scalar. state: no friction limit is reached."""
+    Eqs. 1-3 for two grains, with the force along the tangent as a scalar. state: no friction limit is reached.
+    """
     scene, radius = state.scene, state.radius
     kn = scene.normal_stiffness(*radius)
     kt = scene.tangential_stiffness(*radius) if kt is None else kt
@@ -233,17 +247,33 @@ def orbit(state, gradient, time, kt=None):
             force = -kn * overlap * n + T * tangent
             torque = T  # about y: n x (y x n) = y
             dT = kt * (relative @ tangent - (arm[0] * wa + arm[1] * wb))
-        return np.concatenate([
-            L @ xa + ca, L @ xb + cb, force / mass[0], -force / mass[1],
-            [arm[0] * torque / inertia[0], arm[1] * torque / inertia[1], dT], relative,
-        ])  # fmt: skip
+        return np.concatenate(
+            [
+                L @ xa + ca,
+                L @ xb + cb,
+                force / mass[0],
+                -force / mass[1],
+                [arm[0] * torque / inertia[0], arm[1] * torque / inertia[1], dT],
+                relative,
+            ]
+        )
 
     c = state.velocity - state.position @ L.T
-    start = np.concatenate([
-        state.position[0], state.position[1], c[0], c[1], state.angular_velocity[:, 1], [0.0],
-        state.position[1] + state.cell @ period - state.position[0],
-    ])  # fmt: skip
-    touch = lambda t, y: radius.sum() - np.linalg.norm(y[15:18])  # noqa: E731
+    start = np.concatenate(
+        [
+            state.position[0],
+            state.position[1],
+            c[0],
+            c[1],
+            state.angular_velocity[:, 1],
+            [0.0],
+            state.position[1] + state.cell @ period - state.position[0],
+        ]
+    )
+
+    def touch(t, y):
+        return radius.sum() - np.linalg.norm(y[15:18])
+
     touch.terminal, touch.direction = True, 1
     first = solve_ivp(rates, (0, time), start, method="DOP853", rtol=1e-10, atol=1e-15, events=touch)
     rest = solve_ivp(rates, (first.t[-1], time), first.y[:, -1], method="DOP853", rtol=1e-10, atol=1e-15)
@@ -261,9 +291,11 @@ def across_the_boundary(gradient, time_step, gap=0.03):
     position = np.array([cell[:, 2] * 0.97, cell[:, 2] * -0.03 + offset])
     c = np.array([[0.0, 0.0, 0.4], [0.02, 0.0, -0.6]])
     return grains_in_cell(ELASTIC, np.array([1.1 * R, 0.9 * R]), position, cell).replace(
-        velocity=c + position @ gradient.T, velocity_gradient=gradient, time_step=time_step,
+        velocity=c + position @ gradient.T,
+        velocity_gradient=gradient,
+        time_step=time_step,
         angular_velocity=np.array([[0.0, 500.0, 0.0], [0.0, -2000.0, 0.0]]),
-    )  # fmt: skip
+    )
 
 
 def test_a_collision_across_the_boundary_of_a_sheared_cell():
@@ -281,7 +313,8 @@ def test_a_collision_across_the_boundary_of_a_sheared_cell():
 @pytest.mark.parametrize("gradient", [STILL, SLIDE], ids=["held", "sheared"])
 def test_an_elastic_orbit_converges_with_the_square_of_the_time_step(gradient):
     """From one overlap to another, with tangential spring and spins. (A contact that is born within a step counts
-    from the end of the step before, which is of first order in dt.)"""
+    from the end of the step before, which is of first order in dt.)
+    """
     time = 8e-7
     errors = {"position": [], "tangential force": []}
     exact = orbit(across_the_boundary(gradient, 1e-9, gap=-0.005), gradient, time)
@@ -304,8 +337,9 @@ def test_momentum_is_conserved_to_rounding(law):
     scene = Scene(law=law, local_damping=0.0)
     rng = np.random.default_rng(4)
     state = grains_in_cell(scene, rng.uniform(0.8, 1.2, 60) * R, rng.random((60, 3)) * 8 * R, np.eye(3) * 8 * R)
-    state = state.replace(velocity=rng.normal(size=(60, 3)), angular_velocity=1e3 * rng.normal(size=(60, 3)),
-                          time_step=1e-9)  # fmt: skip
+    state = state.replace(
+        velocity=rng.normal(size=(60, 3)), angular_velocity=1e3 * rng.normal(size=(60, 3)), time_step=1e-9
+    )
     end = after(state, 2000)
     mass = scene.mass(state.radius)
     assert np.linalg.norm(end.velocity - state.velocity) > 1.0
@@ -426,7 +460,7 @@ def all_contacts(state: State, reach=2):
 
 
 def listed(state):
-    return {(int(a), int(b), *map(int, s)) for (a, b), s in zip(state.contact_grain, state.contact_shift)}
+    return {(int(a), int(b), *map(int, s)) for (a, b), s in zip(state.contact_grain, state.contact_shift, strict=True)}
 
 
 def test_no_contacts_and_one_grain():
@@ -436,9 +470,7 @@ def test_no_contacts_and_one_grain():
         state = state.replace(velocity=np.tile([0.1, 0.2, 0.3], (count, 1)))
         end = after(state, 1000)
         assert len(end.contact_grain) == 0 and np.abs(FusedEngine(end).stress()).max() == 0.0
-        np.testing.assert_allclose(
-            end.position - state.position, 1000 * state.time_step * state.velocity, rtol=1e-9
-        )
+        np.testing.assert_allclose(end.position - state.position, 1000 * state.time_step * state.velocity, rtol=1e-9)
 
 
 def test_grains_of_very_different_size():

@@ -57,8 +57,20 @@ def test_a_run_of_an_own_path_is_read_without_its_file_and_says_what_is_missing(
 
 
 def test_own_law_conserves_energy_and_has_no_moments(folder, labkit_command):
-    run(folder, labkit_command, "run", "cv", "s.state.nc", "--strain", 0.03, "--engine", "fused", "-o", "law.run.nc",
-        *used("own_law", "own_statistic"))  # fmt: skip
+    run(
+        folder,
+        labkit_command,
+        "run",
+        "cv",
+        "s.state.nc",
+        "--strain",
+        0.03,
+        "--engine",
+        "fused",
+        "-o",
+        "law.run.nc",
+        *used("own_law", "own_statistic"),
+    )
     with netCDF4.Dataset(folder / "law.run.nc") as found:
         assert np.abs(found["energy_balance_error"][:]).max() < 0.01
         assert not found["contacts/rolling_moment"][:].any() and found["contacts/tangential_force"][:].any()

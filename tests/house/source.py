@@ -57,8 +57,10 @@ class Public:
             return True
         return self.owner is not None and any(
             ast.get_docstring(method) is not None
-            for base in ancestors(self.owner) for method in methods(base) if method.name == self.node.name
-        )  # fmt: skip
+            for base in ancestors(self.owner)
+            for method in methods(base)
+            if method.name == self.node.name
+        )
 
     @property
     def typed(self) -> bool:

@@ -1,5 +1,6 @@
 """The rules of the house: what is public is typed and documented, functions and files are small, no import runs
-upwards, and `import labkit` costs nothing."""
+upwards, and `import labkit` costs nothing.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +16,19 @@ from tests.house.source import LABKIT, ROOT, files, functions, imports, name_of,
 
 # From the ground up: a room may import itself and what stands before it, and no other room of its own line.
 FLOORS = (
-    ("errors", "parameters", "extensions", "lazy"), ("io",), ("micro",), ("sff",), ("dem",), ("engines",), ("runs",),
-    ("model",), ("campaign",), ("visuals",), ("bench",), ("cli",),
-)  # fmt: skip
+    ("errors", "parameters", "extensions", "lazy"),
+    ("io",),
+    ("micro",),
+    ("sff",),
+    ("dem",),
+    ("engines",),
+    ("runs",),
+    ("model",),
+    ("campaign",),
+    ("visuals",),
+    ("bench",),
+    ("cli",),
+)
 GROUND = 0
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 PACKAGES = [room for room in FLOOR if (LABKIT / room).is_dir()]
@@ -85,9 +96,11 @@ def test_the_modules_beside_the_rooms_import_no_room(file):
 @pytest.mark.parametrize("library", ALLOWED)
 def test_heavy_libraries_stay_in_their_rooms(library):
     users = {
-        file.relative_to(LABKIT) for file in files("labkit")
-        for _, module in imports(file) if module.split(".")[0] == library
-    }  # fmt: skip
+        file.relative_to(LABKIT)
+        for file in files("labkit")
+        for _, module in imports(file)
+        if module.split(".")[0] == library
+    }
     allowed = [Path(place) for place in ALLOWED[library]]
     assert {str(file) for file in users if not any(file.is_relative_to(place) for place in allowed)} == set()
 

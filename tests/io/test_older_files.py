@@ -135,18 +135,27 @@ def test_a_file_that_lacks_a_variable_has_nan_in_its_place(name, run_file, tmp_p
 
 def test_a_file_of_another_program_with_the_essential_variables_alone(run_file, tmp_path, labkit_command):
     without(run_file, tmp_path / "r.run.nc", set(OTHER))
-    for words in (["verify", "r.run.nc", "-o", "v.png"], ["critical", "r.run.nc"], ["watch", "--once", "r.run.nc"],
-                  ["figure", "test", "r.run.nc"], ["figure", "contacts", "r.run.nc"], ["picture", "r.run.nc"],
-                  ["info", "r.run.nc"]):  # fmt: skip
+    for words in (
+        ["verify", "r.run.nc", "-o", "v.png"],
+        ["critical", "r.run.nc"],
+        ["watch", "--once", "r.run.nc"],
+        ["figure", "test", "r.run.nc"],
+        ["figure", "contacts", "r.run.nc"],
+        ["picture", "r.run.nc"],
+        ["info", "r.run.nc"],
+    ):
         done = labkit_command(*words, cwd=tmp_path)
         assert done.returncode == (1 if words[0] == "verify" else 0), (words, done.stderr)
         assert done.stderr == ""
 
 
 LACKING = [
-    *ESSENTIAL, *(f"contacts/{name}" for name in CONTACTS), *(f"grains/{name}" for name in GRAINS), "contacts/",
+    *ESSENTIAL,
+    *(f"contacts/{name}" for name in CONTACTS),
+    *(f"grains/{name}" for name in GRAINS),
+    "contacts/",
     "grains/",
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("name", LACKING)
@@ -207,8 +216,23 @@ def digest(state, scene):
 @pytest.mark.parametrize("law", EARLIER)
 def test_a_specimen_and_a_run_of_version_0_1_0_are_known_again(law, tmp_path, labkit_command):
     words = ["--void-ratio", 0.67, "--grains", 120, "--engine", "fused", "--law", law, "-o", "s.state.nc"]
-    run = ["run", "cp", "s.state.nc", "--pressure", 0.5e6, "--strain", 0.01, "--rate", 40, "--snapshots", 1, "--engine",
-           "fused", "-o", "r.run.nc"]  # fmt: skip
+    run = [
+        "run",
+        "cp",
+        "s.state.nc",
+        "--pressure",
+        0.5e6,
+        "--strain",
+        0.01,
+        "--rate",
+        40,
+        "--snapshots",
+        1,
+        "--engine",
+        "fused",
+        "-o",
+        "r.run.nc",
+    ]
     for command in (["specimen", *words], run):
         done = labkit_command(*command, cwd=tmp_path)
         assert done.returncode == 0, done.stderr

@@ -30,7 +30,7 @@ def folder(tmp_path, labkit_command):
 
 def test_every_output_says_what_made_it_and_a_change_is_noticed(folder, labkit_command):
     inputs = {"s.state.nc": [], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"]}
-    drawn = dict.fromkeys(("f.png", "f.svg", "t.csv"), ["r.run.nc"])
+    drawn = {key: ["r.run.nc"] for key in ("f.png", "f.svg", "t.csv")}
     inputs |= drawn
     for name, sources in inputs.items():
         known = provenance.of_file(folder / name)

@@ -18,9 +18,13 @@ def test_overlap_and_rattlers_and_balance_of_a_chain():
     """Three grains in a row: the middle one is balanced, the fourth touches nothing."""
     radius = np.array([1.0, 2.0, 1.0, 1.0])
     contacts = Contacts(
-        np.array([[0, 1], [1, 2]]), np.array([[1.0, 0, 0], [1.0, 0, 0]]), np.array([0.1, 0.1]),
-        np.array([3.0, 3.0]), np.zeros((2, 3)), np.zeros((2, 3)),
-    )  # fmt: skip
+        np.array([[0, 1], [1, 2]]),
+        np.array([[1.0, 0, 0], [1.0, 0, 0]]),
+        np.array([0.1, 0.1]),
+        np.array([3.0, 3.0]),
+        np.zeros((2, 3)),
+        np.zeros((2, 3)),
+    )
     chain = snapshot_of(radius, contacts)
     assert contacts_per_grain(chain).tolist() == [1, 2, 1, 0]
     assert np.isclose(indicators.overlap_ratio(chain), np.mean([0.05, 0.025, 0.025, 0.05]))

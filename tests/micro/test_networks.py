@@ -60,8 +60,11 @@ def test_lives_by_hand():
     lives = follow([np.array(s) for s in snapshots], 4)
     assert lives.contacts.tolist() == [2, 2, 2]
     assert lives.gained.tolist() == [0, 1, 1] and lives.lost.tolist() == [0, 1, 1] and lives.kept.tolist() == [0, 1, 1]
-    found = {(*pair, birth, death) for pair, birth, death in zip(lives.pair.tolist(), lives.birth, lives.death)
-             for pair in [tuple(pair)]}  # fmt: skip
+    found = {
+        (*pair, birth, death)
+        for pair, birth, death in zip(lives.pair.tolist(), lives.birth, lives.death, strict=True)
+        for pair in [tuple(pair)]
+    }
     assert found == {(0, 1, 0, 1), (1, 2, 0, 2), (2, 3, 1, 3), (0, 1, 2, 3)}
     ages = lives.age_sum(np.array([0.0, 0.1, 0.3]))
     np.testing.assert_allclose(ages, [0.0, 0.1, 0.2], atol=1e-15)

@@ -44,8 +44,12 @@ def test_grains_of_one_size_have_eq_18_as_printed():
             for side, sign in ((0, 1), (1, -1)):
                 if group[contacts.grain[c, side]] == k:
                     D = 2 * radius[contacts.grain[c, side]]
-                    total += np.outer(sign * contacts.normal[c], sign * force) * 3 * (1 - contacts.overlap[c] / D) / (
-                        np.pi * D**2)  # fmt: skip
+                    total += (
+                        np.outer(sign * contacts.normal[c], sign * force)
+                        * 3
+                        * (1 - contacts.overlap[c] / D)
+                        / (np.pi * D**2)
+                    )
                     sides += 1
         np.testing.assert_allclose(found.per_volume[k], -Z / (1 + e) / sides * total, rtol=1e-12)
         assert found.contacts[k] == sides

@@ -8,7 +8,10 @@ from labkit.micro.void_ratio import lens_volume
 @pytest.mark.parametrize(("a", "b", "delta"), [(1.0, 1.0, 0.1), (1.0, 0.7, 0.05), (1.2, 0.3, 0.4), (1.0, 0.5, 0.9)])
 def test_lens_of_two_unequal_spheres_is_the_integral_of_its_sections(a, b, delta):
     distance = a + b - delta
-    section = lambda x: np.pi * max(0.0, min(a**2 - x**2, b**2 - (x - distance) ** 2))  # noqa: E731
+
+    def section(x):
+        return np.pi * max(0.0, min(a**2 - x**2, b**2 - (x - distance) ** 2))
+
     kink = (distance**2 + a**2 - b**2) / (2 * distance)
     volume = quad(section, distance - b, kink)[0] + quad(section, kink, a)[0]
     assert np.isclose(lens_volume(a, b, delta), volume, rtol=1e-8)

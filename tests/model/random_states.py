@@ -28,9 +28,13 @@ def rotation(rng):
 def random_state(rng, e=None):
     """A state with tensors that are not coaxial."""
     return ModelState(
-        rng.uniform(0.58, 0.74) if e is None else e, rng.uniform(4.2, 6.0), rng.uniform(1e-3, 1.5e-2),
-        deviator(rng, rng.uniform(0, 0.5)), deviator(rng, rng.uniform(0, 0.9)), deviator(rng, rng.uniform(0, 0.06)),
-    )  # fmt: skip
+        rng.uniform(0.58, 0.74) if e is None else e,
+        rng.uniform(4.2, 6.0),
+        rng.uniform(1e-3, 1.5e-2),
+        deviator(rng, rng.uniform(0, 0.5)),
+        deviator(rng, rng.uniform(0, 0.9)),
+        deviator(rng, rng.uniform(0, 0.06)),
+    )
 
 
 def assert_same_rates(found, expected, state, D):

@@ -17,10 +17,23 @@ from labkit.model.driver import drive
 from labkit.model.run_file import records
 from labkit.model.state import isotropic_state
 
-NOISE = {"coordination_number": 0.03, "mean_normalised_force": 1e-4, "contact_anisotropy": 0.02,
-         "normal_force_anisotropy": 0.02, "mobilisation": 0.002}  # fmt: skip
-TESTS = (("cv", 0.606, 0.2e6), ("cv", 0.67, 0.7e6), ("cv", 0.72, 0.8e6), ("cp", 0.62, 0.5e6), ("cr", 0.70, 0.5e6),
-         ("isoc", 0.67, 0.5e6), ("isoc", 0.72, 0.3e6), ("isod", 0.65, 1e6))  # fmt: skip
+NOISE = {
+    "coordination_number": 0.03,
+    "mean_normalised_force": 1e-4,
+    "contact_anisotropy": 0.02,
+    "normal_force_anisotropy": 0.02,
+    "mobilisation": 0.002,
+}
+TESTS = (
+    ("cv", 0.606, 0.2e6),
+    ("cv", 0.67, 0.7e6),
+    ("cv", 0.72, 0.8e6),
+    ("cp", 0.62, 0.5e6),
+    ("cr", 0.70, 0.5e6),
+    ("isoc", 0.67, 0.5e6),
+    ("isoc", 0.72, 0.3e6),
+    ("isod", 0.65, 1e6),
+)
 
 
 def synthetic(model, rng, tests=TESTS):
@@ -102,14 +115,25 @@ def test_critical_fit_on_long_tests(model):
 
 def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
     """500 grains to 2 % of strain: little is determined, and that is what comes out."""
-    done = labkit_command("calibrate", run_file, "-o", tmp_path / "p.json", "--csv", tmp_path / "p.csv",
-                          "--figure", tmp_path / "p.png")  # fmt: skip
+    done = labkit_command(
+        "calibrate", run_file, "-o", tmp_path / "p.json", "--csv", tmp_path / "p.csv", "--figure", tmp_path / "p.png"
+    )
     assert done.returncode == 0, done.stderr
     assert "warning: no record of these runs depends on" in done.stdout
     table = pandas.read_csv(tmp_path / "p.csv").set_index("parameter")
     assert not table["determined"]["c_com"] and table["fitted"]["c_com"] == 7.2
-    again = labkit_command("model", "cv", "--void-ratio", 0.67, "--pressure", 0.5e6, "--parameters",
-                           tmp_path / "p.json", "-o", tmp_path / "m.run.nc")  # fmt: skip
+    again = labkit_command(
+        "model",
+        "cv",
+        "--void-ratio",
+        0.67,
+        "--pressure",
+        0.5e6,
+        "--parameters",
+        tmp_path / "p.json",
+        "-o",
+        tmp_path / "m.run.nc",
+    )
     assert again.returncode == 0, again.stderr
     run = labkit.open_run(tmp_path / "m.run.nc")
     used = json.loads(run.attrs["model"])["parameters"]
@@ -119,8 +143,9 @@ def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
 def test_runs_without_contacts_or_strain_are_refused(model):
     rng = np.random.default_rng(3)
     result = drive(model, model_path("cv", 0.5e6, strain=0.02), isotropic_state(model, 0.67, 0.5e6))
-    run = xr.Dataset({key: (RECORD[key].dimensions, value) for key, value in records(result).items()},
-                     attrs={"path": "cv"})  # fmt: skip
+    run = xr.Dataset(
+        {key: (RECORD[key].dimensions, value) for key, value in records(result).items()}, attrs={"path": "cv"}
+    )
     gone = run.copy()
     gone["coordination_number"] = gone["coordination_number"] * (np.arange(len(result)) < 5)
     with pytest.raises(InputError, match="records with contacts"):

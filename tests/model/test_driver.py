@@ -202,7 +202,8 @@ def test_compression_until_no_void_is_left_is_said(model):
 
 def test_a_stress_out_of_reach_is_said(model):
     """Far denser than the specimens of the paper, no radial strain keeps the mean stress under axial shear: Lambda
-    grows faster with |rate| than dilation takes it down."""
+    grows faster with |rate| than dilation takes it down.
+    """
     result = drive(model, model_path("cp", 0.5e6), isotropic_state(model, 0.54, 0.5e6))
     assert "no strain rate brings the stress" in result.failure
     shear = Mixed(AXIS, [np.eye(3) / 3], [AXIS], [1e6], strain=0.1)  # q = 1 MPa at p = 0.5 MPa, given the shear rate
@@ -222,11 +223,17 @@ def test_starts_that_the_path_does_not_hold(model):
         drive(model, model_path("cv", 0.5e6), ModelState(0.67, 5.0, 0.0))
 
 
-@pytest.mark.parametrize("change", [
-    {"strain_rate": np.triu(np.ones((3, 3)))}, {"free": [np.eye(3)]}, {"strain": -1.0}, {"strain": np.nan},
-    {"free": [np.triu(np.ones((3, 3)))], "measured": [np.eye(3)], "target": [1.0]},
-    {"free": [np.eye(3)], "measured": [np.eye(3)], "target": [np.nan]},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"strain_rate": np.triu(np.ones((3, 3)))},
+        {"free": [np.eye(3)]},
+        {"strain": -1.0},
+        {"strain": np.nan},
+        {"free": [np.triu(np.ones((3, 3)))], "measured": [np.eye(3)], "target": [1.0]},
+        {"free": [np.eye(3)], "measured": [np.eye(3)], "target": [np.nan]},
+    ],
+)
 def test_mixed_controls_that_cannot_be(change):
     with pytest.raises(InputError):
         Mixed(**{"strain_rate": np.zeros((3, 3)), "free": [], "measured": [], "target": [], **change})

@@ -29,7 +29,7 @@ def test_a_coaxial_triaxial_state_follows_the_scalar_formulas(seed):
     found = state_rate(Model(), state, D)
     expected = scalar_rates(e, Z, Lam, a, f, t, axial, radial)
     assert_same_rates(found, expected, state, D)
-    for start, value in zip((3, 9, 15), expected[3:]):
+    for start, value in zip((3, 9, 15), expected[3:], strict=True):
         np.testing.assert_allclose(to_tensor(found[start : start + 6]), value * AXIS, rtol=1e-10, atol=1e-12)
 
 
@@ -139,9 +139,20 @@ def test_a_strain_rate_that_is_no_symmetric_tensor(D):
         state_rate(Model(), ModelState(0.67, 5.0, 0.01), D)
 
 
-@pytest.mark.parametrize("change", [{"Z": -1.0}, {"Lam": -1e-3}, {"e": 0.0}, {"e": np.nan}, {"A": np.eye(3)},
-                                    {"A": np.triu(np.ones((3, 3)), 1)}, {"F": np.full((3, 3), np.inf)},
-                                    {"Ft": np.zeros(6)}, {"A": -1.5 * AXIS}])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"Z": -1.0},
+        {"Lam": -1e-3},
+        {"e": 0.0},
+        {"e": np.nan},
+        {"A": np.eye(3)},
+        {"A": np.triu(np.ones((3, 3)), 1)},
+        {"F": np.full((3, 3), np.inf)},
+        {"Ft": np.zeros(6)},
+        {"A": -1.5 * AXIS},
+    ],
+)
 def test_states_that_cannot_be(change):
     with pytest.raises(InputError):
         ModelState(**{"e": 0.67, "Z": 5.0, "Lam": 0.01, **change})

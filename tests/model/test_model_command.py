@@ -88,23 +88,26 @@ def test_a_path_that_breaks_off_keeps_its_records(capsys, tmp_path):
     assert abs(float(run["void_ratio"][-1]) - 0.76) < 1e-6
 
 
-@pytest.mark.parametrize("words, hint", [
-    (("cv", "--void-ratio", 0.77, "--pressure", 0.5e6), "flat"),
-    (("cv", "--void-ratio", -1, "--pressure", 0.5e6), "--void-ratio"),
-    (("cv", "--void-ratio", 0.67, "--pressure", 0), "--pressure"),
-    (("cv", "--void-ratio", 0.67), "--pressure"),
-    ((*("cv", *START), "--coordination-number", -1), "--coordination-number"),
-    ((*("cv", *START), "--coordination-number", 5, "--mean-normalised-force", 0.1), "not both"),
-    ((*("cv", *START), "--tolerance", 0), "--tolerance"),
-    ((*("cv", *START), "--strain", -1), "--strain"),
-    ((*("cv", *START), "--reversals", "0.1"), "--reversals"),
-    ((*("oedometer", *START), "--reversals", "0.1"), "--reversals"),
-    ((*("cv", *START), "--stop-pressure", 1e6), "--stop-pressure"),
-    ((*("isoc", *START), "--stop-pressure", 1e5), "--stop-pressure"),
-    ((*("cr", *START), "--inherent-anisotropy", 5), "--inherent-anisotropy"),
-    ((*("cv", *START), "--parameters", "nothing.json"), "nothing.json"),
-    (("xx", *START), "oedometer"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, hint",
+    [
+        (("cv", "--void-ratio", 0.77, "--pressure", 0.5e6), "flat"),
+        (("cv", "--void-ratio", -1, "--pressure", 0.5e6), "--void-ratio"),
+        (("cv", "--void-ratio", 0.67, "--pressure", 0), "--pressure"),
+        (("cv", "--void-ratio", 0.67), "--pressure"),
+        ((*("cv", *START), "--coordination-number", -1), "--coordination-number"),
+        ((*("cv", *START), "--coordination-number", 5, "--mean-normalised-force", 0.1), "not both"),
+        ((*("cv", *START), "--tolerance", 0), "--tolerance"),
+        ((*("cv", *START), "--strain", -1), "--strain"),
+        ((*("cv", *START), "--reversals", "0.1"), "--reversals"),
+        ((*("oedometer", *START), "--reversals", "0.1"), "--reversals"),
+        ((*("cv", *START), "--stop-pressure", 1e6), "--stop-pressure"),
+        ((*("isoc", *START), "--stop-pressure", 1e5), "--stop-pressure"),
+        ((*("cr", *START), "--inherent-anisotropy", 5), "--inherent-anisotropy"),
+        ((*("cv", *START), "--parameters", "nothing.json"), "nothing.json"),
+        (("xx", *START), "oedometer"),
+    ],
+)
 def test_bad_input_is_one_line_and_leaves_no_file(refused, tmp_path, words, hint):
     file = tmp_path / "bad.run.nc"
     assert hint in refused("model", *words, "-o", file)

@@ -37,7 +37,8 @@ def test_rate_tangent_against_finite_differences(seed, e):
 @given(seed=SEEDS, size=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]))
 def test_consistent_tangent_against_finite_differences(seed, size):
     """The derivative of the substeps that were taken: found with a tolerance so wide that it is one, and with as
-    many as they are where a shift does not change their lengths."""
+    many as they are where a shift does not change their lengths.
+    """
     rng = np.random.default_rng(seed)
     y, d = random_state(rng).vector()[None, :21], to_six(symmetric(rng, size))[None]
     found = update(Model(), y, d, tolerance=1.0)

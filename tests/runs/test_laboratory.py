@@ -87,9 +87,7 @@ def test_a_file_holds_what_the_run_in_memory_holds(state, folder):
     memory = lk.run(state, PATH, snapshots=2, progress=False)
     run = lk.run(state, PATH, file="r.run.nc", snapshots=2, progress=False)
     assert [name.name for name in folder.iterdir()] == ["r.run.nc"] and str(run.file) == "r.run.nc"
-    xarray.testing.assert_identical(
-        memory.data.drop_attrs(), lk.open_run("r.run.nc").load().drop_attrs()
-    )
+    xarray.testing.assert_identical(memory.data.drop_attrs(), lk.open_run("r.run.nc").load().drop_attrs())
     assert set(memory.data.attrs) == set(run.data.attrs) and run.complete
     assert run.provenance["labkit_version"] == lk.__version__ and run.provenance["inputs"] == []
     assert [verdict for _, verdict in check("r.run.nc")] == ["same"]
@@ -130,8 +128,13 @@ def test_a_finished_run_is_not_run_again(state):
     again = lk.run(state, PATH, file="r.run.nc", snapshots=0, progress=lambda *step: seen.append(step))
     assert again.complete and seen == [] and first.file.read_bytes() == before
     with pytest.raises(lk.InputError, match="r.run.nc holds another run .*strain 0.004, not 0.005"):
-        lk.run(state, lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.005, rate=40.0), file="r.run.nc",
-               snapshots=0, progress=False)  # fmt: skip
+        lk.run(
+            state,
+            lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.005, rate=40.0),
+            file="r.run.nc",
+            snapshots=0,
+            progress=False,
+        )
     with pytest.raises(lk.InputError, match="another specimen"):
         lk.run(state.replace(position=state.position + 1e-6), PATH, file="r.run.nc", snapshots=0, progress=False)
     assert first.file.read_bytes() == before
@@ -188,8 +191,11 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
     for call, field, said in (
         (lambda: lk.make_specimen(lk.Recipe(0.67, side=2e-4), file="new.nc"), "side", "would hold 1.79 grains"),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="new.nc", engine="warp"), "engine", "'warp' is unknown"),
-        (lambda: lk.make_specimen(lk.Recipe(0.67), lk.Scene(law="spring_dashpot"), engine="yade"), "engine",
-         "engine yade has no contact law spring_dashpot: give fused"),
+        (
+            lambda: lk.make_specimen(lk.Recipe(0.67), lk.Scene(law="spring_dashpot"), engine="yade"),
+            "engine",
+            "engine yade has no contact law spring_dashpot: give fused",
+        ),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="no/such/new.nc"), None, "no/such is not a directory"),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="text.nc"), None, "text.nc is no labkit file"),
         (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "has no unit, and is less than 100 Pa"),

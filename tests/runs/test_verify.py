@@ -12,9 +12,15 @@ from labkit.runs.verify import findings
 
 # what came into run files after their first version
 LATER = (
-    "time", "elastic_energy", "cell_work", "friction_loss", "rolling_loss", "damping_loss", "energy_balance_error",
+    "time",
+    "elastic_energy",
+    "cell_work",
+    "friction_loss",
+    "rolling_loss",
+    "damping_loss",
+    "energy_balance_error",
     "drift_velocity",
-)  # fmt: skip
+)
 
 
 @pytest.fixture

@@ -50,9 +50,14 @@ def test_the_coupling_of_tangential_forces_and_normals_is_integrated_exactly(see
 def test_c0_of_the_family_is_c0_of_the_records(drawn):
     found = statistics(drawn)
     expected = c0_stress(
-        E, found.coordination_number, found.mean_normalised_force, void_ratio_nominal(drawn),
-        found.contact_anisotropy, found.normal_force_anisotropy, found.mobilisation,
-    )  # fmt: skip
+        E,
+        found.coordination_number,
+        found.mean_normalised_force,
+        void_ratio_nominal(drawn),
+        found.contact_anisotropy,
+        found.normal_force_anisotropy,
+        found.mobilisation,
+    )
     np.testing.assert_array_equal(sff_stress(drawn), expected)
     same(stress("c0", drawn), expected)
 
@@ -141,9 +146,13 @@ def test_the_budget_finds_the_part_that_was_put_in():
     assert parts["equal_stress"] < 1e-8 * parts["normals"]
     contacts_size = on_the_sphere(zero, zero, zero).contacts
     small = Contacts(
-        np.where(np.arange(len(contacts_size))[:, None] % 3 == 0, [[0, 1]], [[2, 3]]), contacts_size.normal,
-        contacts_size.overlap, contacts_size.normal_force, contacts_size.tangential_force, contacts_size.rolling_moment,
-    )  # fmt: skip
+        np.where(np.arange(len(contacts_size))[:, None] % 3 == 0, [[0, 1]], [[2, 3]]),
+        contacts_size.normal,
+        contacts_size.overlap,
+        contacts_size.normal_force,
+        contacts_size.tangential_force,
+        contacts_size.rolling_moment,
+    )
     radius = np.where(np.arange(10) < 2, 1e-4, 2e-4)
     parts = {k: np.linalg.norm(v) for k, v in error_budget(snapshot_of(radius, small, 1e-9)).items()}
     assert parts["equal_stress"] > 100 * max(v for k, v in parts.items() if k != "equal_stress")
@@ -152,9 +161,8 @@ def test_the_budget_finds_the_part_that_was_put_in():
 def test_standard_errors_shrink_with_the_number_of_contacts():
     drawn = [make(5, contacts, 200, 1.5, 0.2) for contacts in (1500, 24_000)]
     few, many = (
-        np.linalg.norm(standard_errors(d, samples=40)["equal_stress"])
-        / np.linalg.norm(love_stress(d)) for d in drawn
-    )  # fmt: skip
+        np.linalg.norm(standard_errors(d, samples=40)["equal_stress"]) / np.linalg.norm(love_stress(d)) for d in drawn
+    )
     assert 2.0 < few / many < 8.0  # a sixteenth of the contacts: four times the scatter
 
 

@@ -26,10 +26,14 @@ def test_figure_and_table(figure, run_file, tmp_path):
     assert picture.read_bytes()[:4] == b"\x89PNG" and len(pandas.read_csv(table)) > 1
 
 
-@pytest.mark.parametrize(("variable", "columns"), [
-    ("overlap_ratio", ["overlap_ratio"]), ("stress", [f"stress_{ij}" for ij in ("xx", "xy", "xz", "yy", "yz", "zz")]),
-    ("drift_velocity", [f"drift_velocity_{i}" for i in "xyz"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("variable", "columns"),
+    [
+        ("overlap_ratio", ["overlap_ratio"]),
+        ("stress", [f"stress_{ij}" for ij in ("xx", "xy", "xz", "yy", "yz", "zz")]),
+        ("drift_velocity", [f"drift_velocity_{i}" for i in "xyz"]),
+    ],
+)
 def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = ["figure", "records", str(run_file), "--variable", variable, "-o", "f.png", "--csv", "f.csv"]
@@ -41,12 +45,21 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
     np.testing.assert_allclose(found[columns].values[-1], last, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("words", "said"), [
-    (["roses"], "roses"), (["groups", "--groups", "0"], "groups"), (["directions", "--snapshot", "99"], "snapshot 99"),
-    (["groups", "-o", "f.txt"], "ending"), (["records"], "--variable is missing: give one of strain, cell, volume"),
-    (["records", "--variable", "colour"], "--variable colour is not recorded: give one of strain, cell, volume"),
-    (["groups", "--variable", "stress"], "--variable stress is for the figure records, not for groups: leave it out"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["roses"], "roses"),
+        (["groups", "--groups", "0"], "groups"),
+        (["directions", "--snapshot", "99"], "snapshot 99"),
+        (["groups", "-o", "f.txt"], "ending"),
+        (["records"], "--variable is missing: give one of strain, cell, volume"),
+        (["records", "--variable", "colour"], "--variable colour is not recorded: give one of strain, cell, volume"),
+        (
+            ["groups", "--variable", "stress"],
+            "--variable stress is for the figure records, not for groups: leave it out",
+        ),
+    ],
+)
 def test_bad_input(words, said, run_file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["figure", words[0], str(run_file), *words[1:]]) == 2

@@ -201,8 +201,12 @@ def test_a_stick_covers_what_it_should_at_every_tilt_towards_the_viewer(tilt):
 
 def test_what_lies_behind_the_faces_fades_and_what_lies_on_them_does_not():
     on = render.canvas(render.view_from(30.0, 20.0), (-3.0, -3.0), (3.0, 3.0), 100)
-    render.draw_spheres(on, np.array([[2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]) - [[0.0, 0, 0], [0, 1.0, 0]],
-                        np.array([1e-1, 1e-1]), np.ones((2, 3)))  # fmt: skip
+    render.draw_spheres(
+        on,
+        np.array([[2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]) - [[0.0, 0, 0], [0, 1.0, 0]],
+        np.array([1e-1, 1e-1]),
+        np.ones((2, 3)),
+    )
     white = render.haze(on, 2.0 * np.eye(3), 0.5)
     centres = np.array([[2.0, 1.0, 1.0], [1.0, 1.0, 1.0]]) @ on.view.T
     at = [white[int((y - on.corner[1]) / on.pixel), int((x - on.corner[0]) / on.pixel)] for x, y, _ in centres]

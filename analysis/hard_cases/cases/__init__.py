@@ -15,9 +15,25 @@ from analysis.hard_cases.cases.steps import fast, step_outgrown, step_over, step
 from analysis.hard_cases.cases.strains import strain_100, thin_cell
 
 CASES = {
-    case.__name__: case for case in (
-        loose_cv, isod_to_nothing, isoc_beyond, growing_cycles, many_cycles, very_dense, very_loose, step_under,
-        step_over, step_outgrown, fast, deep_overlaps, size_ratio_5, few_grains, strain_100, thin_cell,
-        restart_in_reversal, gentle_servo,
+    case.__name__: case
+    for case in (
+        loose_cv,
+        isod_to_nothing,
+        isoc_beyond,
+        growing_cycles,
+        many_cycles,
+        very_dense,
+        very_loose,
+        step_under,
+        step_over,
+        step_outgrown,
+        fast,
+        deep_overlaps,
+        size_ratio_5,
+        few_grains,
+        strain_100,
+        thin_cell,
+        restart_in_reversal,
+        gentle_servo,
     )
-}  # fmt: skip
+}

@@ -48,7 +48,7 @@ def many_cycles(lab: Laboratory) -> Judged:
         below("p of a cycle, worst drift from the first", np.abs(p / p[0] - 1.0).max(), 0.005),
         below("drift of e per cycle in the last quarter over that of the first", abs(last / first), 1.0),
         below("e of all cycles against half the step", np.abs(e - e[0] - expected + expected[0]).max(), 1e-4),
-    ]  # fmt: skip
+    ]
     return (
         f"{len(drift)} cycles: e {e[-1] - e[0]:+.2e}, a cycle {first:+.1e} in the first quarter and {last:+.1e} in the "
         f"last; p {p[-1] / p[0] - 1.0:+.1e}"

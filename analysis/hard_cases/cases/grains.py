@@ -17,9 +17,7 @@ def deep_overlaps(lab: Laboratory) -> Judged:
     recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
     grains = insert_grains(lk.Scene(), recipe)
     listed = FusedEngine(grains).state()
-    said = [
-        lab.refused_run(state, name) for name, state in (("unlisted", grains), ("listed", without_ledger(listed)))
-    ]
+    said = [lab.refused_run(state, name) for name, state in (("unlisted", grains), ("listed", without_ledger(listed)))]
     return said[0], [
         true("a state lists no contacts", len(grains.contact_grain) == 0 < len(listed.contact_grain)),
         *(true("refused for its overlaps", "too deep" in words and "labkit specimen" in words) for words in said),

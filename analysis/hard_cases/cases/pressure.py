@@ -112,8 +112,9 @@ def very_dense(lab: Laboratory) -> Judged:
     said = lab.names_exceeded()
     checks = [true(f"the run says: {what}", what in said) for what in ("mean overlap", "mean stress in Pa")]
     return f"{pressure_words(run)}, mean overlap {overlap.max():.1%} of D; {ratio_words(run)}", [
-        *checks, true("p is beyond the limit", p.min() > pressure_limit(state.scene)),
-    ]  # fmt: skip
+        *checks,
+        true("p is beyond the limit", p.min() > pressure_limit(state.scene)),
+    ]
 
 
 def very_loose(lab: Laboratory) -> Judged:

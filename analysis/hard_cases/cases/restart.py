@@ -43,9 +43,15 @@ def _command(lab, file):
     """The command line of the scene's run, which saves every record."""
     path = lab.loading()
     turns = ",".join(f"{x:g}" for x in path.reversals)
-    given = {"rate": path.rate, "pressure": f"{path.pressure:g} Pa", "reversals": turns,
-             "record-strain": f"{lab.scene.strain * lab.extent / 10:.4g}", "save-every": 1,
-             "engine": lab.engine, "output": file}  # fmt: skip
+    given = {
+        "rate": path.rate,
+        "pressure": f"{path.pressure:g} Pa",
+        "reversals": turns,
+        "record-strain": f"{lab.scene.strain * lab.extent / 10:.4g}",
+        "save-every": 1,
+        "engine": lab.engine,
+        "output": file,
+    }
     options = [f"--{name}={value}" for name, value in given.items()]
     return [sys.executable, "-m", "labkit.cli", "run", path.name, str(lab.specimen_file()), *options]
 

@@ -47,9 +47,13 @@ def _blown_up(state, factor):
     """The grains of a state with all distances multiplied, and no contacts."""
     nothing = np.zeros((0, 3))
     return state.replace(
-        position=state.position * factor, cell=state.cell * factor, contact_grain=np.zeros((0, 2), np.int32),
-        contact_shift=nothing.astype(np.int32), tangential_force=nothing, rolling_moment=nothing,
-    )  # fmt: skip
+        position=state.position * factor,
+        cell=state.cell * factor,
+        contact_grain=np.zeros((0, 2), np.int32),
+        contact_shift=nothing.astype(np.int32),
+        tangential_force=nothing,
+        rolling_moment=nothing,
+    )
 
 
 def step_outgrown(lab: Laboratory) -> Judged:

@@ -1,9 +1,9 @@
 """Contact laws: each one subclass of ContactLaw in a file of its own.
 
-    base                what a law says of itself
-    vectors             three-vectors as tuples, for the formulas
-    rolling_resistance  YADE's rolling-resistance law
-    spring_dashpot      Eqs. 1-3 of He et al.
+base                what a law says of itself
+vectors             three-vectors as tuples, for the formulas
+rolling_resistance  YADE's rolling-resistance law
+spring_dashpot      Eqs. 1-3 of He et al.
 """
 
 from labkit.dem.laws.base import Contact, ContactLaw, Features, Response
@@ -17,7 +17,6 @@ LAWS: Registry = Registry(
     },
     aliases={"yade": "rolling_resistance", "paper": "spring_dashpot"},  # names of version 0.1.0
 )
-
 
 
 def register_law(kind: type[ContactLaw]) -> type[ContactLaw]:

@@ -74,7 +74,8 @@ class Features(NamedTuple):
 class YadeLaw(NamedTuple):
     """A contact law in YADE. material: function of a radius, m; geometry, physics, law: functors of an InteractionLoop;
     tangential_force, rolling_moment: names of the history in the physics; losses: names of what friction and rolling
-    take in YADE's energy tracker."""
+    take in YADE's energy tracker.
+    """
 
     material: Callable[[float], Any]
     geometry: list[Any]
@@ -151,9 +152,16 @@ class ContactLaw(abc.ABC):
     @staticmethod
     @abc.abstractmethod
     def pair(
-        contact: Contact, tangential_force: Vector, rolling_moment: Vector, dt: float, constants: tuple[float, ...],
-        friction: Any, rolling: Any, dashpots: Any, energy: Any,
-    ) -> Response:  # fmt: skip
+        contact: Contact,
+        tangential_force: Vector,
+        rolling_moment: Vector,
+        dt: float,
+        constants: tuple[float, ...],
+        friction: Any,
+        rolling: Any,
+        dashpots: Any,
+        energy: Any,
+    ) -> Response:
         """The law: the Response of a contact after a step dt, s, from its history before it.
 
         Written for numbers and the functions of labkit.dem.laws.vectors alone, because the kernel compiles it. A

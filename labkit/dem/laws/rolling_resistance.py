@@ -39,9 +39,16 @@ class RollingResistance(ContactLaw):
 
     @staticmethod
     def pair(
-        contact: Contact, tangential_force: Vector, rolling_moment: Vector, dt: float, constants: tuple[float, ...],
-        friction: Any, rolling: Any, dashpots: Any, energy: Any,
-    ) -> Response:  # fmt: skip
+        contact: Contact,
+        tangential_force: Vector,
+        rolling_moment: Vector,
+        dt: float,
+        constants: tuple[float, ...],
+        friction: Any,
+        rolling: Any,
+        dashpots: Any,
+        energy: Any,
+    ) -> Response:
         """rolling: (alphaKr, etaRoll)."""
         n, ra, rb = contact.normal, contact.radius_a, contact.radius_b
         fn = contact.stiffness * contact.overlap if contact.overlap >= 0.0 else 0.0
@@ -97,8 +104,10 @@ class RollingResistance(ContactLaw):
             [w.Ig2_Sphere_Sphere_ScGeom6D(updateRotations=False)],
             [w.Ip2_CohFrictMat_CohFrictMat_CohFrictPhys()],
             [w.Law2_ScGeom6D_CohFrictPhys_CohesionMoment(useIncrementalForm=True, always_use_moment_law=True)],
-            "shearForce", "moment_bending", ("shearDissip", "bendingDissip"),
-        )  # fmt: skip
+            "shearForce",
+            "moment_bending",
+            ("shearDissip", "bendingDissip"),
+        )
 
 
 def material(scene: Scene, radius: float) -> Any:
@@ -114,8 +123,13 @@ def material(scene: Scene, radius: float) -> Any:
         poisson=1.0 / scene.stiffness_ratio,  # makes kt = kn/kappa exactly
         density=scene.density,
         frictionAngle=float(np.arctan(scene.friction)),
-        isCohesive=False, normalCohesion=0.0, shearCohesion=0.0, fragile=True,
+        isCohesive=False,
+        normalCohesion=0.0,
+        shearCohesion=0.0,
+        fragile=True,
         momentRotationLaw=scene.rolling_friction > 0.0,
-        alphaKr=0.25, etaRoll=0.5 * scene.rolling_limit_scale * scene.rolling_friction,
-        alphaKtw=0.0, etaTwist=0.0,
-    )  # fmt: skip
+        alphaKr=0.25,
+        etaRoll=0.5 * scene.rolling_limit_scale * scene.rolling_friction,
+        alphaKtw=0.0,
+        etaTwist=0.0,
+    )

@@ -57,9 +57,16 @@ class SpringDashpot(ContactLaw):
 
     @staticmethod
     def pair(
-        contact: Contact, tangential_force: Vector, rolling_moment: Vector, dt: float, constants: tuple[float, ...],
-        friction: Any, rolling: Any, dashpots: Any, energy: Any,
-    ) -> Response:  # fmt: skip
+        contact: Contact,
+        tangential_force: Vector,
+        rolling_moment: Vector,
+        dt: float,
+        constants: tuple[float, ...],
+        friction: Any,
+        rolling: Any,
+        dashpots: Any,
+        energy: Any,
+    ) -> Response:
         """rolling: mu_r; dashpots: (2 beta_n, 2 beta_t, density 4/3 pi)."""
         n, v, ra, rb = contact.normal, contact.velocity, contact.radius_a, contact.radius_b
         a, b, overlap = contact.spin_a, contact.spin_b, contact.overlap

@@ -79,14 +79,17 @@ def _compiled_functions(module: Any, known: dict[Any, Any]) -> dict[str, Any]:
 def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:
     """A stamp of all that a kernel is made of: this room, the files of the law and of the functions `known` that it
     calls, and the constants that these have from elsewhere. None if a part of it has no file, as in a notebook: its
-    next version could not be told from this one."""
+    next version could not be told from this one.
+    """
     functions = set(known)
     files = {function.__code__.co_filename for function in functions}
     files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
     if not all(Path(file).is_file() for file in files):
         return None
     constants = {
-        f"{name} = {function.__globals__[name]!r}" for function in functions for name in function.__code__.co_names
+        f"{name} = {function.__globals__[name]!r}"
+        for function in functions
+        for name in function.__code__.co_names
         if isinstance(function.__globals__.get(name), (bool, int, float, tuple))
-    }  # fmt: skip
+    }
     return "\n".join([stamp_of([*HERE.glob("*.py"), *map(Path, files)]), *sorted(constants)])

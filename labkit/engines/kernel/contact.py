@@ -48,9 +48,17 @@ def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
 
 
 def block_forces(
-    block: np.ndarray, work: np.ndarray, n: int, dt: float, constants: tuple[float, ...], friction: Any, rolling: Any,
-    dashpots: Any, gradient: np.ndarray | None, turning: bool | None,
-) -> None:  # fmt: skip
+    block: np.ndarray,
+    work: np.ndarray,
+    n: int,
+    dt: float,
+    constants: tuple[float, ...],
+    friction: Any,
+    rolling: Any,
+    dashpots: Any,
+    gradient: np.ndarray | None,
+    turning: bool | None,
+) -> None:
     """Forces and torques of n contacts, their history brought forward by dt.
 
     block, work: rows as in layout.py. constants to dashpots, turning: labkit.dem.laws.Features; what is None is left

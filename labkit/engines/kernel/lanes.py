@@ -82,7 +82,7 @@ class _Code:
         low = [self.shuffle(halves[k], halves[k + 1], LOW) for k in (0, 2)]
         high = [self.shuffle(halves[k], halves[k + 1], HIGH) for k in (0, 2)]
         x, y, z = self.shuffle(*low, EVEN), self.shuffle(*high, EVEN), self.shuffle(*low, ODD)
-        for value, pointer in zip((x, y, z), self.rows(work, row)):
+        for value, pointer in zip((x, y, z), self.rows(work, row), strict=True):
             self.store(value, pointer)
 
     def to_records(self, work, row):
@@ -111,9 +111,14 @@ def _intrinsic(write, arguments):
 
 @intrinsic
 def read(
-    typing: Context, records: types.Array, column: types.Integer, index: types.Array, i: types.Integer,
-    work: types.Array, row: types.Integer,
-) -> Intrinsic:  # fmt: skip
+    typing: Context,
+    records: types.Array,
+    column: types.Integer,
+    index: types.Array,
+    i: types.Integer,
+    work: types.Array,
+    row: types.Integer,
+) -> Intrinsic:
     """Rows of the records index[i] to index[i + 7], from a column on."""
 
     def write(code):
@@ -124,28 +129,39 @@ def read(
 
 @intrinsic
 def read_difference(
-    typing: Context, records: types.Array, column: types.Integer, index: types.Array, other: types.Array,
-    i: types.Integer, work: types.Array, row: types.Integer,
-) -> Intrinsic:  # fmt: skip
+    typing: Context,
+    records: types.Array,
+    column: types.Integer,
+    index: types.Array,
+    other: types.Array,
+    i: types.Integer,
+    work: types.Array,
+    row: types.Integer,
+) -> Intrinsic:
     """Rows of the records other[i] less index[i], and so on."""
 
     def write(code):
         first = [code.load(p) for p in code.indexed(0, 1, 2, 4)]
         second = [code.load(p) for p in code.indexed(0, 1, 3, 4)]
-        code.to_rows([code.builder.fsub(b, a) for a, b in zip(first, second)], 5, 6)
+        code.to_rows([code.builder.fsub(b, a) for a, b in zip(first, second, strict=True)], 5, 6)
 
     return _intrinsic(write, (records, column, index, other, i, work, row))
 
 
 @intrinsic
 def add(
-    typing: Context, records: types.Array, column: types.Integer, index: types.Array, i: types.Integer,
-    work: types.Array, row: types.Integer,
-) -> Intrinsic:  # fmt: skip
+    typing: Context,
+    records: types.Array,
+    column: types.Integer,
+    index: types.Array,
+    i: types.Integer,
+    work: types.Array,
+    row: types.Integer,
+) -> Intrinsic:
     """Adds rows to the records index[i] to index[i + 7], one after another."""
 
     def write(code):
-        for value, p in zip(code.to_records(4, 5), code.indexed(0, 1, 2, 3)):
+        for value, p in zip(code.to_records(4, 5), code.indexed(0, 1, 2, 3), strict=True):
             code.store(code.builder.fadd(code.load(p), value), p)
 
     return _intrinsic(write, (records, column, index, i, work, row))
@@ -153,13 +169,19 @@ def add(
 
 @intrinsic
 def add_opposite(
-    typing: Context, records: types.Array, column: types.Integer, index: types.Array, other: types.Array,
-    i: types.Integer, work: types.Array, row: types.Integer,
-) -> Intrinsic:  # fmt: skip
+    typing: Context,
+    records: types.Array,
+    column: types.Integer,
+    index: types.Array,
+    other: types.Array,
+    i: types.Integer,
+    work: types.Array,
+    row: types.Integer,
+) -> Intrinsic:
     """Adds rows to the records index[i] and subtracts them from other[i], and so on."""
 
     def write(code):
-        both = zip(code.to_records(5, 6), code.indexed(0, 1, 2, 4), code.indexed(0, 1, 3, 4))
+        both = zip(code.to_records(5, 6), code.indexed(0, 1, 2, 4), code.indexed(0, 1, 3, 4), strict=True)
         for value, p, q in both:
             code.store(code.builder.fadd(code.load(p), value), p)
             code.store(code.builder.fsub(code.load(q), value), q)
@@ -169,9 +191,13 @@ def add_opposite(
 
 @intrinsic
 def take(
-    typing: Context, records: types.Array, column: types.Integer, first: types.Integer, work: types.Array,
+    typing: Context,
+    records: types.Array,
+    column: types.Integer,
+    first: types.Integer,
+    work: types.Array,
     row: types.Integer,
-) -> Intrinsic:  # fmt: skip
+) -> Intrinsic:
     """Rows of eight consecutive records, which become 0."""
 
     def write(code):
@@ -185,13 +211,17 @@ def take(
 
 @intrinsic
 def put(
-    typing: Context, records: types.Array, column: types.Integer, first: types.Integer, work: types.Array,
+    typing: Context,
+    records: types.Array,
+    column: types.Integer,
+    first: types.Integer,
+    work: types.Array,
     row: types.Integer,
-) -> Intrinsic:  # fmt: skip
+) -> Intrinsic:
     """Writes rows into eight consecutive records."""
 
     def write(code):
-        for value, p in zip(code.to_records(3, 4), code.consecutive(0, 1, 2)):
+        for value, p in zip(code.to_records(3, 4), code.consecutive(0, 1, 2), strict=True):
             code.store(value, p)
 
     return _intrinsic(write, (records, column, first, work, row))

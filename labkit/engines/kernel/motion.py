@@ -38,9 +38,15 @@ def taken(acceleration: float, velocity: float, dt: float, damping: float) -> fl
 
 @compiled
 def move_block(
-    block: np.ndarray, work: np.ndarray, n: int, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None,
+    block: np.ndarray,
+    work: np.ndarray,
+    n: int,
+    dt: float,
+    L: np.ndarray,
+    before: np.ndarray,
+    damping: float | None,
     energy: np.ndarray | None,
-) -> None:  # fmt: skip
+) -> None:
     """Moves n grains by one step. L, before (3, 3). damping: a number, or None without.
 
     energy: not None to sum what damping takes. The loop keeps the largest c^2 in the row SPEED2 of `work`.

@@ -19,7 +19,8 @@ LOST = 1000  # periods away: no grain travels so far
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
     """(cells of a grid along each side, (3,), how many of them `reach` spans, (3,)). Cells are at least `reach` wide
-    where there is room for that, and not many more than grains."""
+    where there is room for that, and not many more than grains.
+    """
     widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
     shape = np.clip(np.floor(widths / reach), 1, most).astype(np.int64)
@@ -31,7 +32,8 @@ def place(
     position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray, period: np.ndarray, place_: np.ndarray
 ) -> bool:
     """Period (grain, 3) and grid cell (grain,) of each grain, written in place. False if a grain is lost: its position
-    (grain, 3) is NaN or too far away."""
+    (grain, 3) is NaN or too far away.
+    """
     for g in range(len(position)):
         index = 0
         for k in range(2, -1, -1):
@@ -49,9 +51,17 @@ def place(
 
 @kept
 def find(
-    x: np.ndarray, radius: np.ndarray, cell: np.ndarray, period: np.ndarray, start: np.ndarray, shape: np.ndarray,
-    span: np.ndarray, margin: float, pairs: np.ndarray, shifts: np.ndarray,
-) -> int:  # fmt: skip
+    x: np.ndarray,
+    radius: np.ndarray,
+    cell: np.ndarray,
+    period: np.ndarray,
+    start: np.ndarray,
+    shape: np.ndarray,
+    span: np.ndarray,
+    margin: float,
+    pairs: np.ndarray,
+    shifts: np.ndarray,
+) -> int:
     """All pairs of grains whose surfaces are nearer than `margin`; returns how many there are.
 
     x (n, 3), radius, period: in the order of the grid's cells, which begin at start[c]. span (3,): how many cells
@@ -89,7 +99,8 @@ def find(
 @dataclasses.dataclass(frozen=True)
 class Grid:
     """Grains sorted into cells: order[k] is the k-th grain, period[k] (3,) the period it lies in; the k of cell c
-    are start[c] to start[c + 1]; a neighbour is at most span (3,) cells away in the grid of `shape` (3,)."""
+    are start[c] to start[c + 1]; a neighbour is at most span (3,) cells away in the grid of `shape` (3,).
+    """
 
     order: np.ndarray
     period: np.ndarray
@@ -119,9 +130,7 @@ def find_pairs(
     capacity = 4 * len(position) + 64
     while True:
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
-        found = find(
-            position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts
-        )  # fmt: skip
+        found = find(position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
         if found <= capacity:
             return pairs[:, :found].copy(), shifts[:found].copy()
         capacity = found

@@ -38,7 +38,8 @@ class Grains:
 @dataclasses.dataclass(frozen=True)
 class History:
     """Pairs of grains, the first number not above the second: grain (n, 2), shift (n, 3) periods to add to the second,
-    rows (n, 3 or 6 or 0) what the contact remembers, on the first grain."""
+    rows (n, 3 or 6 or 0) what the contact remembers, on the first grain.
+    """
 
     grain: np.ndarray
     shift: np.ndarray
@@ -87,9 +88,12 @@ def ordered(grain: np.ndarray, shift: np.ndarray, rows: np.ndarray) -> History:
 
 
 def pack(
-    grains: Grains, history: History, cell: np.ndarray, margin: float,
+    grains: Grains,
+    history: History,
+    cell: np.ndarray,
+    margin: float,
     stiffness: Callable[[np.ndarray, np.ndarray], np.ndarray],
-) -> Packing:  # fmt: skip
+) -> Packing:
     """Seeks all pairs nearer than `margin`, m, and lays everything out; sites and images are left empty.
 
     cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m. Raises PhysicsError if a grain is lost.
@@ -126,12 +130,20 @@ def pack(
     values = (grains.position, grains.velocity, grains.spin)
     columns = np.concatenate([*(v[order].T for v in values), [1.0 / grains.mass[order], 1.0 / grains.inertia[order]]])
     arrays = Arrays(
-        grain_first=grain_first, contact_first=contact_first, contact_last=contact_first + counts,
-        sites=aligned((nobody + 1, SITE_COLUMNS)), forces=aligned((nobody + 1, FORCE_COLUMNS)),
-        grains=to_blocks(columns, GRAIN_ROWS), image_first=np.searchsorted(owner, grain_first), owner=owner,
-        shift=image_shift, pairs=placed, blocks=laid.reshape(len(laid), -1),
-        work=aligned((domains, WORK_ROWS * WIDTH)), start=position,
-    )  # fmt: skip
+        grain_first=grain_first,
+        contact_first=contact_first,
+        contact_last=contact_first + counts,
+        sites=aligned((nobody + 1, SITE_COLUMNS)),
+        forces=aligned((nobody + 1, FORCE_COLUMNS)),
+        grains=to_blocks(columns, GRAIN_ROWS),
+        image_first=np.searchsorted(owner, grain_first),
+        owner=owner,
+        shift=image_shift,
+        pairs=placed,
+        blocks=laid.reshape(len(laid), -1),
+        work=aligned((domains, WORK_ROWS * WIDTH)),
+        start=position,
+    )
     return Packing(arrays, order, slot, pairs.T, shift)
 
 
@@ -147,7 +159,8 @@ def make_images(
     pairs: np.ndarray, shift: np.ndarray, domain: np.ndarray, grain_first: np.ndarray, first_image: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(site of the second grain (n,), owner (image,), shift (image, 3)): where the second grain of a pair lies
-    in another period or belongs to another domain, it gets a site of its own, from number first_image on."""
+    in another period or belongs to another domain, it gets a site of its own, from number first_image on.
+    """
     second = pairs[1].copy()
     needed = np.flatnonzero(shift.any(axis=1) | (np.searchsorted(grain_first, second, side="right") - 1 != domain))
     key = second[needed].astype(np.int64) * MOST_DOMAINS + domain[needed]

@@ -114,10 +114,21 @@ def add_forces(
 
 
 def domain_contacts(
-    sites: np.ndarray, forces: np.ndarray, pairs: np.ndarray, blocks: np.ndarray, work: np.ndarray, first: int,
-    last: int, dt: float, constants: tuple[float, ...], friction: Any, rolling: Any, dashpots: Any,
-    gradient: np.ndarray | None, turning: bool | None,
-) -> None:  # fmt: skip
+    sites: np.ndarray,
+    forces: np.ndarray,
+    pairs: np.ndarray,
+    blocks: np.ndarray,
+    work: np.ndarray,
+    first: int,
+    last: int,
+    dt: float,
+    constants: tuple[float, ...],
+    friction: Any,
+    rolling: Any,
+    dashpots: Any,
+    gradient: np.ndarray | None,
+    turning: bool | None,
+) -> None:
     """All contacts first <= k < last of a domain, a whole number of blocks before them; see `advance`."""
     for start in range(first, last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
@@ -149,9 +160,18 @@ def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> Non
 
 @compiled
 def domain_grains(
-    sites: np.ndarray, forces: np.ndarray, grains: np.ndarray, work: np.ndarray, first: int, last: int, dt: float,
-    L: np.ndarray, before: np.ndarray, damping: float | None, energy: np.ndarray | None,
-) -> None:  # fmt: skip
+    sites: np.ndarray,
+    forces: np.ndarray,
+    grains: np.ndarray,
+    work: np.ndarray,
+    first: int,
+    last: int,
+    dt: float,
+    L: np.ndarray,
+    before: np.ndarray,
+    damping: float | None,
+    energy: np.ndarray | None,
+) -> None:
     """Moves the grains first <= g < last and their sites."""
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
@@ -176,9 +196,14 @@ def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int)
 
 @kept
 def image_sites(
-    sites: np.ndarray, owner: np.ndarray, first: int, last: int, shift: np.ndarray, offset: np.ndarray,
+    sites: np.ndarray,
+    owner: np.ndarray,
+    first: int,
+    last: int,
+    shift: np.ndarray,
+    offset: np.ndarray,
     drift: np.ndarray,
-) -> None:  # fmt: skip
+) -> None:
     """Writes the sites of the images first <= k < last of the grains `owner`, `shift` (image, 3) periods away.
 
     offset and drift (3, 3): the cell, and L times the cell before the motion: what a period adds to position and
@@ -212,10 +237,20 @@ def farthest(grains: np.ndarray, start: np.ndarray, number: int, back: np.ndarra
 
 
 def advance(
-    steps: int, moved_already: bool, dt: float, L: np.ndarray, motion: Motion, arrays: Arrays,
-    constants: tuple[float, ...], friction: Any, rolling: Any, dashpots: Any, damping: float | None,
-    gradient: np.ndarray | None, turning: bool | None,
-) -> tuple[int, bool]:  # fmt: skip
+    steps: int,
+    moved_already: bool,
+    dt: float,
+    L: np.ndarray,
+    motion: Motion,
+    arrays: Arrays,
+    constants: tuple[float, ...],
+    friction: Any,
+    rolling: Any,
+    dashpots: Any,
+    damping: float | None,
+    gradient: np.ndarray | None,
+    turning: bool | None,
+) -> tuple[int, bool]:
     """Takes up to `steps` steps of dt, s; returns how many were taken, and whether neighbours must be sought.
 
     L (3, 3): the velocity gradient, 1/s; constants to turning: labkit.dem.laws.Features; gradient: L to sum energies.
@@ -237,8 +272,9 @@ def advance(
             drift = L @ cell_before
             for d in numba.prange(domains):
                 collect_images(forces, owner, image_first[d], image_first[d + 1])
-                domain_grains(sites, forces, grains, work[d], grain_first[d], grain_first[d + 1], dt, L, before,
-                              damping, gradient)  # fmt: skip
+                domain_grains(
+                    sites, forces, grains, work[d], grain_first[d], grain_first[d + 1], dt, L, before, damping, gradient
+                )
                 image_sites(sites, owner, image_first[d], image_first[d + 1], shift, cell, drift)
                 speed[d] = largest_speed(work[d])
             before[:] = L
@@ -251,8 +287,22 @@ def advance(
                 if 2.0 * spread[0] > 0.9 * left:
                     return step, True
         for d in numba.prange(domains):
-            domain_contacts(sites, forces, pairs, blocks, work[d], contact_first[d], contact_last[d], dt, constants,
-                            friction, rolling, dashpots, gradient, turning)  # fmt: skip
+            domain_contacts(
+                sites,
+                forces,
+                pairs,
+                blocks,
+                work[d],
+                contact_first[d],
+                contact_last[d],
+                dt,
+                constants,
+                friction,
+                rolling,
+                dashpots,
+                gradient,
+                turning,
+            )
     return steps, False
 
 

@@ -89,9 +89,13 @@ def tamper(file, name, factor):
 
 @pytest.mark.parametrize(
     ("variable", "factor", "word"),
-    [("stress", 1.0 + 1e-6, "stored stress"), ("volume", 1.001, "held: volume"),
-     ("energy_balance_error", 1e4, "energy balance"), ("drift_velocity", 1e3, "drift")],
-)  # fmt: skip
+    [
+        ("stress", 1.0 + 1e-6, "stored stress"),
+        ("volume", 1.001, "held: volume"),
+        ("energy_balance_error", 1e4, "energy balance"),
+        ("drift_velocity", 1e3, "drift"),
+    ],
+)
 def test_a_wrong_number_that_nothing_speaks_of_is_found(variable, factor, word, examined, tmp_path):
     outcome, folder = examined("very_dense", "fused")
     assert outcome.verdict == LIMIT_SAID
@@ -110,10 +114,20 @@ def test_a_run_that_does_not_say_its_limit_is_found(tmp_path):
 
 
 def hard_cases(tmp_path, *words):
-    return studies.main([
-        "hard-cases", *words, "--engine", "fused", "--grains", str(GRAINS), "-o", str(tmp_path / "out"), "--work",
-        str(tmp_path / "work"),
-    ])  # fmt: skip
+    return studies.main(
+        [
+            "hard-cases",
+            *words,
+            "--engine",
+            "fused",
+            "--grains",
+            str(GRAINS),
+            "-o",
+            str(tmp_path / "out"),
+            "--work",
+            str(tmp_path / "work"),
+        ]
+    )
 
 
 def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path, capsys):
@@ -147,9 +161,12 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
 
 @pytest.mark.parametrize(
     ("words", "said"),
-    [(["nonsense"], "use loose_cv"), (["very_loose", "--grains", "7"], "give 100"),
-     (["very_loose", "--work", "FILE"], "give another")],
-)  # fmt: skip
+    [
+        (["nonsense"], "use loose_cv"),
+        (["very_loose", "--grains", "7"], "give 100"),
+        (["very_loose", "--work", "FILE"], "give another"),
+    ],
+)
 def test_bad_input_is_one_line(words, said, tmp_path, capsys):
     file = tmp_path / "file"
     file.write_text("")
@@ -179,9 +196,11 @@ def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(t
     specimen = labkit.make_specimen(labkit.Recipe(0.67, 0.15, grains=GRAINS), scene)
     nothing = np.zeros((0, 3))
     bare = specimen.replace(
-        contact_grain=np.zeros((0, 2), np.int32), contact_shift=nothing.astype(np.int32), tangential_force=nothing,
+        contact_grain=np.zeros((0, 2), np.int32),
+        contact_shift=nothing.astype(np.int32),
+        tangential_force=nothing,
         rolling_moment=nothing,
-    )  # fmt: skip
+    )
     write_state(tmp_path / "bare.state.nc", bare)
     file = tmp_path / "bare.run.nc"
     assert main(f"run cv {tmp_path / 'bare.state.nc'} --strain 0.005 --engine fused -o {file}".split()) == 0

@@ -44,8 +44,12 @@ def make(folder, model, tests=None, strain=1.6):
         if path.name in SHEAR:
             given["strain"] = strain if path.strain == type(path).strain else path.strain
         reading = model.reading(beyond_e_cmax="flat")
-        result = drive(reading, model_path(path.name, p, **given), isotropic_state(reading, e, p),
-                       record_strain=5e-3 if path.name in SHEAR else None)  # fmt: skip
+        result = drive(
+            reading,
+            model_path(path.name, p, **given),
+            isotropic_state(reading, e, p),
+            record_strain=5e-3 if path.name in SHEAR else None,
+        )
         file = folder / f"{run.name}.run.nc"
         write_result(file, scattered(result, factors))
         with netCDF4.Dataset(file, "a") as dataset:
@@ -61,12 +65,10 @@ def make(folder, model, tests=None, strain=1.6):
 def scattered(result, factors):
     """The Result with the five statistics multiplied by factors (5,), and the stress that C0 makes of them."""
     vector = result.vector.copy()
-    for factor, columns in zip(factors, (1, 2, slice(3, 9), slice(9, 15), slice(15, 21))):
+    for factor, columns in zip(factors, (1, 2, slice(3, 9), slice(9, 15), slice(15, 21)), strict=True):
         vector[:, columns] *= factor
     changed = dataclasses.replace(result, vector=vector)
-    stress = c0_stress(
-        result.model.young_modulus, changed.Z, changed.Lam, changed.e, changed.A, changed.F, changed.Ft
-    )
+    stress = c0_stress(result.model.young_modulus, changed.Z, changed.Lam, changed.e, changed.A, changed.F, changed.Ft)
     return dataclasses.replace(changed, stress=stress)
 
 

@@ -16,9 +16,20 @@ runs:
   cp_500kPa-dense: {path: cp, specimen: dense, strain: 0.02, rate: 100 1/s, pressure: 500 kPa}
 """
 WILD = "  wild: {path: cv, specimen: dense, strain: 0.2, time_step_factor: 2}\n"
-TABLES = ("fidelity.csv", "fidelity.md", "critical_states.csv", "critical_lines.csv", "one_critical_line.csv",
-          "critical_extrapolated.csv", "sff.csv", "parameters.csv", "model_errors.csv", "model_errors.md",
-          "engines.csv", "campaign.csv")  # fmt: skip
+TABLES = (
+    "fidelity.csv",
+    "fidelity.md",
+    "critical_states.csv",
+    "critical_lines.csv",
+    "one_critical_line.csv",
+    "critical_extrapolated.csv",
+    "sff.csv",
+    "parameters.csv",
+    "model_errors.csv",
+    "model_errors.md",
+    "engines.csv",
+    "campaign.csv",
+)
 
 
 @pytest.fixture(scope="module")

@@ -34,8 +34,7 @@ def records_agree(run, found):
 
 
 def test_what_the_contacts_told(thin, run_file):
-    with (labkit.open_run(run_file) as run,
-          xr.open_dataset(thin / "runs" / "cv-small.run.nc", group="derived") as found):  # fmt: skip
+    with labkit.open_run(run_file) as run, xr.open_dataset(thin / "runs" / "cv-small.run.nc", group="derived") as found:
         love = run.lab.love_stress()
         c0 = found["stress_family"].sel(form="c0")
         np.testing.assert_allclose(found["error_budget"].sum("part"), c0 - love, atol=1e-6 * float(love.max()))

@@ -37,7 +37,7 @@ def test_intervals_of_a_slope_hold_the_truth():
     x, inside = np.linspace(0.0, 1.0, 12), 0
     for _ in range(100):
         y = 2.0 * x + rng.normal(0.0, 0.1, 12)
-        found = jackknife(lambda rows: np.polyfit(x[rows], y[rows], 1)[0], 12, parameters=2)  # noqa: B023
+        found = jackknife(lambda rows: np.polyfit(x[rows], y[rows], 1)[0], 12, parameters=2)
         inside += abs(found.value - 2.0) <= found.within
     assert inside >= 90
 

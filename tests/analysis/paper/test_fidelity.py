@@ -10,8 +10,21 @@ from analysis.paper.fidelity import NO_RUNS, fidelity, page
 from labkit.model.parameters import Parameters
 
 TABLE_2 = Parameters()
-CRITICAL = ("M CV", "A_zz", "F_zz", "Ft_zz", "Z residual", "Lambda residual", "e residual", "c_cZ", "c_cLambda",
-            "e_cmax free", "c_cZ free", "gamma_cZ free", "c_cLambda free")  # fmt: skip
+CRITICAL = (
+    "M CV",
+    "A_zz",
+    "F_zz",
+    "Ft_zz",
+    "Z residual",
+    "Lambda residual",
+    "e residual",
+    "c_cZ",
+    "c_cLambda",
+    "e_cmax free",
+    "c_cZ free",
+    "gamma_cZ free",
+    "c_cLambda free",
+)
 
 
 @pytest.fixture(scope="module")

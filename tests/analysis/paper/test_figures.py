@@ -16,20 +16,31 @@ from labkit.io.provenance import of_file
 from labkit.model.parameters import Model
 
 RUNS = {
-    "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4], "cv-loose": ["cv", 0.724, 3e5, "--strain", 0.4],
-    "cv_other-dense_high": ["cv", 0.606, 1e6, "--strain", 0.4], "cp_500kPa-medium": ["cp", 0.67, 5e5, "--strain", 0.4],
-    "cr_1MPa-dense": ["cr", 0.606, 1e6, "--strain", 0.4], "isoc-loose": ["isoc", 0.724, 3e5],
-    "isod-dense_high": ["isod", 0.606, 1e6], "cyclic-cyclic_loose": ["cyclic_cp", 0.74, 5e5],
-    "cp_start-cyclic_loose": ["cp", 0.74, 5e5, "--strain", 0.1], "share_cv-yade": ["cv", 0.64, 3e5, "--strain", 0.1],
-}  # fmt: skip
+    "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4],
+    "cv-loose": ["cv", 0.724, 3e5, "--strain", 0.4],
+    "cv_other-dense_high": ["cv", 0.606, 1e6, "--strain", 0.4],
+    "cp_500kPa-medium": ["cp", 0.67, 5e5, "--strain", 0.4],
+    "cr_1MPa-dense": ["cr", 0.606, 1e6, "--strain", 0.4],
+    "isoc-loose": ["isoc", 0.724, 3e5],
+    "isod-dense_high": ["isod", 0.606, 1e6],
+    "cyclic-cyclic_loose": ["cyclic_cp", 0.74, 5e5],
+    "cp_start-cyclic_loose": ["cp", 0.74, 5e5, "--strain", 0.1],
+    "share_cv-yade": ["cv", 0.64, 3e5, "--strain", 0.1],
+}
 CV = ("cv-loose", "cv-medium", "cv-dense")
 DRAW = {
-    "fig_1": figures.fig_1, "fig_4": figures.fig_4, "fig_5": figures.fig_5, "fig_6": figures.fig_6,
-    "fig_7": figures.fig_7, "fig_8": figures.fig_8, "critical_lines": figures.critical_lines,
+    "fig_1": figures.fig_1,
+    "fig_4": figures.fig_4,
+    "fig_5": figures.fig_5,
+    "fig_6": figures.fig_6,
+    "fig_7": figures.fig_7,
+    "fig_8": figures.fig_8,
+    "critical_lines": figures.critical_lines,
     "evolution": lambda runs, models: figures.evolution(runs, models, CV),
-    "isotropic_statistics": figures.isotropic_statistics, "engines": lambda runs, models: figures.engines(runs),
+    "isotropic_statistics": figures.isotropic_statistics,
+    "engines": lambda runs, models: figures.engines(runs),
     "strength_shares": lambda runs, models: figures.strength_shares(runs),
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +106,12 @@ def test_critical_line_and_its_fit(runs, known):
 
 def test_only_the_papers_tests_are_monotonic(runs):
     assert set(figures.monotonic(runs)) == {
-        "cv-dense", "cv-loose", "cv_other-dense_high", "cp_500kPa-medium", "cr_1MPa-dense"
-    }  # fmt: skip
+        "cv-dense",
+        "cv-loose",
+        "cv_other-dense_high",
+        "cp_500kPa-medium",
+        "cr_1MPa-dense",
+    }
 
 
 def test_size_groups(run_file, tmp_path):

@@ -15,8 +15,17 @@ from labkit.visuals import plots
 from tests.analysis.paper.conftest import make
 
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
-FEW = ("cv-dense", "cv-medium", "cv-loose", "cp_500kPa-medium", "cr_1MPa-loose", "isoc-loose", "isod-dense_high",
-       "cr_500kPa-dense", "cyclic-cyclic_loose")  # fmt: skip
+FEW = (
+    "cv-dense",
+    "cv-medium",
+    "cv-loose",
+    "cp_500kPa-medium",
+    "cr_1MPa-loose",
+    "isoc-loose",
+    "isod-dense_high",
+    "cr_500kPa-dense",
+    "cyclic-cyclic_loose",
+)
 
 
 @pytest.fixture(scope="module")

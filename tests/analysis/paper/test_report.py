@@ -42,11 +42,19 @@ def results(tmp_path_factory, run_file):
     ends = pandas.read_csv(RESULTS / "critical.csv")
     ends.to_csv(paper / "critical_states.csv", index=False)
     shutil.copy(RESULTS / "model_calibration.csv", paper / "parameters.csv")
-    fidelity = pandas.DataFrame({
-        "number": ends["run"], "label": "M of " + ends["run"], "ours": ends["M"], "within": ends["M_scatter"],
-        "paper_says": 0.92, "in_units": abs(ends["M"] - 0.92) / ends["M_scatter"], "uncertainty_of": "the window",
-        "agrees": np.where(abs(ends["M"] - 0.92) <= ends["M_scatter"], "yes", "no"), "explanation": NASTY,
-    })  # fmt: skip
+    fidelity = pandas.DataFrame(
+        {
+            "number": ends["run"],
+            "label": "M of " + ends["run"],
+            "ours": ends["M"],
+            "within": ends["M_scatter"],
+            "paper_says": 0.92,
+            "in_units": abs(ends["M"] - 0.92) / ends["M_scatter"],
+            "uncertainty_of": "the window",
+            "agrees": np.where(abs(ends["M"] - 0.92) <= ends["M_scatter"], "yes", "no"),
+            "explanation": NASTY,
+        }
+    )
     fidelity.to_csv(paper / "fidelity.csv", index=False)
     cost_table(runs(paper)).to_csv(paper / "campaign.csv", index=False)
     return paper
@@ -192,10 +200,21 @@ def test_pictures_that_are_too_large_together_are_narrowed(tmp_path):
     assert 1e6 < (tmp_path / "report.html").stat().st_size < web_page.LARGEST
 
 
-@pytest.mark.parametrize(("value", "text"), [
-    (14331.0, "14331"), (0.90593, "0.9059"), (0.92, "0.92"), (-1.5e-16, "−1.5 × 10^-16^"), (1.2e11, "1.2 × 10^11^"),
-    (0.0, "0"), (float("nan"), ""), (99996.0, "99996"), (1e-3, "0.001"), (1e6, "1000000"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (14331.0, "14331"),
+        (0.90593, "0.9059"),
+        (0.92, "0.92"),
+        (-1.5e-16, "−1.5 × 10^-16^"),
+        (1.2e11, "1.2 × 10^11^"),
+        (0.0, "0"),
+        (float("nan"), ""),
+        (99996.0, "99996"),
+        (1e-3, "0.001"),
+        (1e6, "1000000"),
+    ],
+)
 def test_numbers_are_as_long_as_they_need(value, text):
     assert number(value).replace("\N{NO-BREAK SPACE}", " ").replace("\N{MINUS SIGN}", "-") == text.replace("−", "-")
 

@@ -16,11 +16,13 @@ from analysis.speed_error.table import collect, cost
 SEEDS = (1, 2, 3, 4, 5)
 DESIGN = Design(
     (
-        Case(BASELINE, "base", SEEDS, 1000), Case("rate", 50.0, SEEDS, 1000), Case("grains", 4000, SEEDS, 4000),
+        Case(BASELINE, "base", SEEDS, 1000),
+        Case("rate", 50.0, SEEDS, 1000),
+        Case("grains", 4000, SEEDS, 4000),
         Case(PRESET, "reference", SEEDS, 14000),
     ),
     (),
-)  # fmt: skip
+)
 
 TIMED = pandas.DataFrame({"case": ["cp_baseline=base", "cp_settings=reference"], "over_standard": [0.07, 3.0]})
 
@@ -33,14 +35,20 @@ def written(tmp_path):
         rng = np.random.default_rng(5)
         (tmp_path / "results").mkdir(exist_ok=True)
         of_seed = {(case.grains, seed): rng.normal() for case in DESIGN.cases for seed in SEEDS}
-        for case, mean in zip(DESIGN.cases, means):
+        for case, mean in zip(DESIGN.cases, means, strict=True):
             for seed in SEEDS:
                 value = mean * (1.0 + shared * of_seed[case.grains, seed] + own * rng.normal())
                 result = {
-                    "case": case.name, "seed": seed, "grains": case.grains, "status": "", "wall_time": 2.0 * mean,
-                    "yardstick": 0.5, "steps": 1000, "time_step_over_limit": 0.5,
+                    "case": case.name,
+                    "seed": seed,
+                    "grains": case.grains,
+                    "status": "",
+                    "wall_time": 2.0 * mean,
+                    "yardstick": 0.5,
+                    "steps": 1000,
+                    "time_step_over_limit": 0.5,
                     "values": dict.fromkeys([*OBSERVABLES, *CHECKS], value),
-                }  # fmt: skip
+                }
                 (tmp_path / "results" / f"{case.name}_{seed}.json").write_text(json.dumps(result))
         return collect(DESIGN, tmp_path)
 
@@ -71,7 +79,7 @@ def test_the_reference_with_the_same_specimens_is_taken_pair_by_pair(tmp_path):
     (tmp_path / "results").mkdir()
     cases = (DESIGN.cases[0], *(Case(PRESET, level, SEEDS, 14000) for level in ("standard", "reference")))
     of_seed = {seed: rng.normal() for seed in SEEDS}
-    for case, mean in zip(cases, (1.0, 1.005, 1.0)):
+    for case, mean in zip(cases, (1.0, 1.005, 1.0), strict=True):
         for seed in SEEDS:
             value = mean * (1.0 + 0.05 * of_seed[seed] + 1e-3 * rng.normal())
             known = dict.fromkeys([*OBSERVABLES, *CHECKS], value)

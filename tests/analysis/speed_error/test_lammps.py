@@ -35,7 +35,8 @@ def invariants(stress):
 
 def forgetful(state, found):
     """Stress (record, 3, 3) of the same test on the engine fused, from a specimen that has forgotten its tangential
-    forces as in LAMMPS."""
+    forces as in LAMMPS.
+    """
     nothing = np.zeros_like(state.tangential_force)
     machine = FusedEngine(state.replace(tangential_force=nothing, rolling_moment=nothing, time_step=found.time_step))
     machine.advance(SETTLE, np.zeros((3, 3)))
@@ -57,7 +58,8 @@ def sheared(state, beta, rolling_friction=0.1):
 @pytest.mark.parametrize("beta, tolerance", [(0.2, 0.02), (0.02, 0.01)])
 def test_strength_and_pressure_are_those_of_law_paper(specimen, beta, tolerance):
     """q/p at 1 and 2 % is 1 % low with the dashpots of law spring_dashpot, which LAMMPS takes into the limits of
-    friction, half of it from the settling; 0.2 to 0.5 % off with a tenth of them. p agrees to 0.3 %."""
+    friction, half of it from the settling; 0.2 to 0.5 % off with a tenth of them. p agrees to 0.3 %.
+    """
     state, found = sheared(specimen, beta)
     (p, ratio), (p_paper, ratio_paper) = invariants(found.stress), invariants(forgetful(state, found))
     np.testing.assert_allclose(found.axial_strain, np.linspace(0.0, STRAIN, RECORDS + 1), atol=1e-12)

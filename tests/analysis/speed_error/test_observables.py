@@ -12,8 +12,14 @@ def test_those_of_the_critical_state_are_those_of_labkit_critical(run_file):
     run = labkit.open_run(run_file)
     found, row = observables(run, None), critical_states({"run": run}).iloc[0]
     assert set(found) == {*OBSERVABLES, *CHECKS}
-    for name, column in (("ratio_critical", "M"), ("void_ratio_critical", "e"), ("Z_critical", "Z"),
-                         ("Lambda_critical", "Lambda"), ("A_critical", "A_zz"), ("Ft_critical", "Ft_zz")):  # fmt: skip
+    for name, column in (
+        ("ratio_critical", "M"),
+        ("void_ratio_critical", "e"),
+        ("Z_critical", "Z"),
+        ("Lambda_critical", "Lambda"),
+        ("A_critical", "A_zz"),
+        ("Ft_critical", "Ft_zz"),
+    ):
         assert found[name] == pytest.approx(row[column], rel=1e-12)
     assert found["pressure_critical"] == pytest.approx(1e6 * row["p_MPa"], rel=1e-12)
     assert np.isnan(found["held_error"]) and np.isnan(found["ratio_5"])  # a CV test to 2 %

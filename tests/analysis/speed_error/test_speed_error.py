@@ -20,9 +20,12 @@ from tests.analysis.conftest import in_the_clone
 def start(folder):
     words = ["speed-error", "--design", "small", "--jobs", "2", "--work", folder / "work", "-o", folder / "out"]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "analysis", *map(str, words)], env=in_the_clone(),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [sys.executable, "-P", "-m", "analysis", *map(str, words)],
+        env=in_the_clone(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def processes_with(text):
@@ -53,13 +56,13 @@ def study(tmp_path_factory):
     assert processes_with(str(folder)) == [str(os.getpid())] or not processes_with(str(folder))
     kept = {file: file.stat().st_mtime_ns for file in results.glob("*.json")}
     child = start(folder)
-    out, error = child.communicate(timeout=500)
+    _out, error = child.communicate(timeout=500)
     assert child.returncode == 0, error
     return folder, kept
 
 
 def test_a_study_that_was_killed_goes_on_and_repeats_nothing(study):
-    folder, kept = study
+    _folder, kept = study
     assert 5 <= len(kept) < sum(len(case.seeds) for case in small().cases)
     assert {file: file.stat().st_mtime_ns for file in kept} == kept
 
@@ -106,8 +109,15 @@ def test_both_engines_begin_alike(study):
 
 def test_the_page_has_all_sections_and_every_figure_that_it_shows(study):
     page = (study[0] / "out" / "README.md").read_text()
-    for title in ("Recommended settings", "along CV", "One factor at a time", "The time step, through the limit",
-                  "How many grains", "Two grains", "stress-force-fabric family"):  # fmt: skip
+    for title in (
+        "Recommended settings",
+        "along CV",
+        "One factor at a time",
+        "The time step, through the limit",
+        "How many grains",
+        "Two grains",
+        "stress-force-fabric family",
+    ):
         assert title in page
     assert "nan" not in page
     for picture in re.findall(r"!\[.*?\]\((.*?)\)", page):

@@ -1,17 +1,17 @@
 """Takes a state through YADE: writes it after each of the given numbers of steps of one velocity gradient.
 
-    advance.py ROOT OUTPUT STATE STEPS,STEPS,... GRADIENT(nine numbers, comma separated)
+advance.py ROOT OUTPUT STATE STEPS,STEPS,... GRADIENT(nine numbers, comma separated)
 """
 
 import os
 import sys
 
 sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
-import common  # noqa: E402
-import numpy as np  # noqa: E402
+import common
+import numpy as np
 
-from labkit.dem.state import read_state, write_state  # noqa: E402
-from labkit.engines.yade import YadeEngine  # noqa: E402
+from labkit.dem.state import read_state, write_state
+from labkit.engines.yade import YadeEngine
 
 file, counts, numbers = common.words
 gradient = np.array([float(x) for x in numbers.split(",")]).reshape(3, 3)

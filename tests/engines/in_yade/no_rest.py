@@ -4,12 +4,12 @@ import os
 import sys
 
 sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
-import common  # noqa: E402
+import common
 
-from labkit.dem.scene import Scene  # noqa: E402
-from labkit.dem.specimen import Equilibrium, Recipe, insert_grains, settle  # noqa: E402
-from labkit.engines.yade import YadeEngine  # noqa: E402
-from labkit.errors import PhysicsError  # noqa: E402
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Equilibrium, Recipe, insert_grains, settle
+from labkit.engines.yade import YadeEngine
+from labkit.errors import PhysicsError
 
 inserted = insert_grains(Scene(), Recipe(0.67, side=1.2e-3)).replace(time_step=1e-8)
 try:

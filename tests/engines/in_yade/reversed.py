@@ -4,18 +4,21 @@ import os
 import sys
 
 sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
-import common  # noqa: E402
-import numpy as np  # noqa: E402
+import common
+import numpy as np
 
-from labkit.dem.state import read_state  # noqa: E402
-from labkit.engines.yade import YadeEngine  # noqa: E402
+from labkit.dem.state import read_state
+from labkit.engines.yade import YadeEngine
 
 state = read_state(common.words[0])
 order = np.arange(state.number_of_grains)[::-1]  # grains in the other order turn every contact
 back = np.argsort(order)
 turned = state.replace(
-    radius=state.radius[order], position=state.position[order], velocity=state.velocity[order],
-    angular_velocity=state.angular_velocity[order], contact_grain=back[state.contact_grain].astype(np.int32),
+    radius=state.radius[order],
+    position=state.position[order],
+    velocity=state.velocity[order],
+    angular_velocity=state.angular_velocity[order],
+    contact_grain=back[state.contact_grain].astype(np.int32),
 )
 found = YadeEngine(turned).state()
 # found lists contacts by (smaller, larger) of the new numbers: bring both to the old numbers, first < second

@@ -5,16 +5,16 @@ import sys
 import time
 
 sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
-import common  # noqa: E402
-import numpy as np  # noqa: E402
-from yade import utils  # noqa: E402
+import common
+import numpy as np
+from yade import utils
 
-from labkit.dem.energy import kinetic_energy  # noqa: E402
-from labkit.dem.paths import ConstantVolume  # noqa: E402
-from labkit.dem.servo import velocity_gradient  # noqa: E402
-from labkit.dem.state import STATE, read_state, write_state  # noqa: E402
-from labkit.engines.yade import YadeEngine  # noqa: E402
-from labkit.micro.stress import love_stress  # noqa: E402
+from labkit.dem.energy import kinetic_energy
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.servo import velocity_gradient
+from labkit.dem.state import STATE, read_state, write_state
+from labkit.engines.yade import YadeEngine
+from labkit.micro.stress import love_stress
 
 specimen = read_state(common.words[0])
 gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)
@@ -58,9 +58,9 @@ result["checkpoint"] = difference(go_on(engine), go_on(YadeEngine(checkpoint)))
 result["repeated"] = difference(go_on(YadeEngine(specimen)), go_on(YadeEngine(specimen)))
 
 # no hidden mass scaling
-result["density"] = float(O.bodies[0].state.mass / (4 / 3 * np.pi * O.bodies[0].shape.radius ** 3))  # noqa: F821
-result["time_step"] = float(O.dt)  # noqa: F821
-result["density_scaling"] = sorted({float(b.state.densityScaling) for b in O.bodies if b})  # noqa: F821
+result["density"] = float(O.bodies[0].state.mass / (4 / 3 * np.pi * O.bodies[0].shape.radius ** 3))
+result["time_step"] = float(O.dt)
+result["density_scaling"] = sorted({float(b.state.densityScaling) for b in O.bodies if b})
 
 # cost of reading the contacts, in steps
 engine = YadeEngine(specimen)

@@ -4,12 +4,12 @@ import os
 import sys
 
 sys.path.append(os.path.join(sys.argv[1], "tests/engines/in_yade"))
-import common  # noqa: E402
-import numpy as np  # noqa: E402
+import common
+import numpy as np
 
-from labkit.dem.scene import Scene  # noqa: E402
-from labkit.dem.state import grains_in_cell  # noqa: E402
-from labkit.engines.yade import YadeEngine  # noqa: E402
+from labkit.dem.scene import Scene
+from labkit.dem.state import grains_in_cell
+from labkit.engines.yade import YadeEngine
 
 DT = 1e-9
 STILL = np.zeros((3, 3))
@@ -30,7 +30,8 @@ def pair(velocity=0.0, spin=(0.0, 0.0), gap=None):
     spins = np.array([spin[0] * axis, spin[1] * axis]) if np.ndim(spin[0]) == 0 else np.array(spin)
     return state.replace(
         velocity=np.array([np.zeros(3), velocity * np.ones(3) if np.ndim(velocity) == 0 else velocity]),
-        angular_velocity=spins, time_step=DT,
+        angular_velocity=spins,
+        time_step=DT,
     )
 
 
@@ -42,7 +43,7 @@ def after(state, steps):
 
 result = {}
 first = after(pair(), 0).snapshot().contacts
-result["normal_force"] = float(O.interactions[0, 1].phys.normalForce.norm())  # noqa: F821
+result["normal_force"] = float(O.interactions[0, 1].phys.normalForce.norm())
 result["kn_delta"] = float(scene.normal_stiffness(*radius) * overlap)
 result["normal_force_of_state"] = float(first.normal_force[0])
 
@@ -73,10 +74,10 @@ result["rolling_limit"] = float(np.linalg.norm(over.rolling_moment[0]) / over.sn
 # twist about the normal: no moment
 twisted = after(pair(spin=(1e5 * normal, -1e5 * normal)), 20)
 result["twist_moment"] = float(np.linalg.norm(twisted.rolling_moment[0]))
-result["twist_torque"] = float(O.forces.t(0, True).norm())  # noqa: F821
+result["twist_torque"] = float(O.forces.t(0, True).norm())
 
 # pulled apart: no contact, no force, no tension
 apart = after(pair(velocity=overlap / (10 * DT) * normal), 20)
 result["contacts_apart"] = len(apart.contact_grain)
-result["force_apart"] = float(np.linalg.norm(O.forces.f(0, True)))  # noqa: F821
+result["force_apart"] = float(np.linalg.norm(O.forces.f(0, True)))
 common.write(result)
