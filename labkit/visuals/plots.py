@@ -202,7 +202,7 @@ def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]
         for k, axes in enumerate(panels[:5]):
             axes.plot(way, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
             axes.plot(way, predicted[o.name][:, k], ":", color=color, lw=1.8)
-    for label, axes in zip(STATISTICS, panels, strict=True):
+    for label, axes in zip(STATISTICS, panels, strict=False):
         axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
         axes.grid(alpha=0.25)
     panels[5].axis("off")
