@@ -1,4 +1,4 @@
-"""Every Python and shell snippet of README.md is run, in a folder of its own."""
+"""Every Python and shell snippet of README.md is run in a scratch folder."""
 
 import os
 import re
@@ -49,6 +49,15 @@ def test_shell(folder, labkit_command, command):
     done = labkit_command(*shlex.split(LONG.get(command, command)), cwd=folder)
     allowed = {0, 1} if command.startswith("verify") else {0}  # of so few grains C0 may be 2 % off
     assert done.returncode in allowed, done.stdout + done.stderr
+
+
+def test_what_the_snippets_write_is_ignored_by_git(folder):
+    """Run from the root of a clone, they leave `git status` empty."""
+    written = [str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file() and not file.is_symlink()]
+    written = [name for name in written if not name.startswith("examples/")]
+    command = ["git", "check-ignore", "--no-index", "--stdin"]
+    done = subprocess.run(command, cwd=ROOT, input="\n".join(written), capture_output=True, text=True)
+    assert written and sorted(done.stdout.splitlines()) == sorted(written)
 
 
 def test_it_is_read_in_four_minutes():
