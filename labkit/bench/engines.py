@@ -51,7 +51,7 @@ def bench(specimen: str, steps: int, rounds: int, progress: Progress) -> dict[st
 
 def _in_lammps(specimen: str, steps: int) -> dict[str, float]:
     state = read_state(specimen)
-    rates = velocity_gradient(ConstantVolume(), 1.0, state.time_step).diagonal()
+    rates = velocity_gradient(ConstantVolume(), None, 1.0, state.time_step).diagonal()
     return {"steps_per_second": bench_lammps.steps_per_second(shutil.which("lmp"), state, rates, steps)}
 
 

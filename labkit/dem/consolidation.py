@@ -7,7 +7,8 @@ import numpy as np
 from labkit.dem import servo
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
-from labkit.dem.paths import Consolidation, Control, Path
+from labkit.dem.control import Control
+from labkit.dem.paths import Consolidation, Path
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
@@ -15,6 +16,7 @@ from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress
+from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import with_unit
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
@@ -39,7 +41,7 @@ def _path_to(pressure: float) -> Consolidation:
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:
     """Largest deviation of the stresses that a Control holds from their targets, over these."""
-    stress = np.diag(love_stress(snapshot))
+    stress = to_six(symmetric(love_stress(snapshot)))
     return float(np.abs(control.measure @ stress / control.target - 1.0).max())
 
 
@@ -59,9 +61,9 @@ def bring_to(specimen: State, path: Path, start: Start, progress: Progress = sil
         unbalanced = unbalanced_force(snapshot)
         if step and error < TOLERANCE and unbalanced < UNBALANCED:
             return state.at_rest()
-        stiffness, before = servo.cell_stiffness(snapshot), state.velocity_gradient
+        stiffness, before = servo.cell_stiffness(snapshot, control.components), state.velocity_gradient
         for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
-            before = servo.velocity_gradient(path, 1.0, state.time_step, engine.stress(), stiffness, before)
+            before = servo.velocity_gradient(path, control, 1.0, state.time_step, engine.stress(), stiffness, before)
             engine.advance(servo.STANDARD.interval, before)
     raise PhysicsError(
         f"the specimen does not reach {np.array2string(control.target, precision=4)} Pa in {STEP_LIMIT} steps "

@@ -15,35 +15,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from labkit.dem.control import Control, Target
 from labkit.errors import InputError
 from labkit.extensions import Registry
+from labkit.micro.tensors import to_six
 from labkit.parameters import check_parameters, parameter, parameters_of, restored
 
 PRESSURE_LIMIT = 3e6  # Pa, of Table 1's grains: there the mean overlap reaches 2 %
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
-
-
-@dataclasses.dataclass(frozen=True)
-class Control:
-    """What the servo holds: `measure` (k, 3) @ (sigma_x, sigma_y, sigma_z) at `target` (k,), Pa, by moving the cell
-    with `free` (3, k) @ the k rates that it finds.
-    """
-
-    measure: np.ndarray
-    free: np.ndarray
-    target: np.ndarray
-
-    def __post_init__(self) -> None:
-        """Makes arrays of sequences."""
-        for name in ("measure", "free", "target"):
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
-        shapes = self.measure.shape, self.free.shape, self.target.shape
-        k = self.target.size
-        if shapes != ((k, 3), (3, k), (k,)):
-            raise InputError(
-                f"a Control has measure {shapes[0]}, free {shapes[1]} and target {shapes[2]}: give (k, 3), (3, k) and "
-                "(k,) for k held stresses"
-            )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,10 +36,14 @@ class Held:
     name: str
     kind: str
     measure: np.ndarray | None = None
-    target: np.ndarray | None = None
+    target: np.ndarray | Target | None = None
 
     def __post_init__(self) -> None:
-        """Raises InputError for another kind."""
+        """Converts the measure to six components. Raises InputError for another kind."""
+        if self.measure is not None:
+            measure = np.asarray(self.measure, dtype=float)
+            pad = ((0, 0), (0, 6 - measure.shape[-1]))
+            object.__setattr__(self, "measure", to_six(measure) if measure.ndim == 3 else np.pad(measure, pad))
         if self.kind not in ("stress", "strain", "volume"):
             raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain or volume")
 
@@ -75,18 +58,47 @@ class Path(abc.ABC):
     """
 
     rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="axial strain rate")
-    strain: float = parameter(0.4, above=0.0, high=2.0, help="axial strain to reach, logarithmic")
+    strain: float = parameter(
+        0.4, low=-2.0, high=2.0, help="axial strain to reach, logarithmic; negative for extension"
+    )
 
     name: ClassVar[str]
     direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
     shear: ClassVar[bool] = False  # whether it ends, if long enough, in a critical state
     holds: ClassVar[str] = "stress"  # the name of the stress that its control holds
     line_style: ClassVar[str] = "-"  # in figures, of matplotlib
+    rate_limit: ClassVar[float] = 3.0  # of a strain rate that the servo finds, over `rate`
     record_strain: ClassVar[float] = 1e-3  # axial strain between two records, unless the user says otherwise
 
     def __post_init__(self) -> None:
         """Checks every parameter. Raises InputError."""
         check_parameters(self)
+        if self.strain == 0.0:
+            raise InputError(field="strain", value=self.strain, allowed="a strain that is not zero")
+
+    def flow(self, travelled: float) -> np.ndarray:
+        """The prescribed velocity gradient over `rate`, (3, 3), compression positive, after the strain `travelled`.
+
+        Its symmetric part is the strain rate. Here it is constant, with the components of `direction`.
+        """
+        return np.diag(np.array(self.direction))
+
+    def legs(self) -> int:
+        """Number of pieces between reversals."""
+        return len(self.turning_points())
+
+    def leg_ends(self, stress: np.ndarray, leg: int) -> bool:
+        """True if the path reverses, or ends, at this stress (3, 3), Pa, in its piece number `leg`."""
+        return False
+
+    @property
+    def reverses_on_stress(self) -> bool:
+        """True if `leg_ends` decides where the path reverses, rather than `turning_points`."""
+        return type(self).leg_ends is not Path.leg_ends
+
+    def ends(self, record: Mapping[str, Any]) -> bool:
+        """True if the path ends at a record, given its variables by name (labkit.dem.measure)."""
+        return False
 
     def turning_points(self) -> tuple[float, ...]:
         """Axial strains at which the path turns; the last one ends it."""
@@ -126,8 +138,9 @@ class Path(abc.ABC):
         """Raises InputError if the control moves a direction whose strain rate is given."""
         control = self.control()
         if control is not None:
-            both = control.free.any(axis=1) & (np.asarray(self.direction) != 0.0)
-            if both.any():
+            control.require_possible()
+            both = control.free[:3].any(axis=1) & (np.diag(self.flow(0.0)) != 0.0)
+            if both.any() and control.coaxial:
                 names = ", ".join("xyz"[k] for k in np.flatnonzero(both))
                 said = f"gives the strain rate in {names} and lets the servo find it too: do one of them"
                 raise InputError(f"path {self.name} {said}")
@@ -297,6 +310,7 @@ class Biaxial(Path):
         return Control(plane, plane.T, np.array([self.stress_x, self.stress_z]))
 
 
+_TESTS = "labkit.dem.element_tests:"
 PATHS: Registry = Registry(
     "path",
     {
@@ -306,6 +320,18 @@ PATHS: Registry = Registry(
         "isoc": "labkit.dem.paths:IsotropicCompression",
         "isod": "labkit.dem.paths:IsotropicDilation",
         "cyclic_cp": "labkit.dem.paths:CyclicConstantMeanStress",
+        "c1": _TESTS + "ConstantAxialStress",
+        "true_triaxial": _TESTS + "TrueTriaxial",
+        "plane_strain": _TESTS + "PlaneStrain",
+        "oedometer": _TESTS + "Oedometer",
+        "simple_shear": _TESTS + "SimpleShear",
+        "simple_shear_cv": _TESTS + "SimpleShearConstantVolume",
+        "stress_rotation": _TESTS + "StressRotation",
+        "proportional": _TESTS + "ProportionalStrain",
+        "isotropic_reloading": _TESTS + "IsotropicReloading",
+        "oedometer_reloading": _TESTS + "OedometerReloading",
+        "undrained_cycles": _TESTS + "UndrainedCycles",
+        "drained_cycles": _TESTS + "DrainedCycles",
     },
 )
 

@@ -30,6 +30,14 @@ from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
+class Place:
+    """Where a run stands on its path: reversals on stress so far, and the equivalent lattice of the first cell."""
+
+    leg: int = 0
+    lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))  # see labkit.dem.lattice
+
+
+@dataclasses.dataclass(frozen=True)
 class Begun:
     """A run to go on with: the State of its checkpoint, the seconds spent, whether it is complete."""
 
@@ -37,6 +45,7 @@ class Begun:
     first_cell: np.ndarray  # (3, 3), m: at zero strain
     wall_time: float
     complete: bool
+    place: Place
 
 
 class Recorder:
@@ -75,10 +84,10 @@ class Recorder:
         self._new.append(values)
         self.records += 1
 
-    def save(self, state: State, complete: bool, wall_time: float, threads: int = 1) -> None:
+    def save(self, state: State, complete: bool, wall_time: float, threads: int = 1, place: Place = Place()) -> None:  # noqa: B008
         """Brings the file up to the present: all records so far and the state to go on from."""
         try:
-            self._save(state, complete, wall_time, threads)
+            self._save(state, complete, wall_time, threads, place)
         except (OSError, RuntimeError) as error:  # netCDF4 says RuntimeError when the disk is full
             raise PhysicsError(
                 f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); what was saved before "
@@ -87,7 +96,7 @@ class Recorder:
         self._new.clear()
         self._snapshots.clear()
 
-    def _save(self, state: State, complete: bool, wall_time: float, threads: int) -> None:
+    def _save(self, state: State, complete: bool, wall_time: float, threads: int, place: Place) -> None:
         with whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
@@ -102,6 +111,8 @@ class Recorder:
                 dataset.steps = np.int64(state.step)
                 dataset.threads = np.int32(threads)
                 _write_checkpoint(dataset, state)
+                dataset["checkpoint"].leg = np.int64(place.leg)
+                dataset["checkpoint"].lattice = place.lattice.ravel()
                 if complete:
                     dataset.data_sha256 = data_sha256(dataset)
 
@@ -166,8 +177,11 @@ class Recorder:
             if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
                 raise InputError(f"{self.file} was begun with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
-            first_cell = dataset["cell"][0].filled()
-            return Begun(_read_checkpoint(dataset), first_cell, float(dataset.wall_time), bool(dataset.complete))
+            checkpoint, first_cell = dataset["checkpoint"], dataset["cell"][0].filled()
+            lattice = np.reshape(getattr(checkpoint, "lattice", np.eye(3)), (3, 3))  # version 0.1.0 has none
+            place = Place(int(getattr(checkpoint, "leg", 0)), lattice)
+            state = _read_checkpoint(dataset)
+            return Begun(state, first_cell, float(dataset.wall_time), bool(dataset.complete), place)
 
 
 def read_checkpoint(file: os.PathLike[str] | str) -> State:

@@ -23,12 +23,13 @@ import dataclasses
 
 import numpy as np
 
+from labkit.dem.control import Control
 from labkit.dem.paths import Path
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import check_parameters, parameter
 
 LOW_PASS = 0.25
-RATE_LIMIT = 3.0  # of the rate of the path
 FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts from being zero
 
 
@@ -47,45 +48,85 @@ class Servo:
 STANDARD = Servo()
 
 
-def cell_stiffness(snapshot: Snapshot) -> np.ndarray:
-    """d(sigma_ii)/d(eps_jj) if all grains moved with the mean field, shape (3, 3), Pa.
+def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
+    """Stiffness of the cell if all grains moved with the mean field, Pa, an upper bound of the real one.
 
-    (1/V) sum over contacts of b^2 [kn ni^2 nj^2 + kt (delta_ij ni^2 - ni^2 nj^2)], b the branch length.
+        C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
+
+    b: branch length; sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni nk)/4.
+    Shape (6, 6) in Mandel's order (labkit.micro.tensors); with `components` = 3 its block of normal components alone.
     """
     scene, radius, contacts = snapshot.scene, snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
     kn, kt = scene.normal_stiffness(a, b), scene.tangential_stiffness(a, b)
-    squared = contacts.normal**2
-    length2 = contacts.branch_length(radius) ** 2
+    n, length2 = contacts.normal, contacts.branch_length(radius) ** 2
+    squared = n**2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
     tangential = np.diag((kt * length2) @ squared)
-    return (normal + tangential) / snapshot.volume + FLOOR * snapshot.young_modulus * np.eye(3)
+    block = (normal + tangential) / snapshot.volume + FLOOR * snapshot.young_modulus * np.eye(3)
+    if components == 3:
+        return block
+    six = to_six(n[:, :, None] * n[:, None, :])
+    fabric = to_tensor((kt * length2) @ six)
+    basis = to_tensor(np.eye(6))
+    sheared = np.einsum("aij,jk,bik->ab", basis, fabric, basis)
+    whole = ((six * ((kn - kt) * length2)[:, None]).T @ six + 0.5 * (sheared + sheared.T)) / snapshot.volume
+    whole += FLOOR * snapshot.young_modulus * np.eye(6)
+    whole[:3, :3] = block
+    return whole
 
 
 def velocity_gradient(
     path: Path,
+    control: Control | None,
     sign: float,
     time_step: float,
     stress: np.ndarray | None = None,
     stiffness: np.ndarray | None = None,
     before: np.ndarray | None = None,
     servo: Servo = STANDARD,
+    travelled: float = 0.0,
 ) -> np.ndarray:
     """The velocity gradient L (3, 3), 1/s, of a path until the `servo` corrects again.
 
-    Given rates make 1 + L dt = exp(-rate dt) in every step: the cell follows the logarithmic strains exactly,
-    and a rate without volume keeps the volume. `sign` turns the path round. A path with a Control needs the
-    `stress` (3, 3) Pa now, the cell's `stiffness` (3, 3) Pa, and `before`, the gradient (3, 3) 1/s until now.
+    Prescribed rates G make 1 + L dt = exp(-G dt) in every step: the cell follows the logarithmic strains exactly, and
+    rates without volume change keep the volume. `sign` reverses the path. `control`: that of the path; with it needs the `stress`
+    (3, 3), Pa, and the cell's `stiffness` (c, c), Pa, of now, the gradient `before` (3, 3), 1/s, and the strain
+    `travelled`, on which prescribed rates and targets may depend.
     """
-    given = sign * path.rate * np.array(path.direction)
-    L = np.expm1(-given * time_step) / time_step
-    control = path.control()
-    if control is not None:
-        missing = control.target - control.measure @ np.diag(stress)
-        response = control.measure @ stiffness @ control.free
-        rates = control.free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
-        limit = RATE_LIMIT * path.rate
-        wanted = -np.clip(rates, -limit, limit)
-        held = control.free.any(axis=1)
-        L[held] = LOW_PASS * wanted[held] + (1.0 - LOW_PASS) * np.diag(before)[held]
-    return np.diag(L)
+    given = sign * path.rate * path.flow(travelled)
+    if control is None:
+        return _exact(given, time_step)
+    servoed = _servoed(path, control, given, time_step, stress, stiffness, before, servo, travelled)
+    if control.isochoric and np.trace(given) == 0.0:
+        return _exact(given - servoed, time_step)
+    return _exact(given, time_step) + servoed
+
+
+def _servoed(path, control, given, time_step, stress, stiffness, before, servo, travelled):
+    """The part of the velocity gradient that the servo finds, (3, 3), 1/s."""
+    n = control.components
+    measure, free = control.measure[:, :n], control.free[:n]
+    missing = control.at(travelled) - measure @ to_six(symmetric(stress))[:n]
+    response = measure @ stiffness @ free
+    rates = free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
+    limit = path.rate_limit * path.rate
+    wanted = -np.clip(rates, -limit, limit)
+    kept = to_six(symmetric(before))[:n]
+    if (to_six(symmetric(given))[:n][free.any(axis=1)] != 0.0).any():  # prescribed and free rates share components
+        kept = free @ np.linalg.lstsq(free, kept + to_six(symmetric(given))[:n], rcond=None)[0]
+    held = free.any(axis=1)
+    found = np.zeros(6)
+    found[:n][held] = LOW_PASS * wanted[held] + (1.0 - LOW_PASS) * kept[held]
+    return to_tensor(found)
+
+
+def _exact(rate: np.ndarray, time_step: float) -> np.ndarray:
+    """L (3, 3) with 1 + L dt = exp(-rate dt), 1/s."""
+    if np.array_equal(rate, np.diag(np.diag(rate))):
+        return np.diag(np.expm1(-np.diag(rate) * time_step) / time_step)
+    power = term = -rate
+    for k in range(2, 9):  # |rate dt| is far below 1
+        term = term @ (-rate * time_step) / k
+        power = power + term
+    return power

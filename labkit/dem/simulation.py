@@ -8,12 +8,13 @@ from pathlib import Path as File
 
 import numpy as np
 
+from labkit.dem import lattice
 from labkit.dem.consolidation import consolidate, pressure_error
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
 from labkit.dem.paths import Path
-from labkit.dem.recorder import Begun, Recorder
+from labkit.dem.recorder import Begun, Place, Recorder
 from labkit.dem.servo import STANDARD, Servo, cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
@@ -58,7 +59,7 @@ class Schedule:
     """Which steps turn the path, which are recorded, and which records are snapshots and saves."""
 
     turns: tuple[int, ...]  # steps at which the path turns; the last one ends it
-    signs: tuple[float, ...]  # of the axial rate before each turn
+    sign: float  # of the rate before the first turn
     steps_per_record: int
     records_per_snapshot: int
     records_per_save: int
@@ -82,12 +83,12 @@ class Schedule:
                 allowed=f"a rate that makes {LEAST_STEPS} to {MOST_STEPS:g} steps",
             )
         steps = steps.astype(int)
-        sign = 1.0 if path.direction[2] * legs[0] > 0.0 else -1.0
+        sign = 1.0 if legs[0] > 0.0 else -1.0
         per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
         records = -(-int(steps.sum()) // per_record)
         return cls(
             turns=tuple(int(x) for x in np.cumsum(steps)),
-            signs=tuple(sign * (-1.0) ** k for k in range(len(steps))),
+            sign=sign,
             steps_per_record=per_record,
             records_per_snapshot=-(-records // options.snapshots) if options.snapshots else 0,
             records_per_save=options.save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
@@ -98,13 +99,13 @@ class Schedule:
         """Of the whole path."""
         return self.turns[-1]
 
-    def sign(self, step: int) -> float:
-        """Of the axial rate in this step, 1 or -1."""
-        return self.signs[int(np.searchsorted(self.turns, step, side="right"))]
+    def leg(self, step: int) -> int:
+        """Number of reversals by strain before this step."""
+        return int(np.searchsorted(self.turns, step, side="right"))
 
     def next_record(self, step: int) -> int:
         """The next regular record or the next turn, whichever comes first."""
-        turn = self.turns[int(np.searchsorted(self.turns, step, side="right"))]
+        turn = self.turns[self.leg(step)]
         return min(turn, (step // self.steps_per_record + 1) * self.steps_per_record)
 
     def is_snapshot(self, record: int, last: bool) -> bool:
@@ -171,6 +172,8 @@ class _Loop:
         state = begun.state if begun else specimen
         self.schedule = Schedule.of(self.path, state.time_step, state.number_of_grains, options)
         self.stopped = False
+        self.control = self.path.control()
+        self.place = begun.place if begun else Place()
         self.engine = start(state)
         if begun:
             self.go_on_from(state, state.snapshot())
@@ -183,65 +186,84 @@ class _Loop:
         """What the servo and the schedule need of a record, or of the checkpoint of a run that is resumed."""
         self.step = state.step
         self.time_step, self.gradient = state.time_step, state.velocity_gradient
-        self.stiffness = cell_stiffness(snapshot) if self.path.control() else None
+        self.stiffness = cell_stiffness(snapshot, self.control.components) if self.control else None
 
     def go(self, signals: Signals) -> bool:
         last = False
         while not last:
             end = self.schedule.next_record(self.step)
-            self.advance(end, signals)
+            turned = self.advance(end, signals)
             last = self.stopped or self.step == self.schedule.steps
-            if self.step < end and not last:
+            if self.step < end and not last and not turned:
                 self.save(self.engine.state(), False)
                 raise self.interrupted(signals)
-            self.record_and_save(last, signals)
+            last = self.record_and_save(last, signals)
             if signals.caught and not last:
                 raise self.interrupted(signals)
         return True
 
-    def record_and_save(self, last: bool, signals: Signals) -> None:
-        """In a function of its own, so that no State is kept while the run goes on."""
+    def record_and_save(self, last: bool, signals: Signals) -> bool:
+        """Records, and saves where it is time; True if the run ends here. No State is kept while the run continues."""
         saving = self.schedule.is_save(self.recorder.records, last) or signals.caught
         state = self.engine.reload() if saving else self.engine.state()
-        self.record(state, last)
-        if saving:
+        if lattice.tilt(state.cell) > lattice.MOST_TILT:
+            U = lattice.reduction(state.cell)
+            state = lattice.in_cell(state, U)
+            self.engine.load(state)
+            self.place = dataclasses.replace(self.place, lattice=self.place.lattice @ U)
+        last = self.record(state, last)
+        if saving or last:
             self.save(state, last)
+        return last
 
-    def advance(self, end: int, signals: Signals) -> None:
-        """Moves to the step `end`, or to where the path or a signal stops it."""
-        while self.step < end and not self.stopped and not signals.caught:
-            stress = self.engine.stress() if self.stiffness is not None else None
+    def advance(self, end: int, signals: Signals) -> bool:
+        """Moves to the step `end`, or to where the path or a signal stops it; True if the path reverses there."""
+        on_stress = self.path.reverses_on_stress
+        turned = False
+        while self.step < end and not self.stopped and not turned and not signals.caught:
+            stress = self.engine.stress() if self.control else None
+            reversals = self.place.leg if on_stress else self.schedule.leg(self.step)
             self.gradient = velocity_gradient(
                 self.path,
-                self.schedule.sign(self.step),
+                self.control,
+                self.schedule.sign * (-1.0) ** reversals,
                 self.time_step,
                 stress,
                 self.stiffness,
                 self.gradient,
                 self.options.servo,
+                self.path.rate * self.time_step * self.step,
             )
-            steps = min(self.options.servo.interval if self.stiffness is not None else LISTEN, end - self.step)
+            interval = self.options.servo.interval if self.control or on_stress else LISTEN
+            steps = min(interval, end - self.step)
             self.engine.advance(steps, self.gradient)
             self.step += steps
             self.stopped = self.path.stops_early and self.path.stops(mean_stress(self.engine.stress()))
+            if on_stress and self.path.leg_ends(self.engine.stress(), self.place.leg):
+                turned, self.place = True, dataclasses.replace(self.place, leg=self.place.leg + 1)
+                self.stopped = self.stopped or self.place.leg == self.path.legs()
+        return turned
 
-    def record(self, state: State, last: bool) -> None:
+    def record(self, state: State, last: bool) -> bool:
         snapshot = state.snapshot()
-        values = measure(state, self.first_cell, snapshot)
+        values = measure(state, self.first_cell @ self.place.lattice, snapshot)
         require_sane(values, state)
         if self.options.guarded:
             require_balanced(state, snapshot)
+        last = last or self.path.ends(values)
         kept = self.schedule.is_snapshot(self.recorder.records, last)
         self.recorder.record(values, snapshot if kept else None)
         self.go_on_from(state, snapshot)
         self.progress(1.0 if last else state.step / self.schedule.steps, _status(values))
+        return last
 
     def interrupted(self, signals: Signals) -> Interrupted:
         said = f"stopped by signal {signals.caught}; {self.recorder.file} is saved, the same command goes on from there"
         return Interrupted(said, 128 + signals.caught)
 
     def save(self, state: State, complete: bool) -> None:
-        self.recorder.save(state, complete, self.wall_before + time.monotonic() - self.started, self.threads)
+        seconds = self.wall_before + time.monotonic() - self.started
+        self.recorder.save(state, complete, seconds, self.threads, self.place)
 
 
 def _status(values: dict) -> str:

@@ -1,0 +1,106 @@
+"""Mixed control: which strain rates are prescribed, which stresses are held, and by which strain rates.
+
+    D = D0 + sum_j x_j P_j        M_i : sigma = s_i(t)        i, j = 1 ... k, k <= 6
+
+D0 is the strain rate that a path prescribes. The servo (labkit.dem.servo) finds the k numbers x_j such that the k
+stresses M_i : sigma follow their targets s_i, which may be constant or functions of the travelled strain t.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.tensors import COMPONENTS, ROOT2, to_six
+
+Target = Callable[[float], Sequence[float]]
+
+# The response that decides whether a control can work at all: an isotropic elastic body with K = G.
+_ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])] * 2)
+SINGULAR = 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Control:
+    """Stresses that the servo holds, and the strain rates by which it does so.
+
+    measure: the k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
+    free: the k tensors P_j, shape (k, 3, 3), or (3, k) if only normal strain rates are adjusted.
+    target: the k stresses, Pa, shape (k,), or a function of the travelled strain that returns them.
+
+    The fields hold six components in Mandel's order (labkit.micro.tensors): measure (k, 6), free (6, k). Raises
+    InputError for shapes that do not fit, tensors that are not symmetric, and a control that no material can follow.
+    """
+
+    measure: Any
+    free: Any
+    target: Any
+
+    def __post_init__(self) -> None:
+        """Converts the fields to six components. Raises InputError."""
+        measure, free = (np.asarray(value, dtype=float) for value in (self.measure, self.free))
+        target = self.target if callable(self.target) else np.asarray(self.target, dtype=float)
+        k = len(np.atleast_1d(target(0.0))) if callable(target) else target.size
+        if measure.shape not in ((k, 3), (k, 3, 3)) or free.shape not in ((3, k), (k, 3, 3)) or not 1 <= k <= 6:
+            raise InputError(
+                f"a Control has measure {measure.shape}, free {free.shape} and target ({k},): give (k, 3) or "
+                "(k, 3, 3), (3, k) or (k, 3, 3), and (k,) for k held stresses"
+            )
+        for name, value in (("measure", measure), ("free", free)):
+            if value.ndim == 3 and not np.array_equal(value, value.transpose(0, 2, 1)):
+                raise InputError(f"a Control has a {name} that is not symmetric: give (T + T^T)/2")
+        object.__setattr__(self, "measure", to_six(measure) if measure.ndim == 3 else np.pad(measure, ((0, 0), (0, 3))))
+        object.__setattr__(self, "free", to_six(free).T if free.ndim == 3 else np.pad(free, ((0, 3), (0, 0))))
+        object.__setattr__(self, "target", target)
+
+    def require_possible(self) -> None:
+        """Raises InputError if a held stress does not respond to the free strain rates."""
+        response = self.measure @ _ISOTROPIC @ self.free
+        for name, row in zip(self.names, response, strict=True):
+            if np.abs(row).max() < SINGULAR:
+                raise InputError(
+                    f"the stress {name} is held, but the strain rates that would change it are prescribed: free one "
+                    "of them or do not hold this stress"
+                )
+        if np.linalg.cond(response) > 1.0 / SINGULAR:
+            raise InputError(
+                f"the held stresses {', '.join(self.names)} cannot be set independently by the free strain rates: "
+                "give as many independent strain rates as stresses"
+            )
+
+    @property
+    def coaxial(self) -> bool:
+        """True if only normal stresses and normal strain rates take part."""
+        return not (self.measure[:, 3:].any() or self.free[3:].any())
+
+    @property
+    def components(self) -> int:
+        """Number of components that the servo has to follow: 3, or 6 with shear."""
+        return 3 if self.coaxial else 6
+
+    @property
+    def isochoric(self) -> bool:
+        """True if none of the free strain rates changes the volume."""
+        return bool(np.abs(self.free[:3].sum(axis=0)).max() < 1e-12)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The held stresses as text, e.g. ('sigma_xz', '0.333 sigma_xx + 0.333 sigma_yy + 0.333 sigma_zz')."""
+        return tuple(_combination(row) for row in self.measure)
+
+    def at(self, travelled: float) -> np.ndarray:
+        """The targets (k,), Pa, after the strain `travelled`."""
+        return np.asarray(self.target(travelled) if callable(self.target) else self.target, dtype=float)
+
+
+def _combination(row: np.ndarray) -> str:
+    """A linear combination of stresses as text."""
+    weights = row * np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])  # M : sigma counts a shear stress twice
+    terms = [(w, c) for w, c in zip(weights, COMPONENTS, strict=True) if abs(w) > 1e-12]
+    if len(terms) == 1 and abs(terms[0][0] - 1.0) < 1e-12:
+        return f"sigma_{terms[0][1]}"
+    return " + ".join(f"{w:.3g} sigma_{c}" for w, c in terms).replace("+ -", "- ")

@@ -1,0 +1,346 @@
+"""Loading paths of the laboratory beyond the paper's six: extension, true triaxial, plane strain, shear, cycles.
+
+Each is a mixed control (labkit.dem.control). Strain rates and stresses are positive in compression; a shear strain rate
+d(gamma_xz)/dt and a shear stress sigma_xz are positive together.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.control import Control
+from labkit.dem.paths import Held, Path, StressPath
+from labkit.errors import InputError
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.tensors import to_tensor
+from labkit.parameters import parameter
+
+MEAN = np.eye(3) / 3.0
+SHEAR_XZ = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])  # SHEAR_XZ : sigma = sigma_xz
+NORMAL = np.eye(3)[:, :, None] * np.eye(3)[:, None, :]  # NORMAL[2] : sigma = sigma_zz
+
+
+@dataclasses.dataclass(frozen=True)
+class ConstantAxialStress(StressPath):
+    """Axial stress held at `pressure`; equal radial strain rates."""
+
+    name = "c1"
+    shear = True
+    holds = "axial stress"
+    line_style = (0, (1, 3))
+
+    def control(self) -> Control:
+        return Control([[0.0, 0.0, 1.0]], [[1.0], [1.0], [0.0]], [self.held_pressure])
+
+
+@dataclasses.dataclass(frozen=True)
+class TrueTriaxial(StressPath):
+    """Mean stress held at `pressure` with a constant ratio b of the principal stresses.
+
+        b = (sigma_y - sigma_x)/(sigma_z - sigma_x)
+
+    b = 0 is triaxial compression, b = 1 triaxial extension with sigma_x as the least stress. The Lode angle theta,
+    0 to 60 degrees, is an alternative: tan(theta) = sqrt(3) b/(2 - b).
+    """
+
+    b: float | None = parameter(None, low=0.0, high=1.0, help="intermediate principal stress ratio (default: 0.5)")
+    lode_angle: float | None = parameter(
+        None, low=0.0, high=60.0, help="Lode angle, degrees, instead of b: 0 compression, 60 extension"
+    )
+
+    name = "true_triaxial"
+    shear = True
+    rate_limit = 8.0  # at b = 1 the least principal strain rate is -2 and more
+    line_style = (0, (4, 1))
+
+    def __post_init__(self) -> None:
+        """Checks that b and the Lode angle are not both given. Raises InputError."""
+        super().__post_init__()
+        if self.b is not None and self.lode_angle is not None:
+            raise InputError("is given together with b: give one of them", field="lode_angle")
+
+    @property
+    def ratio(self) -> float:
+        """The ratio b."""
+        if self.lode_angle is None:
+            return 0.5 if self.b is None else self.b
+        tangent = np.tan(np.radians(self.lode_angle))
+        return float(2.0 * tangent / (np.sqrt(3.0) + tangent))
+
+    def control(self) -> Control:
+        b = self.ratio
+        measure = [[1 / 3, 1 / 3, 1 / 3], [b - 1.0, 1.0, -b]]
+        return Control(measure, np.eye(3)[:, :2], [self.held_pressure, 0.0])
+
+    def held(self) -> tuple[Held, ...]:
+        control = self.control()
+        return (
+            Held("mean stress", "stress", control.measure[:1], control.target[:1]),
+            Held(f"b = {self.ratio:.3g}", "stress", control.measure[1:], control.target[1:]),
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class PlaneStrain(StressPath):
+    """Plane strain (biaxial) test: eps_y = 0, sigma_x held at `pressure`."""
+
+    name = "plane_strain"
+    shear = True
+    holds = "lateral stress"
+    line_style = (0, (5, 1, 1, 1))
+
+    def control(self) -> Control:
+        return Control([[1.0, 0.0, 0.0]], [[1.0], [0.0], [0.0]], [self.held_pressure])
+
+    def held(self) -> tuple[Held, ...]:
+        return (*super().held(), Held("strain in y", "strain", np.array([[0.0, 1.0, 0.0]])))
+
+
+@dataclasses.dataclass(frozen=True)
+class Oedometer(Path):
+    """One-dimensional (K0) compression: eps_x = eps_y = 0."""
+
+    strain: float = parameter(0.1, above=0.0, high=2.0, help="axial strain to reach, logarithmic")
+
+    name = "oedometer"
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("lateral strains", "strain", np.eye(3)[:2]),)
+
+
+@dataclasses.dataclass(frozen=True)
+class SimpleShear(StressPath):
+    """Simple shear in the x-z plane with sigma_z held at `pressure` and eps_x = eps_y = 0.
+
+    The cell is sheared at d(gamma_xz)/dt = `rate`: v_x changes with z. Without `spin` the same strain rate is imposed
+    without rotation (pure shear).
+    """
+
+    rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="rate of the shear strain gamma_xz")
+    strain: float = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
+    spin: bool = parameter(True, help="simple shear; without spin: pure shear")
+
+    name = "simple_shear"
+    shear = True
+    holds = "normal stress"
+    line_style = (0, (2, 1))
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return _shear_flow(self.spin)
+
+    def control(self) -> Control:
+        return Control(NORMAL[2:], NORMAL[2:], [self.held_pressure])
+
+
+@dataclasses.dataclass(frozen=True)
+class SimpleShearConstantVolume(Path):
+    """Simple shear in the x-z plane at constant height, hence constant volume."""
+
+    rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="rate of the shear strain gamma_xz")
+    strain: float = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
+    spin: bool = parameter(True, help="simple shear; without spin: pure shear")
+
+    name = "simple_shear_cv"
+    shear = True
+    line_style = (0, (2, 1, 1, 1))
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return _shear_flow(self.spin)
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("volume", "volume"),)
+
+
+def _shear_flow(spin):
+    return np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) if spin else SHEAR_XZ
+
+
+@dataclasses.dataclass(frozen=True)
+class StressRotation(StressPath):
+    """Rotation of the principal stresses at constant p, q and b = 0.5.
+
+    All six stresses are controlled. Over the first tenth of the travelled `strain` the deviator grows to
+    `stress_ratio` = q/p with sigma_1 along z; then sigma_1 rotates about y by `angle`.
+    """
+
+    strain: float = parameter(0.4, above=0.0, high=10.0, help="rate times the duration of the test")
+    stress_ratio: float = parameter(0.4, above=0.0, high=1.5, help="ratio q/p that is kept while sigma_1 rotates")
+    angle: float = parameter(180.0, above=0.0, high=3600.0, help="angle of rotation of sigma_1, degrees")
+
+    name = "stress_rotation"
+    line_style = (0, (1, 1))
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return np.zeros((3, 3))
+
+    def stress_at(self, travelled: float) -> np.ndarray:
+        """The stress to follow (3, 3), Pa, after the strain `travelled`."""
+        p, ramp = self.held_pressure, 0.1 * self.strain
+        radius = self.stress_ratio * p * min(travelled / ramp, 1.0) / np.sqrt(3.0)  # q = sqrt(3) radius at b = 0.5
+        twice = 2.0 * np.radians(self.angle) * max(travelled - ramp, 0.0) / (self.strain - ramp)
+        normal, shear = radius * np.cos(twice), radius * np.sin(twice)
+        return p * np.eye(3) + np.array([[-normal, 0.0, shear], [0.0, 0.0, 0.0], [shear, 0.0, normal]])
+
+    def control(self) -> Control:
+        basis = to_tensor(np.eye(6))
+        return Control(basis, basis, lambda travelled: np.einsum("aij,ij->a", basis, self.stress_at(travelled)))
+
+
+@dataclasses.dataclass(frozen=True)
+class ProportionalStrain(Path):
+    """Proportional strain path: constant ratios of the strain rates."""
+
+    ratios: tuple[float, ...] = parameter(
+        (-0.5, -0.5, 1.0), help="strain rates xx,yy,zz or xx,yy,zz,yz,xz,xy over `rate`"
+    )
+
+    name = "proportional"
+
+    def __post_init__(self) -> None:
+        """Checks the number of ratios. Raises InputError."""
+        super().__post_init__()
+        if len(self.ratios) not in (3, 6) or not np.any(self.ratios) or not np.isfinite(self.ratios).all():
+            raise InputError(field="ratios", value=self.ratios, allowed="3 or 6 numbers, not all zero")
+
+    def flow(self, travelled: float) -> np.ndarray:
+        x, y, z, yz, xz, xy = (*self.ratios, 0.0, 0.0, 0.0)[:6]
+        return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
+
+
+@dataclasses.dataclass(frozen=True)
+class _StressReversals(Path):
+    """A path that reverses whenever a stress reaches the next of `levels`."""
+
+    def measured(self, stress: np.ndarray) -> float:
+        """The stress that is compared with the levels, Pa."""
+        return float(mean_stress(stress))
+
+    def levels(self) -> tuple[float, ...]:
+        """Stresses, Pa, at which the path reverses; it ends at the last one."""
+        raise NotImplementedError
+
+    def legs(self) -> int:
+        return len(self.levels())
+
+    def leg_ends(self, stress: np.ndarray, leg: int) -> bool:
+        sign = 1.0 if leg % 2 == 0 else -1.0
+        return sign * (self.measured(stress) - self.levels()[leg]) >= 0.0
+
+
+def _require_alternating(name: str, values: tuple[float, ...], example: str) -> None:
+    """Raises InputError unless the values go up and down in turn."""
+    steps = np.diff(values)
+    if not values or not np.isfinite(values).all() or min(values) <= 0.0:
+        raise InputError(field=name, value=values, allowed=f"positive stresses, e.g. {example}")
+    if (steps == 0.0).any() or (steps[:1] > 0.0).any() or (np.sign(steps[1:]) == np.sign(steps[:-1])).any():
+        raise InputError("does not alternate: unload and reload in turn", field=name, value=values, allowed=example)
+
+
+@dataclasses.dataclass(frozen=True)
+class IsotropicReloading(_StressReversals):
+    """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
+
+    rate: float = parameter(5.0, unit="1/s", above=0.0, high=1e4, help="strain rate in each direction")
+    strain: float = parameter(0.5, above=0.0, high=10.0, help="strain travelled at which the test ends at the latest")
+    pressures: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to visit")
+
+    name = "isotropic_reloading"
+    direction = (1.0, 1.0, 1.0)
+    record_strain = 1e-4
+
+    def __post_init__(self) -> None:
+        """Checks the pressures. Raises InputError."""
+        super().__post_init__()
+        _require_alternating("pressures", self.pressures, "1e6,0.3e6,2e6")
+
+    def levels(self) -> tuple[float, ...]:
+        return self.pressures
+
+
+@dataclasses.dataclass(frozen=True)
+class OedometerReloading(_StressReversals):
+    """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
+
+    strain: float = parameter(0.5, above=0.0, high=10.0, help="strain travelled at which the test ends at the latest")
+    stresses: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to visit")
+
+    name = "oedometer_reloading"
+    record_strain = 2e-4
+
+    def __post_init__(self) -> None:
+        """Checks the stresses. Raises InputError."""
+        super().__post_init__()
+        _require_alternating("stresses", self.stresses, "1e6,0.3e6,2e6")
+
+    def measured(self, stress: np.ndarray) -> float:
+        return float(stress[2, 2])
+
+    def levels(self) -> tuple[float, ...]:
+        return self.stresses
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("lateral strains", "strain", np.eye(3)[:2]),)
+
+
+@dataclasses.dataclass(frozen=True)
+class UndrainedCycles(_StressReversals):
+    """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
+
+    With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
+    `cycles` cycles, or earlier where the axial strain exceeds `strain_limit` (initial liquefaction in strain).
+    """
+
+    strain: float = parameter(4.0, above=0.0, high=50.0, help="strain travelled at which the test ends at the latest")
+    amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
+    cycles: int = parameter(100, low=1, high=100000, help="number of cycles")
+    strain_limit: float = parameter(0.05, above=0.0, high=1.0, help="axial strain at which the test ends")
+
+    name = "undrained_cycles"
+    direction = (-0.5, -0.5, 1.0)
+    record_strain = 2e-4
+    line_style = "-."
+
+    def measured(self, stress: np.ndarray) -> float:
+        return float(deviatoric_stress(stress))
+
+    def levels(self) -> tuple[float, ...]:
+        return (self.amplitude, -self.amplitude) * self.cycles
+
+    def legs(self) -> int:
+        return 2 * self.cycles
+
+    def ends(self, record: Mapping[str, Any]) -> bool:
+        return abs(record["axial_strain"]) > self.strain_limit
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("volume", "volume"),)
+
+
+@dataclasses.dataclass(frozen=True)
+class DrainedCycles(_StressReversals, StressPath):
+    """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`."""
+
+    strain: float = parameter(4.0, above=0.0, high=50.0, help="strain travelled at which the test ends at the latest")
+    amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
+    cycles: int = parameter(10, low=1, high=100000, help="number of cycles")
+
+    name = "drained_cycles"
+    record_strain = 2e-4
+    holds = "mean stress"
+    line_style = "-."
+
+    def measured(self, stress: np.ndarray) -> float:
+        return float(deviatoric_stress(stress))
+
+    def levels(self) -> tuple[float, ...]:
+        return (self.amplitude, -self.amplitude) * self.cycles
+
+    def legs(self) -> int:
+        return 2 * self.cycles
+
+    def control(self) -> Control:
+        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
