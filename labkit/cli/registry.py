@@ -19,6 +19,7 @@ LABKITS = {
     "picture": ("look", "grains and contact forces in three dimensions: a picture"),
     "paraview": ("look", "grains, contacts and cell as files that ParaView opens"),
     "watch": ("look", "draw runs in the terminal while they go on"),
+    "export": ("export", "records of a run, or contacts of a snapshot: a CSV file"),
     "info": ("look", "what is in a state or run file"),
     "model": ("model", "C0 to C5 along a loading path, no grains: a run file"),
     "calibrate": ("model", "parameters of the model from run files"),
