@@ -17,7 +17,7 @@ from labkit.campaign.plan import FIGURES, REPORT, RUNS, STATISTICS, Job, Plan
 from labkit.campaign.workflow import failures
 from labkit.dem.limits import RECORDED, exceeded
 from labkit.io.files import whole_file
-from labkit.io.provenance import commit, data_sha256, libraries, machine, of_file, provenance, write_told
+from labkit.io.provenance import commit, data_sha256, libraries, machine, of_file, provenance, write_with_provenance
 from labkit.io.schema import RECORD
 from labkit.runs.critical import critical_states, is_shear
 from labkit.runs.dataset import open_run
@@ -117,7 +117,7 @@ def write_report(plan: Plan) -> None:
         lines += ["## Outside the limits", "", *left, ""] * bool(left)
         lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
     lines += ["## Provenance", "", *_origin(rows)]
-    write_told(REPORT, "\n".join(lines) + "\n", [Path(STATISTICS) / f"{row['run']}.nc" for row in rows])
+    write_with_provenance(REPORT, "\n".join(lines) + "\n", [Path(STATISTICS) / f"{row['run']}.nc" for row in rows])
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> list[str]:

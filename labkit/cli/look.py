@@ -13,7 +13,7 @@ from labkit.cli.registry import command
 from labkit.cli.simulate import layer_options, stratified
 from labkit.errors import InputError
 from labkit.io.files import labkit_kind, make_folder, require_writable
-from labkit.io.provenance import write_told
+from labkit.io.provenance import write_with_provenance
 from labkit.runs.figures import FIGURES
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def do_verify(options: argparse.Namespace, argv: list[str]) -> int:
     plots.save(plots.sff_against_love(runs), figure, options.run)
     print(f"figure: {figure}")
     if options.csv:
-        write_told(options.csv, verify.findings_csv(found), options.run)
+        write_with_provenance(options.csv, verify.findings_csv(found), options.run)
     return 0 if all(f.holds for lines in found.values() for f in lines if f.decides) else 1
 
 
@@ -78,7 +78,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     plots.save(plots.e_p_paths(runs), options.output, options.run)
     print(f"figure: {options.output}")
     if options.csv:
-        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), options.run)
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), options.run)
 
 
 def figure_options(parser: argparse.ArgumentParser) -> None:
@@ -117,7 +117,7 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
-        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
     else:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
@@ -197,7 +197,7 @@ def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
-        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.output])
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.output])
 
 
 def watch_options(parser: argparse.ArgumentParser) -> None:

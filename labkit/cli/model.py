@@ -117,7 +117,7 @@ def calibrate_options(parser: argparse.ArgumentParser) -> None:
 def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
     """Fits the parameters to runs, prints the report and writes what was asked for. Raises InputError."""
     from labkit.cli.look import open_runs
-    from labkit.io.provenance import write_told
+    from labkit.io.provenance import write_with_provenance
     from labkit.model.calibration import fit, observe
     from labkit.visuals import plots
 
@@ -133,9 +133,9 @@ def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
     found = fit(observations)
     print(found.report())
     if options.output:
-        write_told(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n", options.run)
+        write_with_provenance(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n", options.run)
     if options.csv:
-        write_told(options.csv, found.table.to_csv(index=False, float_format="%.6g"), options.run)
+        write_with_provenance(options.csv, found.table.to_csv(index=False, float_format="%.6g"), options.run)
     if options.figure:
         plots.save(plots.calibration(observations, found.predicted), options.figure)
     for file in outputs:

@@ -166,7 +166,7 @@ def test_a_file_that_lacks_what_is_essential_is_refused(name, run_file, tmp_path
     for read in (lk.open_run, lk.verify, lk.Run.open):
         with pytest.raises(lk.InputError) as refused:
             read(file)
-        assert str(refused.value) == f"{file} is damaged, it lacks {lacking}: run it again"
+        assert str(refused.value) == f"{file} is damaged ({lacking} is missing): repeat the run"
 
 
 def test_it_is_refused_in_one_line(run_file, tmp_path, labkit_command):
@@ -179,8 +179,8 @@ def test_it_is_refused_in_one_line(run_file, tmp_path, labkit_command):
         run.scene = run.scene.replace("rolling_resistance", "hertz")
     before = sorted(tmp_path.iterdir())
     for file, said in (
-        ("stress", "stress.run.nc is damaged, it lacks stress: run it again"),
-        ("scene", "scene.run.nc is damaged, it lacks the attribute scene: run it again"),
+        ("stress", "stress.run.nc is damaged (stress is missing): repeat the run"),
+        ("scene", "scene.run.nc is damaged (the attribute scene is missing): repeat the run"),
         ("law", "law.run.nc: law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot"),
     ):
         for command in ("verify", "critical", "watch", "picture"):

@@ -60,7 +60,7 @@ def test_the_largest_grain_is_in_the_last_group():
     assert np.bincount(groups_by_diameter(grains, diameter_edges(grains, 5))).tolist() == [2, 2, 2, 2, 3]
 
 
-@pytest.mark.parametrize(("edges", "said"), [([1.0], "ascend"), ([3.0, 1.0], "ascend"), ([1.0, 2.5], "leave grains")])
+@pytest.mark.parametrize(("edges", "said"), [([1.0], "ascend"), ([3.0, 1.0], "ascend"), ([1.0, 2.5], "outside the size groups")])
 def test_edges_that_cannot_be(edges, said):
     with pytest.raises(InputError, match=said):
         groups_by_diameter(snapshot_of([0.6, 1.4]), edges)
