@@ -1,160 +1,20 @@
-"""Loading paths (section 2): strain rates that are given, stresses that are held, and when to stop.
-
-A path knows no engine and no file. It is a frozen dataclass that says everything of itself: the simulation, the command
-line, campaigns, `verify` and the figures ask it. A path of your own is a subclass of Path with
-`@labkit.register_path`, see examples/own_path.py. Directions are x, y, z; strain rates are logarithmic, 1/s,
-compression positive.
-"""
+"""Loading paths of section 2 and their registry; labkit.dem.loading defines their interface."""
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
+from labkit.dem.loading import Control, Held, Path, StressPath, rate_parameter, require_direction
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.parameters import check_parameters, parameter, parameters_of, restored
+from labkit.parameters import parameter, parameters_of, restored
 
-PRESSURE_LIMIT = 3e6  # Pa, of Table 1's grains: there the mean overlap reaches 2 %
+PRESSURE_LIMIT = 3e6  # Pa: where the mean overlap of the grains of Table 1 reaches 2 %
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
-
-
-@dataclasses.dataclass(frozen=True)
-class Control:
-    """What the servo holds: `measure` (k, 3) @ (sigma_x, sigma_y, sigma_z) at `target` (k,), Pa, by moving the cell
-    with `free` (3, k) @ the k rates that it finds.
-    """
-
-    measure: np.ndarray
-    free: np.ndarray
-    target: np.ndarray
-
-    def __post_init__(self) -> None:
-        """Makes arrays of sequences."""
-        for name in ("measure", "free", "target"):
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float))
-        shapes = self.measure.shape, self.free.shape, self.target.shape
-        k = self.target.size
-        if shapes != ((k, 3), (3, k), (k,)):
-            raise InputError(
-                f"a Control has measure {shapes[0]}, free {shapes[1]} and target {shapes[2]}: give (k, 3), (3, k) and "
-                "(k,) for k held stresses"
-            )
-
-
-@dataclasses.dataclass(frozen=True)
-class Held:
-    """Something that a path keeps, for `labkit verify`.
-
-    kind: `stress`: measure (k, 3) @ the normal stresses stays at target (k,), Pa; `strain`: measure (k, 3) @ the normal
-    strains stays zero; `volume`: the volume stays what it was.
-    """
-
-    name: str
-    kind: str
-    measure: np.ndarray | None = None
-    target: np.ndarray | None = None
-
-    def __post_init__(self) -> None:
-        """Raises InputError for another kind."""
-        if self.kind not in ("stress", "strain", "volume"):
-            raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain or volume")
-
-
-@dataclasses.dataclass(frozen=True)
-class Path(abc.ABC):
-    """What is given, what is held, where it turns and ends, whether it is shear, and how it is drawn.
-
-    A subclass has a `name` and a `direction`, the given strain rates in x, y and z over the axial `rate`; where it has
-    a `control`, the servo moves what that leaves free. Its fields are made with labkit.parameter, and so are known to
-    the command line and to campaigns. Raises InputError for values outside their ranges.
-    """
-
-    rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="axial strain rate")
-    strain: float = parameter(0.4, above=0.0, high=2.0, help="axial strain to reach, logarithmic")
-
-    name: ClassVar[str]
-    direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
-    shear: ClassVar[bool] = False  # whether it ends, if long enough, in a critical state
-    holds: ClassVar[str] = "stress"  # the name of the stress that its control holds
-    line_style: ClassVar[str] = "-"  # in figures, of matplotlib
-    record_strain: ClassVar[float] = 1e-3  # axial strain between two records, unless the user says otherwise
-
-    def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
-        check_parameters(self)
-
-    def turning_points(self) -> tuple[float, ...]:
-        """Axial strains at which the path turns; the last one ends it."""
-        return (self.strain,)
-
-    def control(self) -> Control | None:
-        """The Control of the servo, or None when all rates are given."""
-        return None
-
-    def stops(self, pressure: float) -> bool:
-        """Whether the path ends at this mean stress, Pa, before its last strain."""
-        return False
-
-    @property
-    def stops_early(self) -> bool:
-        """Whether `stops` has to be asked."""
-        return type(self).stops is not Path.stops
-
-    def held(self) -> tuple[Held, ...]:
-        """What `labkit verify` checks of a run; here the stresses of the control."""
-        control = self.control()
-        return () if control is None else (Held(self.holds, "stress", control.measure, control.target),)
-
-    def start_pressure(self) -> float | None:
-        """The isotropic pressure, Pa, that a specimen is brought to first; None for that which it has."""
-        return None
-
-    def starting_at(self, pressure: float) -> Path:
-        """The path for a specimen with this mean stress, Pa: a stress to hold that was not given is that one."""
-        return self
-
-    def parameters(self) -> dict[str, Any]:
-        """Its fields, name -> value in SI units, for files."""
-        return dataclasses.asdict(self)
-
-    def require_consistent(self) -> None:
-        """Raises InputError if the control moves a direction whose strain rate is given."""
-        control = self.control()
-        if control is not None:
-            both = control.free.any(axis=1) & (np.asarray(self.direction) != 0.0)
-            if both.any():
-                names = ", ".join("xyz"[k] for k in np.flatnonzero(both))
-                said = f"gives the strain rate in {names} and lets the servo find it too: do one of them"
-                raise InputError(f"path {self.name} {said}")
-
-    def given(self) -> dict[str, Any]:
-        """Those of its fields that it is made with."""
-        return {name: getattr(self, name) for name in parameters_of(type(self))}
-
-
-@dataclasses.dataclass(frozen=True)
-class StressPath(Path):
-    """A path that holds a stress. pressure: Pa; None stands for the mean stress of the specimen."""
-
-    pressure: float | None = parameter(None, unit="Pa", above=0.0, high=1e12, help="stress that the path holds")
-
-    @property
-    def held_pressure(self) -> float:
-        """The stress that it holds, Pa. Raises InputError while it has none, see `starting_at`."""
-        if self.pressure is None:
-            raise InputError("is missing: give the stress to hold, or the path `starting_at` one", field="pressure")
-        return self.pressure
-
-    def start_pressure(self) -> float | None:
-        return self.pressure
-
-    def starting_at(self, pressure: float) -> StressPath:
-        return self if self.pressure is not None else restored(type(self), {**self.given(), "pressure": pressure})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,11 +58,13 @@ class ConstantMeanStress(StressPath):
 
 @dataclasses.dataclass(frozen=True)
 class CyclicConstantMeanStress(ConstantMeanStress):
-    """Cyclic CP: the axial direction turns at each of `reversals`, and the path ends at the last of them."""
+    """Cyclic CP: the axial strain rate reverses at each of `reversals`, and the path ends at the last of them."""
 
     strain: float = dataclasses.field(init=False, default=0.04)  # the last reversal
     reversals: tuple[float, ...] = parameter(
-        REVERSALS, help="axial strains at which the path turns, the last one ends it; with = if the first is negative"
+        REVERSALS,
+        help="axial strains at which the path reverses; it ends at the last one. "
+        "Write --reversals=-0.01,... if the first is negative",
     )
 
     name = "cyclic_cp"
@@ -210,17 +72,20 @@ class CyclicConstantMeanStress(ConstantMeanStress):
     line_style = "-."
 
     def __post_init__(self) -> None:
-        """Checks that it turns at every reversal. Raises InputError."""
+        """Check that the path reverses at every one of `reversals`. Raises InputError."""
         super().__post_init__()
         known = parameters_of(type(self))["reversals"]
         if not self.reversals:
             raise InputError("is empty", field="reversals", allowed="axial strains, e.g. 0.01,-0.01,0.02")
         steps = np.diff((0.0, *self.reversals))
         if not (np.isfinite(steps).all() and (np.abs(self.reversals) <= 2.0).all()):
-            raise known.error(self.reversals, "holds a strain that is not possible", "numbers from -2 to 2")
+            raise known.error(self.reversals, "contains a strain that is out of range", "numbers from -2 to 2")
         if (steps == 0.0).any() or (np.sign(steps[1:]) == np.sign(steps[:-1])).any():
-            said = "does not turn at each strain: go up and down in turn"
-            raise known.error(self.reversals, said, "e.g. 0.01,-0.01,0.02")
+            raise known.error(
+                self.reversals,
+                "does not reverse at each strain",
+                "strains that alternately increase and decrease, e.g. 0.01,-0.01,0.02",
+            )
         object.__setattr__(self, "strain", self.reversals[-1])
 
     def turning_points(self) -> tuple[float, ...]:
@@ -234,12 +99,13 @@ _EQUAL = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [1.0, 0.0, -1.0]])
 class IsotropicCompression(Path):
     """ISOC, equal rates in the three directions until the mean stress reaches `pressure`."""
 
-    rate: float = parameter(5.0, unit="1/s", above=0.0, high=1e4, help="strain rate in each direction")
-    strain: float = parameter(0.1, above=0.0, high=2.0, help="strain at which it ends at the latest")
+    rate: float | None = rate_parameter("strain rate in each direction", 5.0)
+    strain: float = parameter(0.1, above=0.0, high=2.0, help="maximum strain")
     pressure: float = parameter(PRESSURE_LIMIT, unit="Pa", above=0.0, high=1e12, help="mean stress at which it stops")
 
     name = "isoc"
     direction = (1.0, 1.0, 1.0)
+    standard_rate = 5.0
     record_strain = 1e-4
 
     def stops(self, pressure: float) -> bool:
@@ -251,14 +117,15 @@ class IsotropicCompression(Path):
 
 @dataclasses.dataclass(frozen=True)
 class IsotropicDilation(Path):
-    """ISOD, equal negative rates in the three directions until the mean stress falls under `pressure`."""
+    """ISOD, equal negative rates in the three directions until the mean stress falls below `pressure`."""
 
-    rate: float = parameter(2.5, unit="1/s", above=0.0, high=1e4, help="strain rate in each direction")
-    strain: float = parameter(-0.1, low=-2.0, high=-1e-9, help="strain at which it ends at the latest, negative")
-    pressure: float = parameter(20e3, unit="Pa", above=0.0, high=1e12, help="mean stress under which it stops")
+    rate: float | None = rate_parameter("strain rate in each direction", 2.5)
+    strain: float = parameter(-0.1, low=-2.0, high=-1e-9, help="maximum dilation, a negative strain")
+    pressure: float = parameter(20e3, unit="Pa", above=0.0, high=1e12, help="mean stress below which it stops")
 
     name = "isod"
     direction = (1.0, 1.0, 1.0)
+    standard_rate = 2.5
     record_strain = 1e-4
 
     def stops(self, pressure: float) -> bool:
@@ -270,12 +137,16 @@ class IsotropicDilation(Path):
 
 @dataclasses.dataclass(frozen=True)
 class Consolidation(StressPath):
-    """Not a test: brings the three normal stresses to `pressure`, the start of CR and CP."""
+    """Not a test: brings the three normal stresses to `pressure`, the initial state of CR and CP.
 
-    rate: float = parameter(5.0, unit="1/s", above=0.0, high=1e4, help="scale of the largest strain rate")
+    The servo limits its strain rates to a multiple of `rate`.
+    """
+
+    rate: float | None = rate_parameter("scale of the largest strain rate", 5.0)
 
     name = "consolidation"
     direction = (0.0, 0.0, 0.0)
+    standard_rate = 5.0
 
     def control(self) -> Control:
         return Control(np.eye(3), np.eye(3), np.full(3, self.held_pressure))
@@ -283,14 +154,14 @@ class Consolidation(StressPath):
 
 @dataclasses.dataclass(frozen=True)
 class Biaxial(Path):
-    """Not a test: brings a plane layer to sigma_x and sigma_z (Pa), its thickness held."""
+    """Not a test: brings a plane layer to sigma_x and sigma_z (Pa) at constant thickness."""
 
-    rate: float = 5.0
     stress_x: float = 0.1e6
     stress_z: float = 0.1e6
 
     name = "biaxial"
     direction = (0.0, 0.0, 0.0)
+    standard_rate = 5.0
 
     def control(self) -> Control:
         plane = np.eye(3)[[0, 2]]
@@ -311,25 +182,22 @@ PATHS: Registry = Registry(
 
 
 def register_path(kind: type[Path]) -> type[Path]:
-    """A decorator that makes a subclass of Path known under its `name`.
+    """Register a subclass of Path under its `name` and return it; a decorator.
 
-    Raises InputError for a direction that is not three numbers, or whose z is negative: extension is a negative strain.
+    Raises InputError unless `direction` is three numbers with z not negative.
     """
-    direction = np.asarray(kind.direction, dtype=float)
-    if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] < 0.0:
-        allowed = "strain rates in x, y and z over `rate`, that of z not negative: extension is a negative `strain`"
-        raise InputError(field="direction", value=kind.direction, allowed=allowed)
+    require_direction(kind)
     return PATHS.register(kind)
 
 
 def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
-    """The path of that name; parameters that are None take its defaults.
+    """The path of that name; parameters that are None take their defaults.
 
-    Raises InputError for an unknown path, a value that is not possible, or a parameter that the path does not have.
+    Raises InputError for an unknown path, a value that is out of range, or a parameter that the path does not have.
     """
     kind = PATHS.require(name)
     given = {key: value for key, value in (parameters or {}).items() if value is not None}
-    for key, _value in given.items():
+    for key in given:
         if key not in parameters_of(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field=key)
     for key, known in parameters_of(kind).items():
@@ -339,7 +207,7 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
 
 
 def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
-    """The path of a run file from its name and `path_parameters`; None where nobody here knows that path."""
+    """The path of a run file from its name and `path_parameters`; None if no path is registered under that name."""
     if name not in PATHS:
         return None
     kind = PATHS[name]
@@ -347,5 +215,5 @@ def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
 
 
 def travelled(axial_strain: np.ndarray) -> np.ndarray:
-    """Axial strain travelled until each record, shape (n,); it grows through reversals."""
+    """Accumulated axial strain at each record, shape (n,); it increases through reversals."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])

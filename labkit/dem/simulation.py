@@ -1,10 +1,10 @@
-"""Joins specimen, path, engine and recorder: one run, continued if it was begun."""
+"""Joins specimen, path, engine and recorder in one run, resumed if it was interrupted."""
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from pathlib import Path as File
+from typing import Any
 
 import numpy as np
 
@@ -14,117 +14,34 @@ from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
 from labkit.dem.paths import Path
 from labkit.dem.recorder import Begun, Recorder
-from labkit.dem.servo import STANDARD, Servo, cell_stiffness, velocity_gradient
+from labkit.dem.schedule import Options, Schedule
+from labkit.dem.servo import cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import Interrupted, PhysicsError
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import mean_stress
-from labkit.parameters import check_parameters, parameter
 
-LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
-CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
-CONSOLIDATED = 2e-3  # of the pressure: nearer than this a specimen is not consolidated again
-LISTEN = 50  # steps between two looks for a signal or for the end of a path
-
-
-@dataclasses.dataclass(frozen=True)
-class Options:
-    """What is recorded of a run, how often it is saved, and how stresses are held.
-
-    Not `guarded`, a run goes on whatever the time step and the energy balance are: for those who study what comes then.
-    """
-
-    record_strain: float | None = parameter(
-        None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
-    )
-    snapshots: int = parameter(
-        20, low=0, high=10**6, help="records kept with all contacts beside the first; 0 for none"
-    )
-    save_every: int | None = parameter(
-        None, low=1, high=10**9, kind=int, help="records between two saves (default: half a minute of YADE)"
-    )
-    servo: Servo = STANDARD
-    guarded: bool = True
-
-    def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
-        check_parameters(self)
-
-
-@dataclasses.dataclass(frozen=True)
-class Schedule:
-    """Which steps turn the path, which are recorded, and which records are snapshots and saves."""
-
-    turns: tuple[int, ...]  # steps at which the path turns; the last one ends it
-    signs: tuple[float, ...]  # of the axial rate before each turn
-    steps_per_record: int
-    records_per_snapshot: int
-    records_per_save: int
-
-    @classmethod
-    def of(cls, path: Path, time_step: float, grains: int, options: Options) -> Schedule:
-        """Records every `record_strain` of axial strain, the first and up to `snapshots` more with all contacts.
-
-        Raises InputError when the rate fits neither the strain nor the time step.
-        """
-        path.require_consistent()
-        record_strain = options.record_strain or path.record_strain
-        step_strain = path.rate * time_step
-        legs = np.diff((0.0, *path.turning_points()))
-        steps = np.round(np.abs(legs) / step_strain)
-        if steps.min() < LEAST_STEPS or steps.sum() > MOST_STEPS:
-            raise InputError(
-                f"makes {steps.min():.3g} steps of the shortest leg of the path and {steps.sum():.3g} of the whole",
-                field="rate",
-                value=path.rate,
-                allowed=f"a rate that makes {LEAST_STEPS} to {MOST_STEPS:g} steps",
-            )
-        steps = steps.astype(int)
-        sign = 1.0 if path.direction[2] * legs[0] > 0.0 else -1.0
-        per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
-        records = -(-int(steps.sum()) // per_record)
-        return cls(
-            turns=tuple(int(x) for x in np.cumsum(steps)),
-            signs=tuple(sign * (-1.0) ** k for k in range(len(steps))),
-            steps_per_record=per_record,
-            records_per_snapshot=-(-records // options.snapshots) if options.snapshots else 0,
-            records_per_save=options.save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
-        )
-
-    @property
-    def steps(self) -> int:
-        """Of the whole path."""
-        return self.turns[-1]
-
-    def sign(self, step: int) -> float:
-        """Of the axial rate in this step, 1 or -1."""
-        return self.signs[int(np.searchsorted(self.turns, step, side="right"))]
-
-    def next_record(self, step: int) -> int:
-        """The next regular record or the next turn, whichever comes first."""
-        turn = self.turns[int(np.searchsorted(self.turns, step, side="right"))]
-        return min(turn, (step // self.steps_per_record + 1) * self.steps_per_record)
-
-    def is_snapshot(self, record: int, last: bool) -> bool:
-        """Whether a record is kept with all contacts; `last`: whether it ends the path."""
-        return bool(self.records_per_snapshot) and (last or record % self.records_per_snapshot == 0)
-
-    def is_save(self, record: int, last: bool) -> bool:
-        """Whether the file is saved after a record; `last`: whether it ends the path."""
-        return last or record % self.records_per_save == 0
+CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
+LISTEN = 50  # steps between two checks for a signal or for the end of a path
 
 
 def run(
-    specimen: State, path: Path, file: File, start: Start, options: Options = Options(), progress: Progress = silent
+    specimen: State,
+    path: Path,
+    file: File,
+    start: Start,
+    options: Options | None = None,
+    progress: Progress = silent,
 ) -> bool:
-    """Takes a specimen along a path and records it in a run file; goes on with a file that is unfinished.
+    """Load a specimen along a path and record it in a run file; resume an unfinished file.
 
-    Returns False when the file held the finished run already. Raises InputError for a file with another
-    run or one that another process is writing, PhysicsError when the simulation fails, Interrupted after a
-    SIGINT or SIGTERM, with a checkpoint written.
+    Returns False if the file already held the finished run. Raises InputError for a file that holds another run or that
+    another process is writing, PhysicsError if the simulation fails, Interrupted after SIGINT or SIGTERM, once a
+    checkpoint is written.
     """
+    path, options = path.for_scene(specimen.scene), options or Options()
     settings = {
         "record_strain": options.record_strain or path.record_strain,
         "snapshots": options.snapshots,
@@ -143,7 +60,7 @@ def run(
 
 
 def prepare(specimen: State, path: Path, start: Start, progress: Progress, guarded: bool = True) -> State:
-    """The specimen at rest at the pressure that the path holds, consolidated if it is not there yet."""
+    """The specimen at rest at the initial pressure of the path, consolidated first if necessary."""
     specimen = ready(specimen, start, guarded)
     pressure = path.start_pressure()
     if pressure is not None and pressure_error(specimen.snapshot(), pressure) > CONSOLIDATED:
@@ -152,7 +69,7 @@ def prepare(specimen: State, path: Path, start: Start, progress: Progress, guard
 
 
 class _Loop:
-    """The loop of a run and what it remembers between records."""
+    """The loop of a run and its variables between records."""
 
     def __init__(
         self,
@@ -173,14 +90,14 @@ class _Loop:
         self.stopped = False
         self.engine = start(state)
         if begun:
-            self.go_on_from(state, state.snapshot())
+            self.continue_from(state, state.snapshot())
         else:
             state = self.engine.reload()
             self.record(state, last=False)
             self.save(state, False)
 
-    def go_on_from(self, state: State, snapshot: Snapshot) -> None:
-        """What the servo and the schedule need of a record, or of the checkpoint of a run that is resumed."""
+    def continue_from(self, state: State, snapshot: Snapshot) -> None:
+        """Set the step and the variables of the servo from a state of the run."""
         self.step = state.step
         self.time_step, self.gradient = state.time_step, state.velocity_gradient
         self.stiffness = cell_stiffness(snapshot) if self.path.control() else None
@@ -188,10 +105,10 @@ class _Loop:
     def go(self, signals: Signals) -> bool:
         last = False
         while not last:
-            end = self.schedule.next_record(self.step)
-            self.advance(end, signals)
+            stop = self.schedule.next_stop(self.step)
+            self.advance(stop, signals)
             last = self.stopped or self.step == self.schedule.steps
-            if self.step < end and not last:
+            if self.step < stop and not last:
                 self.save(self.engine.state(), False)
                 raise self.interrupted(signals)
             self.record_and_save(last, signals)
@@ -200,15 +117,18 @@ class _Loop:
         return True
 
     def record_and_save(self, last: bool, signals: Signals) -> None:
-        """In a function of its own, so that no State is kept while the run goes on."""
-        saving = self.schedule.is_save(self.recorder.records, last) or signals.caught
+        """Handle one stop; a separate function, so that no State stays in memory while the run continues."""
+        saving = self.schedule.is_save(self.step, last) or signals.caught
         state = self.engine.reload() if saving else self.engine.state()
-        self.record(state, last)
+        if last or self.schedule.is_record(self.step):
+            self.record(state, last)
+        else:
+            self.continue_from(state, state.snapshot())
         if saving:
             self.save(state, last)
 
     def advance(self, end: int, signals: Signals) -> None:
-        """Moves to the step `end`, or to where the path or a signal stops it."""
+        """Advance to the step `end`, or to where the path or a signal stops the run."""
         while self.step < end and not self.stopped and not signals.caught:
             stress = self.engine.stress() if self.stiffness is not None else None
             self.gradient = velocity_gradient(
@@ -223,7 +143,7 @@ class _Loop:
             steps = min(self.options.servo.interval if self.stiffness is not None else LISTEN, end - self.step)
             self.engine.advance(steps, self.gradient)
             self.step += steps
-            self.stopped = self.path.stops_early and self.path.stops(mean_stress(self.engine.stress()))
+            self.stopped = self.path.stops_early and self.path.stops(float(mean_stress(self.engine.stress())))
 
     def record(self, state: State, last: bool) -> None:
         snapshot = state.snapshot()
@@ -231,24 +151,29 @@ class _Loop:
         require_sane(values, state)
         if self.options.guarded:
             require_balanced(state, snapshot)
+        if self.stopped and self.schedule.is_close_to_record(state.step):
+            if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
+                self.recorder.drop_last()
         kept = self.schedule.is_snapshot(self.recorder.records, last)
         self.recorder.record(values, snapshot if kept else None)
-        self.go_on_from(state, snapshot)
+        self.continue_from(state, snapshot)
         self.progress(1.0 if last else state.step / self.schedule.steps, _status(values))
 
     def interrupted(self, signals: Signals) -> Interrupted:
-        said = f"stopped by signal {signals.caught}; {self.recorder.file} is saved, the same command goes on from there"
-        return Interrupted(said, 128 + signals.caught)
+        return Interrupted(
+            f"stopped by signal {signals.caught}; {self.recorder.file} is saved: give the same command to resume it",
+            128 + signals.caught,
+        )
 
     def save(self, state: State, complete: bool) -> None:
         self.recorder.save(state, complete, self.wall_before + time.monotonic() - self.started, self.threads)
 
 
-def _status(values: dict) -> str:
+def _status(values: dict[str, Any]) -> str:
     return f"strain {values['axial_strain']:.2%}, p {mean_stress(values['stress']) / 1e6:.3f} MPa"
 
 
-def require_sane(values: dict, state: State) -> None:
-    """Raises PhysicsError when a record shows that the integration has run away."""
+def require_sane(values: dict[str, Any], state: State) -> None:
+    """Raise PhysicsError if a record shows that the integration has become unstable."""
     if not (np.all(np.isfinite(state.position)) and np.isfinite(values["kinetic_energy"])):
         raise PhysicsError(f"positions became NaN at step {state.step}: the time step is too large")

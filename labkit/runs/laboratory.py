@@ -12,11 +12,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import tempfile
+import warnings
 from pathlib import Path as File
 from typing import Any
 
 from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import require_pressure
+from labkit.dem.limits import rate_warning, require_pressure
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
 from labkit.dem.simulation import Options, Schedule
@@ -96,11 +97,12 @@ def run(
         if name not in known:
             raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(known))
     options = dataclasses.replace(options or Options(), **recording)
-    path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    path = path.for_scene(state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
-    Schedule.of(
-        path, state.scene.time_step, state.number_of_grains, options
-    )  # raises InputError before the simulation starts
+    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
+    warning = rate_warning(path, state)
+    if warning is not None:
+        warnings.warn(warning, stacklevel=2)
     shown = _shown(progress, path.name)
     if file is not None:
         require_writable(file, "run")

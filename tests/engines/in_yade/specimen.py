@@ -17,7 +17,7 @@ from labkit.engines.yade import YadeEngine
 from labkit.micro.stress import love_stress
 
 specimen = read_state(common.words[0])
-gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)
+gradient = velocity_gradient(ConstantVolume(10.0), 1.0, specimen.time_step)
 engine = YadeEngine(specimen)
 engine.advance(2000, gradient)
 half = engine.state()
