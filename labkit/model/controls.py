@@ -1,4 +1,4 @@
-"""From the paths of labkit.dem.paths to Controls, and paths that have no simulation: oedometer and mixed control."""
+"""Controls of the loading paths of labkit.dem.paths, and two paths for the model only: oedometer and mixed control."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from labkit.model.rates import Control
 from labkit.model.tensors import require_symmetric, to_six
 from labkit.parameters import parameter, with_unit
 
-GAIN = 100.0  # 1 per unit of strain: drift of a held stress falls to 1/e within 1 % of strain
+GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e within 1 % of strain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,12 +30,14 @@ class Oedometer(Path):
 class Mixed:
     """Any mixed control: six conditions on strain rates and stresses, with constant coefficients.
 
-    `strain_rate` (3, 3) per unit of travelled strain is what is given; along `free`, k symmetric tensors (k, 3, 3),
-    the strain rate is found such that `measured` : sigma, k tensors (k, 3, 3), are at `target` (k,), Pa. Then
+    `strain_rate` (3, 3) per unit of accumulated strain is the prescribed part; along `free`, k symmetric tensors
+    (k, 3, 3), the strain rate follows from the condition that `measured` : sigma, with k tensors (k, 3, 3), equals
+    `target` (k,), Pa:
 
         D = strain_rate + sum_j x_j free_j      measured_i : sigma = target_i
 
-    travels `strain`. Raises InputError for tensors that are not symmetric, or shapes that do not fit.
+    `strain`: accumulated strain at which the path ends. Raises InputError for tensors that are not symmetric, or shapes
+    that do not match.
     """
 
     strain_rate: np.ndarray
@@ -51,14 +53,16 @@ class Mixed:
     stops_early = False
 
     def __post_init__(self) -> None:
-        """Checks and converts the fields. Raises InputError."""
+        """Check and convert the fields. Raises InputError."""
         require_symmetric("strain_rate", self.strain_rate)
         target = np.atleast_1d(np.asarray(self.target, dtype=float))
         for name in ("free", "measured"):
             tensors = np.asarray(getattr(self, name), dtype=float).reshape(-1, 3, 3)
             object.__setattr__(self, name, require_symmetric(name, tensors))
             if len(tensors) != target.size:
-                raise InputError(f"{name} has {len(tensors)} tensors for {target.size} targets: give as many")
+                raise InputError(
+                    f"{name} has {len(tensors)} tensors for {target.size} targets: give one tensor per target"
+                )
         if not np.isfinite(target).all():
             raise InputError("target has a value that is not finite: give stresses in Pa")
         object.__setattr__(self, "target", target)
@@ -66,25 +70,26 @@ class Mixed:
             raise InputError(f"strain {self.strain:g} is not possible: give a positive number")
 
     def turning_points(self) -> tuple[float, ...]:
-        """As of a Path: the travelled strain at which it ends."""
+        """As for a Path: the accumulated strain at which it ends."""
         return (self.strain,)
 
     def parameters(self) -> dict[str, Any]:
-        """Its fields as lists and numbers, for files."""
+        """Fields as lists and numbers, for files."""
         return {
             name: np.asarray(value).tolist() if isinstance(value, np.ndarray) else value
             for name, value in dataclasses.asdict(self).items()
         }
 
     def stops(self, pressure: float) -> bool:
-        """As of a Path: it never stops early."""
+        """As for a Path: False, it never stops early."""
         return False
 
 
 def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: Any) -> Path:
-    """The path of that name for a state at `pressure`, Pa: one of labkit.dem.paths, or the oedometer.
+    """Path with this name for a state at `pressure`, Pa: a path of labkit.dem.paths, or the oedometer.
 
-    Paths that hold a stress hold `pressure`; paths that stop at a stress stop at `stop_pressure`. Raises InputError.
+    A path that holds a stress holds `pressure`; a path that stops at a stress stops at `stop_pressure`. Raises
+    InputError.
     """
     if name == Oedometer.name:
         for key, value in {**parameters, "stop_pressure": stop_pressure}.items():
@@ -103,7 +108,7 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
 
 
 def control_of(path: Path | Mixed, sign: float = 1.0) -> Control:
-    """The Control of a path, per unit of its axial strain (of travelled strain for Mixed), turned round by `sign`."""
+    """Control of a path per unit of axial strain (of accumulated strain for Mixed); reversed if `sign` is -1."""
     if isinstance(path, Mixed):
         return Control(
             sign * to_six(path.strain_rate),
@@ -123,5 +128,5 @@ def control_of(path: Path | Mixed, sign: float = 1.0) -> Control:
 
 
 def strain_control(strain_rate: np.ndarray) -> Control:
-    """The Control of a strain rate (3, 3), compression positive."""
+    """Control of a fully prescribed strain rate (3, 3), compression positive."""
     return Control(to_six(strain_rate), np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)

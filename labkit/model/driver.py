@@ -1,4 +1,4 @@
-"""The driver: takes a state of the model along a path and records what a simulation records."""
+"""Driver: loads a state of the model along a path and records the variables that a simulation records."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 
 from labkit.dem.paths import Path
+from labkit.dem.scene import Scene
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.controls import Mixed, control_of
@@ -16,15 +17,15 @@ from labkit.model.rates import stress_of
 from labkit.model.state import ModelState, require_density
 from labkit.model.tensors import to_six, to_tensor
 
-HELD_AT_START = 0.01  # of the mean stress: how far a held stress may be off at the start
-STOP_TOLERANCE = 1e-10  # strain to which the end of a path that stops at a stress is found
+HELD_AT_START = 0.01  # largest difference between the initial and the held stress, over the mean stress
+STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """A test of the model: `vector` (n, 27) as ModelState.vector with the strain behind, `stress` (n, 3, 3) Pa.
+    """A test of the model: `vector` (n, 27) as ModelState.vector but with the strain, `stress` (n, 3, 3) Pa.
 
-    `failure` says why the path ended early, or is None. `calls`: evaluations of the equations.
+    `failure`: reason why the path ended early, or None. `calls`: number of evaluations of the equations.
     """
 
     model: Model
@@ -64,7 +65,7 @@ class Result:
 
     @property
     def Ft(self) -> np.ndarray:
-        """Mobilisation F^t (Eq. 27), shape (n, 3, 3)."""
+        """Mobilisation F^t, the tangential counterpart of F (Eq. 27), shape (n, 3, 3)."""
         return to_tensor(self.vector[:, 15:21])
 
     @property
@@ -74,7 +75,7 @@ class Result:
 
     @property
     def axial_strain(self) -> np.ndarray:
-        """Its zz component, shape (n,)."""
+        """Axial strain, the zz component of the strain, shape (n,)."""
         return self.vector[:, 23]
 
     @property
@@ -84,11 +85,11 @@ class Result:
 
     @property
     def q(self) -> np.ndarray:
-        """sigma_zz - (sigma_xx + sigma_yy)/2, shape (n,), Pa."""
+        """Deviatoric stress sigma_zz - (sigma_xx + sigma_yy)/2, shape (n,), Pa."""
         return deviatoric_stress(self.stress)
 
     def state(self, record: int = -1) -> ModelState:
-        """The ModelState of a record."""
+        """ModelState at a record."""
         return ModelState.from_vector(self.vector[record])
 
     def require(self) -> Result:
@@ -105,13 +106,15 @@ def drive(
     record_strain: float | None = None,
     integrator: Integrator | None = None,
 ) -> Result:
-    """Takes `state` along `path` (labkit.dem.paths, or Oedometer and Mixed of labkit.model.controls); a Result.
+    """Load `state` along `path` (of labkit.dem.paths or labkit.model.controls); returns a Result.
 
-    record_strain: axial strain between two records (default: the path's). integrator: default Adaptive(). Each
-    piece between two reversals is integrated for itself, as the rates jump there. Where the equations end, the
-    result ends there too and `failure` says why. Raises InputError for a start that is not possible.
+    record_strain: axial strain between two records (default: that of the path). integrator: default Adaptive(). Each
+    piece between two reversals is integrated separately, because the rates are discontinuous at a reversal. If the
+    state leaves the domain of the equations, the result ends there and `failure` gives the reason. Raises InputError
+    for an invalid initial state.
     """
     integrator = integrator or Adaptive()
+    path = path.for_scene(Scene()) if isinstance(path, Path) else path  # its rate only sets the time axis
     interval = path.record_strain if record_strain is None else record_strain
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
@@ -122,14 +125,14 @@ def drive(
         problem = Problem(model, control_of(path, sign))
         for span in spans:
             try:
-                new, gone, stopped = _advance(integrator, problem, y, span, path)
+                new, covered, stopped = _advance(integrator, problem, y, span, path)
             except Failure as error:
                 travelled += error.travelled
-                failure = f"{error}, after {travelled:.4%} of strain"
+                failure = f"{error}, after {travelled:.4%} strain"
                 if error.travelled > 0.0:
                     vectors.append(error.y)
                 break
-            y, travelled = new, travelled + gone
+            y, travelled = new, travelled + covered
             vectors.append(y)
             if stopped:
                 break
@@ -142,7 +145,7 @@ def drive(
 
 
 def _pieces(path, interval):
-    """(sign, spans between records) of each piece between two reversals."""
+    """(sign, strains between records) of each piece between two reversals."""
     axial = 0.0
     for turn in path.turning_points():
         length = abs(turn - axial)
@@ -154,7 +157,7 @@ def _pieces(path, interval):
 
 
 def _advance(integrator, problem, y, span, path):
-    """(y after the span, strain gone, whether the path stops there)."""
+    """(y after the span, strain covered, True if the path stops there)."""
     new = integrator.advance(problem, y, span)
     if not path.stops_early or not path.stops(_pressure(problem, new)):
         return new, span, False
@@ -175,9 +178,9 @@ def _pressure(problem, y):
 
 def _require_start(model, path, state):
     require_density(model, state.e)
-    for value, words in ((state.Z, "coordination number"), (state.Lam, "mean normalised force")):
+    for value, label in ((state.Z, "coordination number"), (state.Lam, "mean normalised force")):
         if value <= 0.0:
-            raise InputError(f"the {words} at the start is 0: a path needs contacts with forces, give more")
+            raise InputError(f"the initial {label} is 0: a path needs contacts that carry force; give a larger value")
     control = control_of(path)
     stress = state.stress(model)
     held = control.measure @ to_six(stress)
@@ -185,10 +188,10 @@ def _require_start(model, path, state):
         off = np.abs(held - control.target).max() / max(float(mean_stress(stress)), 1e-300)
         if off > HELD_AT_START:
             raise InputError(
-                f"the stress at the start is off the stress that {path.name} holds by {off:.1%} of the mean stress: "
-                "bring the state there first (isoc, isod), or hold the stress that it has"
+                f"the initial stress differs from the stress that {path.name} holds by {off:.1%} of the mean stress: "
+                "bring the state to that stress first (isoc, isod), or hold its current stress"
             )
     if path.stops_early and path.stops(float(mean_stress(stress))):
-        said = f"stops {path.name} at once, as the start has {mean_stress(stress):g} Pa"
-        value = path.parameters().get("pressure")  # a path of one's own may stop at something else
-        raise InputError(said, field="stop_pressure", value=value, allowed="a stress that it reaches later")
+        problem = f"stops {path.name} immediately, because the initial mean stress is {mean_stress(stress):g} Pa"
+        value = path.parameters().get("pressure")  # None for a user's path that stops at another condition
+        raise InputError(problem, field="stop_pressure", value=value, allowed="a stress reached later on the path")

@@ -1,7 +1,7 @@
 """Symmetric tensors in compiled code: six numbers (xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy), Mandel's order.
 
-With the roots the sum of squares is the Euclidean norm of the tensor, and A:B is a dot product. In compiled code
-a tensor is a tuple, which costs no memory; outside it is a (..., 3, 3) array.
+With the sqrt2 factors the sum of squares is the squared Euclidean norm of the tensor, and A:B is a dot product. In
+compiled code a tensor is a tuple, which needs no memory allocation; elsewhere it is a (..., 3, 3) array.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ _PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
 def to_six(tensor: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) symmetric -> (..., 6). The antisymmetric part is ignored: see require_symmetric."""
+    """Symmetric tensors (..., 3, 3) -> (..., 6). The lower triangle is ignored: see require_symmetric."""
     return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
 
 
 def to_tensor(six: np.ndarray) -> np.ndarray:
-    """(..., 6) -> (..., 3, 3)."""
+    """Six components (..., 6) -> tensors (..., 3, 3)."""
     return (np.asarray(six, dtype=float) / _WEIGHT)[..., _PLACE]
 
 
 def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -> np.ndarray:
-    """The tensor as a float array (..., 3, 3); `name` is for the message. Raises InputError unless it is finite,
-    symmetric and, with `deviatoric`, traceless, within rounding.
+    """The tensor as a float array (..., 3, 3); `name` is its label in messages.
+
+    Raises InputError unless it is finite, symmetric and, with `deviatoric`, traceless, within rounding.
     """
     tensor = np.asarray(tensor, dtype=float)
     if tensor.shape[-2:] != (3, 3):
@@ -50,13 +51,13 @@ def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -
 
 @compiled
 def load(array: np.ndarray, start: int) -> Six:
-    """The tensor in array[start] to array[start + 5]."""
+    """Read the tensor in array[start] to array[start + 5]."""
     return (array[start], array[start + 1], array[start + 2], array[start + 3], array[start + 4], array[start + 5])
 
 
 @compiled
 def store(array: np.ndarray, start: int, T: Six) -> None:
-    """Writes T to array[start] to array[start + 5]."""
+    """Write T to array[start] to array[start + 5]."""
     array[start], array[start + 1], array[start + 2] = T[0], T[1], T[2]
     array[start + 3], array[start + 4], array[start + 5] = T[3], T[4], T[5]
 
