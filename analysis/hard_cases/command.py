@@ -94,7 +94,7 @@ def study(
     outcomes.sort(key=lambda outcome: names.index(outcome.case))
     print(table(outcomes))
     frame = pandas.DataFrame([dataclasses.asdict(outcome) for outcome in outcomes])
-    write_with_provenance(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"), command=history)
+    write_with_provenance(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.6g"), command=history)
     drawn = draw(folder, engines, names)
     if drawn is not None:
         plots.save(drawn, output / "hard_cases.png", command=history)

@@ -30,7 +30,7 @@ def table(outcomes: Iterable[Outcome]) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.1e}"
+    return "" if value is None else f"{value * (1.0 + 1e-12):.1e}"  # stored halves, 0.0135, round up
 
 
 PAGE = """# Hard cases
