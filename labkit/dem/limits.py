@@ -64,7 +64,8 @@ def require_pressure(path: Path, scene: Scene) -> None:
             f"Pa is too high for grains with E = {scene.young_modulus:g} Pa",
             field="pressure",
             value=pressure,
-            allowed=f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %",
+            allowed=f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %, "
+            f"or use grains with E of at least {pressure / STRESS_LIMIT:g} Pa",
         )
 
 
