@@ -46,7 +46,9 @@ def test_a_complete_program(engine, folder):
     )
     assert run.complete is True and run.exceeded == () and run.file is None
     assert isinstance(run.data, xarray.Dataset) and run.engine == state.engine == engine
-    assert run.scene == scene == state.scene and run.path == lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.01)
+    assert run.scene == scene == state.scene and run.path == lk.paths.ConstantMeanStress(
+        pressure=0.3e6, strain=0.01
+    ).for_scene(scene)
     assert run.steps == run.data.attrs["steps"] > 1000 and run.wall_time > 0.0 and run.threads == 1
     assert abs(state.number_of_grains / 300 - 1) < 0.03
 
@@ -127,7 +129,9 @@ def test_a_finished_run_is_not_run_again(state):
     seen, before = [], first.file.read_bytes()
     again = lk.run(state, PATH, file="r.run.nc", snapshots=0, progress=lambda *step: seen.append(step))
     assert again.complete and seen == [] and first.file.read_bytes() == before
-    with pytest.raises(lk.InputError, match=r"r\.run\.nc holds another run .*strain 0.004, not 0.005"):
+    with pytest.raises(
+        lk.InputError, match=r"r\.run\.nc holds another run \(strain is 0.004 in the file, 0.005 here\)"
+    ):
         lk.run(
             state,
             lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.005, rate=40.0),
@@ -202,7 +206,7 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.consolidate(state, None, file="new.nc"), "pressure", "is missing"),
         (lambda: lk.consolidate(state, "4 MPa", file="new.nc"), "pressure", "give at most 3e.06 Pa"),
         (lambda: lk.run(state, cp(pressure=4e6), file="new.nc"), "pressure", "give at most 3e.06 Pa"),
-        (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 makes .* steps"),
+        (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 gives 1 steps"),
         (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
         (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 are too many"),
         (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not possible"),
@@ -217,10 +221,10 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
 
 
 def test_a_physical_failure_is_an_error(state, folder):
-    with pytest.raises(lk.PhysicsError, match="come apart"):
+    with pytest.raises(lk.PhysicsError, match="grains have separated"):
         lk.make_specimen(lk.Recipe(1.2, step1_friction=0.0, grains=150), file="s.state.nc", progress=False)
     unstable = state.replace(scene=lk.Scene(time_step_factor=0.5))
-    with pytest.raises(lk.PhysicsError, match="beyond the stable"):
+    with pytest.raises(lk.PhysicsError, match="exceeds the stability limit"):
         lk.run(unstable, PATH, file="r.run.nc", progress=False)
     assert list(folder.iterdir()) == []
 
