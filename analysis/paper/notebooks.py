@@ -9,7 +9,7 @@ from typing import Any
 
 from analysis.places import ROOT, STUDIES, results_folder
 from labkit.errors import InputError, PhysicsError
-from labkit.io import make_folder
+from labkit.io import install_command, make_folder
 
 LIMIT = 600  # seconds per cell
 RESULTS, FIGURES = "LABKIT_RESULTS", "LABKIT_FIGURES"  # environment variables that the notebooks read
@@ -52,7 +52,7 @@ def execute(file: str | Path, results: str | Path, output: str | Path) -> Any:
         from nbclient import NotebookClient
         from nbclient.exceptions import CellExecutionError
     except ImportError:
-        raise InputError("notebooks need packages that are not installed: pip install 'labkit[notebooks]'") from None
+        raise InputError(f"notebooks need packages that are not installed: {install_command('notebooks')}") from None
     places = {RESULTS: str(Path(results).resolve()), FIGURES: str(make_folder(output, "--output").resolve())}
     python_path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # so that notebooks can import `analysis`
     notebook = nbformat.read(file, as_version=4)

@@ -10,7 +10,7 @@ from types import ModuleType
 from PIL import Image
 
 from labkit.errors import InputError
-from labkit.io import whole_file
+from labkit.io import install_command, whole_file
 
 OLDEST = (2, 19)  # first pandoc that embeds pictures
 STYLE = Path(__file__).with_name("report.css")
@@ -66,8 +66,8 @@ def _pypandoc() -> ModuleType:
         available = False
     if not available:
         raise InputError(
-            f"the report needs pandoc {'.'.join(map(str, OLDEST))} or later: install it with pip install "
-            "'labkit[report]', or in a checkout with pip install '.[report]'"
+            f"the report needs pandoc {'.'.join(map(str, OLDEST))} or later: "
+            f"install it with {install_command('report')}"
         )
     return pypandoc
 

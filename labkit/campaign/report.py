@@ -23,6 +23,7 @@ from labkit.dem.settings import SETTINGS
 from labkit.io.provenance import commit, libraries, machine, of_file, write_with_provenance
 from labkit.runs.critical import ENOUGH_STRAIN
 
+INERTIAL = "inertial number"  # name of the limit in labkit.dem.limits
 Limits = Mapping[str, Sequence[Exceeded]]  # name of a run -> limits that it exceeded
 
 
@@ -50,10 +51,25 @@ def write_report(plan: Plan) -> None:
 def _summary(plan: Plan, finished: Sequence[Job], failed: Sequence[object], limits: Limits) -> str:
     """Sentence on finished runs, failures and limits."""
     failures = f", {len(failed)} {'job' if len(failed) == 1 else 'jobs'} failed" if failed else ""
-    number = sum(bool(limits[job.name]) for job in finished)
-    beyond = f"{number} of them exceed a limit of quasi-static tests (see Limits)" if number else "none exceeds a limit"
-    within = f"; {beyond}" if finished else ""
-    return f"{len(finished)} of {len(plan.runs)} runs are finished{failures}{within}."
+    start = f"{len(finished)} of {len(plan.runs)} runs are finished{failures}."
+    if not finished:
+        return start
+    runs = [item for job in finished if isinstance(item := job.item, Run) and limits[job.name]]
+    fast = [run for run in runs if _only_inertial(limits[run.name]) and _rate_factor(run, plan.campaign) > 1.0]
+    sentences = [start]
+    if fast:
+        sentences.append(
+            f"{len(fast)} exceed only the limit on the inertial number, as expected of runs above the standard rate."
+        )
+    if len(runs) > len(fast):
+        others = "others" if fast else "of them"
+        sentences.append(f"{len(runs) - len(fast)} {others} exceed a limit of quasi-static tests.")
+    return " ".join([*sentences, "See Limits." if runs else "None exceeds a limit of quasi-static tests."])
+
+
+def _only_inertial(limits: Sequence[Exceeded]) -> bool:
+    """True if the inertial number is the only limit exceeded."""
+    return {one.name for one in limits} == {INERTIAL}
 
 
 def limits_section(runs: Sequence[Run], limits: Limits, campaign: Campaign) -> list[str]:
@@ -81,7 +97,7 @@ def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, Any]:
 
 def _explanation(runs: Sequence[Run], limits: Limits, campaign: Campaign) -> list[str]:
     """Lines on the runs whose inertial number is high because they are sheared faster than the standard rate."""
-    inertial = [run for run in runs if any(one.name == "inertial number" for one in limits[run.name])]
+    inertial = [run for run in runs if any(one.name == INERTIAL for one in limits[run.name])]
     fast = Counter(factor for run in inertial if (factor := _rate_factor(run, campaign)) > 1.0)
     if not fast:
         return []

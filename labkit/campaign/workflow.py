@@ -96,6 +96,7 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress) -> i
                     progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
             return child.wait()
         except KeyboardInterrupt:
+            print("labkit: stopping; running jobs write their checkpoints", file=sys.stderr, flush=True)
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
             child.communicate()

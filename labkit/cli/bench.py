@@ -14,9 +14,10 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("specimen", metavar="SPECIMEN", help="state file")
     parser.add_argument(
         "--what",
-        choices=("engines", "features", "sizes"),
+        choices=("engines", "features", "sizes", "threads"),
         default="engines",
-        help="compare engines (default), features of the fused engine by their cost, or specimens of several sizes",
+        help="compare engines (default), features of the fused engine by their cost, specimens of several sizes, or "
+        "threads of the fused engine on free and busy cores",
     )
     parser.add_argument(
         "--steps", type=positive_int, default=500, metavar="N", help="steps per measurement (default: 500)"
@@ -39,6 +40,11 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
 
         results = bench(options.specimen, options.steps, options.rounds, progress)
         print(table(results, state.number_of_grains, state.time_step, ConstantVolume.default_rate(state.scene)))
+        return
+    if options.what == "threads":
+        from labkit.bench.threads import threads
+
+        print(threads(options.specimen, 10 * options.steps, options.rounds, progress))
         return
     from labkit.bench import kernel
 

@@ -33,7 +33,9 @@ def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
     colors = dict(zip(specimens, plt.get_cmap("viridis")(np.linspace(0.0, 0.9, len(specimens))), strict=True))
     styles = {engine: ENGINE_STYLES[number % len(ENGINE_STYLES)] for number, engine in enumerate(engines)}
     size = (max(2, len(paths)) * PANEL, 2 * PANEL)
-    figure, panels = plt.subplots(2, len(paths), figsize=size, layout="constrained", squeeze=False, sharex="col")
+    figure, panels = plt.subplots(
+        2, len(paths), figsize=size, layout="constrained", squeeze=False, sharex="col", sharey="row"
+    )
     for run, file in runs:
         column = paths.index(run.path.name)
         strain, ratio, void_ratio = _curves(file)
@@ -49,7 +51,7 @@ def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
         axes.grid(alpha=0.25)
     lines = [Line2D([], [], color=colors[name], label=name) for name in specimens[:MOST_LABELS]]
     lines += [Line2D([], [], color="none", label=f"... {len(specimens)} specimens")] * (len(specimens) > MOST_LABELS)
-    lines += [Line2D([], [], color="0.3", linestyle=styles[name], label=name) for name in engines]
+    lines += [Line2D([], [], color="0.3", linestyle=styles[name], label=name) for name in engines if len(engines) > 1]
     figure.legend(handles=lines, loc="outside lower center", ncols=min(6, 2 * max(2, len(paths))), frameon=False)
     return figure
 
