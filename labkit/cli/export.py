@@ -12,13 +12,14 @@ from labkit.io.provenance import write_with_provenance
 
 def export_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit export`."""
-    parser.add_argument("run", help="run file")
+    parser.add_argument("run", metavar="RUN", help="run file")
     parser.add_argument(
         "--snapshot",
         type=int,
-        help="write the contacts of this snapshot, counted from the end if negative, instead of the records",
+        metavar="N",
+        help="write the contacts of this snapshot instead of the records; a negative number counts from the end",
     )
-    parser.add_argument("-o", "--output", help="CSV file (default: next to the run file)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="CSV file to write (default: next to the run file)")
 
 
 @command("export", export_options)

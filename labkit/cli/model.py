@@ -27,7 +27,7 @@ class Start:
 
     void_ratio: float = parameter(None, above=0.0, help="initial void ratio, e.g. 0.67")
     pressure: float = parameter(
-        None, unit="Pa", above=0.0, help="initial isotropic stress, also the stress held by stress-controlled paths"
+        None, unit="Pa", above=0.0, help="initial isotropic stress, which stress-controlled paths hold,"
     )
     coordination_number: float | None = parameter(
         None, above=0.0, help="initial coordination number Z (default: Z^com, the compression line at this void ratio)"
@@ -45,7 +45,7 @@ class Start:
         None,
         unit="Pa",
         above=0.0,
-        help="mean stress at which isoc and isod stop (default: 3e6 for isoc, 20e3 for isod)",
+        help="final mean stress of isoc and isod (default: 3e6 for isoc, 20e3 for isod)",
     )
     record_strain: float | None = parameter(
         None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
