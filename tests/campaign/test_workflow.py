@@ -89,7 +89,7 @@ def test_every_output_has_its_provenance(finished, labkit_command):
     for file in ("specimens/a.state.nc", "runs/cp.run.nc", "statistics/cp.nc", "figures/cp.png", "overview.png"):
         done = labkit_command("info", "--check", file, cwd=finished / "tiny")
         assert done.returncode == 0, done.stdout + done.stderr
-        for label in ("command ", "made ", "libraries ", "machine ", "inputs ", "hashes"):
+        for label in ("command ", "created ", "libraries ", "computer ", "inputs ", "hashes"):
             assert label in done.stdout, (file, label)
         assert "differs" not in done.stdout and "missing" not in done.stdout
     assert "at-p500kPa-fused.state.nc sha256:" in labkit_command("info", "runs/cp.run.nc", cwd=finished / "tiny").stdout
@@ -246,7 +246,7 @@ def test_a_failed_specimen_keeps_its_runs_from_starting(tmp_path, labkit_command
         "runs:\n  cv: {path: cv, specimen: [a, apart], strain: 0.005}\n"
     )
     done = labkit_command("campaign", "loose.yaml", "--cores", 1, cwd=tmp_path)
-    assert done.returncode == 1 and "specimen apart failed: the grains have come apart" in done.stderr
+    assert done.returncode == 1 and "specimen apart failed: the grains have separated" in done.stderr
     assert (
         "not started because of these failures: cv-apart" in done.stderr and "1 of 2 runs are finished" in done.stdout
     )
