@@ -26,7 +26,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.io.memory import return_large_arrays
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin lasts about a thousand steps.
-# If grains move faster, the skin is doubled until one neighbour search lasts for SEARCH_STEPS[0] steps.
+# If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
@@ -141,7 +141,7 @@ class FusedEngine(Engine):
         self._search(self.packing.unpack_grains(), self.packing.unpack_history())
 
     def _fit_margin(self) -> None:
-        """Widen or narrow the Verlet skin according to the number of steps that the last search served."""
+        """Widen or narrow the Verlet skin according to the number of steps since the last search."""
         diameter = 2.0 * self._start.radius.mean()
         if self._skin is not None:
             return

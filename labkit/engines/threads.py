@@ -1,8 +1,8 @@
-"""Number of threads of the fused engine: several only while they are faster than one.
+"""Choice of the number of threads of the fused engine, which uses several only while they are faster than one.
 
-All threads wait for each other twice per time step. If another program occupies one of the cores, each wait lasts until
-the operating system gives that core back, some milliseconds, and several threads can be twenty times slower than one.
-The results do not depend on the number of threads, so the engine may change it between any two time steps.
+All threads wait for each other twice per time step. If another program occupies a core, the thread on that core holds
+up the others for a time slice of the operating system, some milliseconds, so that several threads can be twenty times
+slower than one. Results do not depend on the number of threads: the engine may change it between any two time steps.
 """
 
 from __future__ import annotations
@@ -10,26 +10,26 @@ from __future__ import annotations
 import functools
 import logging
 
-WINDOW = 0.02  # s of one measurement, longer than the time slices of the operating system
-CHUNK = 0.002  # s that the engine should run between two readings of the clock
-COST = 0.01  # largest fraction of the time that may be lost in trials of the slower number of threads
+WINDOW = 0.02  # duration of one measurement, s: longer than the time slices of the operating system
+CHUNK = 0.002  # intended duration between two readings of the clock, s
+COST = 0.01  # largest fraction of the time spent on trials of the slower number of threads
 GAIN = 1.1  # factor by which several threads must be faster than one
 
 
 class ThreadChoice:
     """Chooses between one and `most` threads from the measured time per step.
 
-    `count` is the number of threads to use next. The slower choice is tried again so seldom that its trials cost at
-    most the fraction COST of the time.
+    `count` is the number of threads to use next. The slower number is tried again from time to time, so rarely that
+    its trials cost at most the fraction COST of the time.
     """
 
     def __init__(self, most: int) -> None:
         """most: number of threads to choose if the cores are free."""
         self.most, self.count = most, 1
-        self._seconds: dict[int, float] = {}  # threads -> seconds per step, as last measured
-        self._steps, self._elapsed = 0, 0.0  # of the current measurement
-        self._pause = 0.0  # s until the slower choice is tried again
-        self._failures = 0
+        self._seconds: dict[int, float] = {}  # threads -> seconds per step in the last measurement
+        self._steps, self._elapsed = 0, 0.0  # steps and seconds of the current measurement
+        self._pause = 0.0  # s until the slower number of threads is tried again
+        self._failures = 0  # consecutive trials in which several threads were not faster
 
     def steps(self, wanted: int) -> int:
         """Number of steps to run before `record`, at most `wanted`."""
@@ -40,7 +40,7 @@ class ThreadChoice:
         return min(wanted, max(1, self._steps))  # doubled until the first measurement is complete
 
     def record(self, steps: int, seconds: float) -> None:
-        """Counts `steps` steps that took `seconds` s on `count` threads, and chooses anew."""
+        """Add `steps` steps that took `seconds` s on `count` threads; at the end of a measurement choose `count`."""
         if self.most == 1:
             return
         self._steps += steps
