@@ -75,7 +75,7 @@ def rate_parameter(what: str, standard: float) -> Any:
 def require_direction(kind: type[Path]) -> None:
     """Raise InputError unless the `direction` of a path is three finite numbers with z not negative.
 
-    The sign of the axial `strain` alone distinguishes compression (positive) from extension (negative).
+    Only the sign of the axial `strain` distinguishes compression (positive) from extension (negative).
     """
     try:
         direction = np.asarray(kind.direction, dtype=float)

@@ -31,8 +31,8 @@ from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
-class Begun:
-    """A run to be resumed: the State of its checkpoint, the wall time so far in s, and whether it is complete."""
+class StoredRun:
+    """A run in a file: the State of its checkpoint, the wall time so far in s, and whether it is complete."""
 
     state: State
     first_cell: np.ndarray  # (3, 3), m: at zero strain
@@ -155,7 +155,7 @@ class Recorder:
                     "choose another file, or load the same extensions to resume it"
                 )
 
-    def resume(self) -> Begun | None:
+    def resume(self) -> StoredRun | None:
         """The unfinished or complete run in the file, or None if the file does not exist yet.
 
         Raises InputError if the file holds a run with other parameters or of another specimen.
@@ -176,7 +176,7 @@ class Recorder:
                 raise InputError(f"{self.file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             first_cell = dataset["cell"][0].filled()
-            return Begun(_read_checkpoint(dataset), first_cell, float(dataset.wall_time), bool(dataset.complete))
+            return StoredRun(_read_checkpoint(dataset), first_cell, float(dataset.wall_time), bool(dataset.complete))
 
 
 def read_checkpoint(file: os.PathLike[str] | str) -> State:

@@ -13,7 +13,7 @@ from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
 from labkit.dem.paths import Path
-from labkit.dem.recorder import Begun, Recorder
+from labkit.dem.recorder import Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
@@ -50,13 +50,13 @@ def run(
         "guarded": options.guarded,
     }
     with Recorder(file, path, settings, specimen) as recorder:
-        begun = recorder.resume()
-        if begun and begun.complete:
+        stored = recorder.resume()
+        if stored and stored.complete:
             return False
-        if not begun:
+        if not stored:
             specimen = prepare(specimen, path, start, progress, options.guarded)
         with stop_on_signals() as signals:
-            return _Loop(recorder, specimen, begun, start, options, progress).go(signals)
+            return _Loop(recorder, specimen, stored, start, options, progress).execute(signals)
 
 
 def prepare(specimen: State, path: Path, start: Start, progress: Progress, guarded: bool = True) -> State:
@@ -75,21 +75,21 @@ class _Loop:
         self,
         recorder: Recorder,
         specimen: State,
-        begun: Begun | None,
+        stored: StoredRun | None,
         start: Start,
         options: Options,
         progress: Progress,
     ) -> None:
         self.recorder, self.path, self.progress = recorder, recorder.path, progress
         self.options, self.threads = options, start.threads
-        self.first_cell = begun.first_cell if begun else specimen.cell
-        self.wall_before = begun.wall_time if begun else 0.0
+        self.first_cell = stored.first_cell if stored else specimen.cell
+        self.wall_before = stored.wall_time if stored else 0.0
         self.started = time.monotonic()
-        state = begun.state if begun else specimen
+        state = stored.state if stored else specimen
         self.schedule = Schedule.of(self.path, state.time_step, state.number_of_grains, options)
         self.stopped = False
         self.engine = start(state)
-        if begun:
+        if stored:
             self.continue_from(state, state.snapshot())
         else:
             state = self.engine.reload()
@@ -102,7 +102,7 @@ class _Loop:
         self.time_step, self.gradient = state.time_step, state.velocity_gradient
         self.stiffness = cell_stiffness(snapshot) if self.path.control() else None
 
-    def go(self, signals: Signals) -> bool:
+    def execute(self, signals: Signals) -> bool:
         last = False
         while not last:
             stop = self.schedule.next_stop(self.step)

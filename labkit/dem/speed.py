@@ -31,6 +31,6 @@ def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
 
 
 def _seconds(work: Callable[[], object]) -> float:
-    begin = time.perf_counter()
+    start = time.perf_counter()
     work()
-    return time.perf_counter() - begin
+    return time.perf_counter() - start
