@@ -487,7 +487,10 @@ MISTAKES = {
     ),
     "law, no name": (LAW.format("return t").replace('name = "mine"', "other = 1"), "Mine has no name: give it one"),
     "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not possible: give strain rates in x, y and z"),
-    "path, extension": (PATH.format("(0, 0, -1)", ALONG), "for extension, reverse all three signs and make `strain` negative"),
+    "path, extension": (
+        PATH.format("(0, 0, -1)", ALONG),
+        "for extension, reverse all three signs and make `strain` negative",
+    ),
     "path, shapes": (PATH.format("(0, 0, 1)", "lk.Control([[1, 0]], [[1], [1]], [1])"), "a Control has measure (1, 2)"),
     "path, given and free": (
         PATH.format("(0, 1, 1)", ALONG),

@@ -1,4 +1,4 @@
-"""The command that installs an extra of labkit (Snakemake, meshio, ...) from where labkit itself was installed."""
+"""The command that installs an optional dependency of labkit, such as Snakemake or meshio."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def install_command(extra: str) -> str:
-    """The pip command that installs an extra.
+    """The pip command that installs an extra of labkit.
 
-    A bare `labkit[extra]` would fetch whatever package the public index has under that name; this command names the
-    checkout, or the file that labkit was installed from, or else the packages of the extra themselves.
+    `pip install labkit[extra]` would install whatever the public index lists under the name labkit. This command names
+    the checkout or the file from which labkit was installed or, failing that, the packages of the extra.
     """
     return f"{shlex.quote(sys.executable)} -m pip install {_requirement(extra)}"
 
@@ -32,11 +32,11 @@ def _requirement(extra: str) -> str:
     source = _source(installed.read_text("direct_url.json"))
     if source is not None:
         return shlex.quote(f"{source}[{extra}]")
-    return " ".join(shlex.quote(one) for one in _packages(extra, installed.requires or []))
+    return " ".join(shlex.quote(package) for package in _packages(extra, installed.requires or []))
 
 
 def _source(text: str | None) -> str | None:
-    """Local path in a direct_url.json, the file in which pip notes where a package came from; None for another."""
+    """Local path in direct_url.json, where pip records the origin of a package; None for any other origin."""
     url = urlparse(json.loads(text)["url"]) if text else None
     if url is None or url.scheme != "file":
         return None
@@ -45,7 +45,7 @@ def _source(text: str | None) -> str | None:
 
 
 def _packages(extra: str, requires: list[str]) -> list[str]:
-    """Requirements of an extra, without their markers."""
+    """Requirements of an extra, without environment markers."""
     of_extra = re.compile(rf"""extra\s*==\s*['"]{re.escape(extra)}['"]""")
-    parts = [one.partition(";") for one in requires]
+    parts = [requirement.partition(";") for requirement in requires]
     return [name.strip() for name, _, marker in parts if of_extra.search(marker)]

@@ -47,7 +47,7 @@ RECORD = _table(
     ("contact_anisotropy", "time i j", "f8", "1", "anisotropy of the contact normals A"),
     ("mean_normalised_force", "time", "f8", "1", "mean normalised normal contact force Lambda"),
     ("normal_force_anisotropy", "time i j", "f8", "1", "anisotropy of the normalised normal force F"),
-    ("mobilisation", "time i j", "f8", "1", "mobilisation F^t: mean of normal (x) tangential force over the mean normal force"),
+    ("mobilisation", "time i j", "f8", "1", "mobilisation F^t: mean normal (x) tangential force / mean normal force"),
     ("inertial_number", "time", "f8", "1", "inertial number"),
     ("overlap_ratio", "time", "f8", "1", "mean of overlap over grain diameter"),
     ("rattler_fraction", "time", "f8", "1", "share of grains with fewer than two contacts"),
