@@ -1,4 +1,4 @@
-"""What a campaign or a single command costs: grain-steps, time, memory and disk space.
+"""Cost of a campaign or of a single command: grain-steps, time, memory and disk space.
 
 Time follows from the speeds of labkit.campaign.speeds. The number of steps that a specimen takes is a typical count; it
 does not depend on the computer.

@@ -1,4 +1,4 @@
-"""What `labkit COMMAND --help` states first, what the command does and writes, and the examples at its end."""
+"""Descriptions and examples of the commands, for `labkit COMMAND --help`."""
 
 from __future__ import annotations
 
