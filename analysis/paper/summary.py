@@ -49,12 +49,13 @@ def _items(folder: Path) -> Iterator[str]:
 def _simulated(runs: pandas.DataFrame) -> str:
     main = runs[~runs["run"].str.startswith(OTHERS)]
     kinds = [f"{n} {PATHS.get(path, path)}" for path, n in main["path"].value_counts(sort=False).items()]
-    text = f"**Simulated:** {len(runs)} tests"
+    text = f"**Simulated:** {len(runs)} {'test' if len(runs) == 1 else 'tests'}"
     if len(main):
         fewest, most = main["grains"].min(), main["grains"].max()
-        text += f". {len(main)} repeat the paper's tests with {fewest:,} to {most:,} grains: {', '.join(kinds)}"
+        grains = f"{most:,}" if fewest == most else f"{fewest:,} to {most:,}"
+        text += f". {len(main)} from the paper, with {grains} grains: {', '.join(kinds)}"
     if len(main) < len(runs):
-        text += f". {len(runs) - len(main)} compare engines and contact laws"
+        text += f". {len(runs) - len(main)} for comparing engines and contact laws"
     return f"{text} ([names of the runs](#run-names))."
 
 
