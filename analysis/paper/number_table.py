@@ -32,6 +32,11 @@ RULE = (
     "rounding is allowed. Limits (*below ...*) have no rounding; a negative difference is the distance below the limit."
 )
 
+EXPLAINED = (
+    "For a limit: the runs that exceed it. For other numbers: the alternatives tested, each with its effect on the "
+    "number."
+)
+
 
 def rows(numbers: pandas.DataFrame) -> list[list[str]]:
     """A row of text for HEADER per row of fidelity.csv. Missing columns count as empty."""
@@ -115,7 +120,7 @@ def page(numbers: pandas.DataFrame) -> str:
     if listed:
         parts += [
             "## Numbers that do not agree",
-            "Alternatives that were tested, each with its effect on the number.",
+            EXPLAINED,
             "\n".join(f"- **{label}**: {explanation}." for label, explanation in listed),
         ]
     return "\n\n".join(parts)

@@ -29,7 +29,6 @@ from labkit.errors import InputError
 from labkit.io import require_writable, write_provenance
 
 TABLES = "./lab paper"  # commands that write missing files
-FIGURES = "./lab notebooks"
 STUDY = "./lab speed-error"
 CASES = "./lab hard-cases"
 STUDIED = ("study.nc", "settings.csv")
@@ -115,8 +114,8 @@ def fidelity(folder: Path) -> str:
     explained = [[markdown.literal(text) for text in pair] for pair in number_table.explanations(numbers)]
     tested = (
         "### Numbers that do not agree",
-        "The alternatives that were tested to explain the difference, each with its effect on the number.",
-        pieces.box(markdown.table(("number", "what was tested"), explained), "what was tested", "prose"),
+        number_table.EXPLAINED,
+        pieces.box(markdown.table(("number", "explanation"), explained), "numbers that do not agree", "prose"),
     )
     colours = "Rows in [green]{.key .inside} agree, rows in [orange]{.key .outside} do not."
     return join(
@@ -131,7 +130,7 @@ def fidelity(folder: Path) -> str:
 
 def gallery(folder: Path) -> str:
     """Picture of the grains."""
-    return join("## The grains {#grains}", pieces.pictures("gallery", folder, FIGURES))
+    return join("## The grains {#grains}", pieces.pictures("gallery", folder, TABLES))
 
 
 def critical_state(folder: Path) -> str:
@@ -144,7 +143,7 @@ def critical_state(folder: Path) -> str:
     )
     return join(
         "## Critical state {#critical-state}",
-        pieces.pictures("critical", folder, FIGURES),
+        pieces.pictures("critical", folder, TABLES),
         "### Fitted lines",
         "e(p) is e = e0 - a p^b^ with p in MPa; Z(e) and Λ(e) are fitted jointly.",
         lines,
@@ -167,7 +166,7 @@ def figures(folder: Path) -> str:
         "model calibrated on the simulations."
     )
     unknown = [file.name for file in sorted(folder.glob("*.png")) if file.name not in pieces.CAPTIONS.index]
-    known = pieces.pictures("figures", folder, FIGURES)
+    known = pieces.pictures("figures", folder, TABLES)
     return join(
         "## The paper's figures {#figures}", lines, index, known, *(pieces.picture(name, folder) for name in unknown)
     )
@@ -175,7 +174,7 @@ def figures(folder: Path) -> str:
 
 def statistics(folder: Path) -> str:
     """Pictures of the statistics."""
-    return join("## Statistics and strength {#statistics}", pieces.pictures("statistics", folder, FIGURES))
+    return join("## Statistics and strength {#statistics}", pieces.pictures("statistics", folder, TABLES))
 
 
 def love(folder: Path) -> str:
@@ -213,7 +212,7 @@ def engines(folder: Path) -> str:
         "relative difference from YADE."
     )
     table = pieces.csv_table(folder / "engines.csv", "the same tests on both engines", TABLES)
-    return join("## YADE and the fused engine {#engines}", pieces.pictures("engines", folder, FIGURES), text, table)
+    return join("## YADE and the fused engine {#engines}", pieces.pictures("engines", folder, TABLES), text, table)
 
 
 def speed_error(folder: Path) -> str:

@@ -286,7 +286,7 @@ def test_missing_files_are_named_with_their_commands(tmp_path):
     text = (tmp_path / "report.html").read_text()
     missing = re.findall(r"Missing: (.*?)\.\s+Written\s+by\s+<code>(.*?)</code>", text, re.DOTALL)
     found = {name: command for names, command in missing for name in names.split(", ")}
-    assert found["fidelity.csv"] == "./lab paper" and found["fig10.png"] == "./lab notebooks"
+    assert found["fidelity.csv"] == "./lab paper" and found["fig10.png"] == "./lab paper"
     assert found["pareto_cp.png"] == "./lab speed-error" and found["hard_cases.csv"] == "./lab hard-cases"
     assert 'id="summary"' not in text
 
