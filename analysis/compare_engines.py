@@ -1,10 +1,10 @@
-"""Whole tests on two engines: is the difference between engines within the scatter between specimens?
+"""Compares the difference between two engines in whole tests with the scatter between specimens.
 
     python analysis/compare_engines.py cv_seed*_fused.run.nc cv_seed*_yade.run.nc
 
-The runs of one path, of the same specimens on both engines. For each quantity, averaged over the second half of the
-axial strain: the mean over specimens on each engine, the difference of the two, and the standard deviation over
-specimens of YADE.
+The arguments are runs along one path, from the same specimens on both engines. The table lists, for each quantity
+averaged over the second half of the axial strain: the mean over specimens on each engine, the difference between the
+engines, and the standard deviation over specimens on YADE.
 """
 
 import sys
@@ -17,7 +17,7 @@ from labkit.engines import ENGINES
 
 
 def quantities(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """Name -> values along the records."""
+    """Name -> values at the records."""
     p, q = run.lab.mean_stress(), run.lab.deviatoric_stress()
     return {
         "q/p": (q / p).values,
@@ -30,16 +30,16 @@ def quantities(run: xr.Dataset) -> dict[str, np.ndarray]:
     }
 
 
-runs = {engine: [] for engine in ENGINES}
+runs: dict[str, list[dict[str, np.ndarray]]] = {engine: [] for engine in ENGINES}
 for file in sys.argv[1:]:
     run = lk.open_run(file)
     runs[run.attrs["engine"]].append(quantities(run))
 if len(runs["yade"]) < 2 or len(runs["yade"]) != len(runs["fused"]):
-    sys.exit("give the runs of at least two specimens, each on both engines")
+    sys.exit("name the run files of at least two specimens, each on both engines")
 print(f"{len(runs['yade'])} specimens; means over the second half of the test")
 print(f"{'':<7} {'yade':>9} {'fused':>9} {'difference':>11} {'scatter':>9} {'ratio':>6}")
 for name in runs["yade"][0]:
-    yade, fused = (np.array([found[name] for found in runs[engine]]) for engine in ("yade", "fused"))
+    yade, fused = (np.array([values[name] for values in runs[engine]]) for engine in ("yade", "fused"))
     half = yade.shape[1] // 2
     a, b = yade[:, half:].mean(axis=1), fused[:, half:].mean(axis=1)
     difference, scatter = b.mean() - a.mean(), a.std(ddof=1)

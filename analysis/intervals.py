@@ -1,4 +1,4 @@
-"""Half-widths of 95 % intervals, of Student's t."""
+"""Half-widths of 95 % confidence intervals, from Student's t distribution."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ CONFIDENCE = 0.95
 
 
 def student(error: float, freedom: float) -> float:
-    """Of a number with this standard error and so many degrees of freedom; NaN without any."""
+    """Half-width for a number with this standard error and number of degrees of freedom; NaN for no freedom."""
     return float(stats.t.ppf(0.5 * (1.0 + CONFIDENCE), freedom) * error) if freedom > 0 else math.nan
 
 
 def of_test(test: Any) -> float:
-    """Of the mean, or of the difference of means, that a t-test of scipy.stats is about."""
+    """Half-width for the mean, or difference of means, from the result of a t-test of scipy.stats."""
     interval = test.confidence_interval(CONFIDENCE)
     return float(0.5 * (interval.high - interval.low))
 
 
 def welch(a: np.ndarray, b: np.ndarray) -> float:
-    """Of mean(a) - mean(b), two independent samples (n,) and (m,) of unequal variances (Welch).
+    """Half-width for mean(a) - mean(b), two independent samples (n,) and (m,) with unequal variances (Welch).
 
-    A sample of one value takes its scatter from the other. 0 if neither scatters; NaN for two single values.
+    A sample with one value is given the scatter of the other. 0 if neither sample scatters; NaN for two single values.
     """
     if max(a.size, b.size) < 2:
         return math.nan

@@ -9,39 +9,48 @@ from collections.abc import Collection, Iterable, Sequence
 import numpy as np
 import pandas
 
-WORDS = 40  # characters of a cell from which on it is a sentence
+WORDS = 40  # characters; a longer cell is set as a paragraph
 BLANK = "\N{NO-BREAK SPACE}"
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], right: Collection[int] = ()) -> str:
-    """A table as text; cells are text. `right`: the columns, by number, that stand on the right."""
+    """A Markdown table from text cells. `right`: indices of the right-aligned columns."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
     rule = "".join("---:|" if k in right else "---|" for k in range(len(header)))
     return "\n".join([lines[0], "|" + rule, *lines[1:]])
 
 
 def frame_table(frame: pandas.DataFrame, marks: Sequence[str] = ()) -> str:
-    """A pandas.DataFrame as a Markdown table for pandoc: numbers rounded and on the right, text taken literally.
+    """A pandas.DataFrame as a Markdown table for pandoc: numbers rounded and right-aligned, text escaped.
 
-    `marks`: for each row a class of the page's style, or "", that its cells get.
+    `marks`: for each row the CSS class of its cells, or "".
     """
     names = list(frame.columns)
     columns = [[_cell(x, name) for x in frame[name].astype(object)] for name in names]
-    rows = [list(cells) for cells in zip(*columns, strict=True)]
-    for row, mark in zip(rows, marks, strict=True):
-        row[:] = [f"[{cell}]{{.{mark}}}" if mark and cell else cell for cell in row]
+    rows = marked([list(cells) for cells in zip(*columns, strict=True)], marks)
     numbers = {k for k, name in enumerate(names) if all(_is_number(x) for x in frame[name].dropna())}
     return table([literal(_heading(name)) for name in names], rows, numbers)
 
 
+def marked(rows: Sequence[Sequence[str]], marks: Sequence[str] = ()) -> list[list[str]]:
+    """Rows of Markdown cells with the CSS class `marks[k]` on every cell of row k; "" for no class."""
+    if not marks:
+        return [list(row) for row in rows]
+    return [
+        [f"[{cell}]{{.{mark}}}" if mark and cell else cell for cell in row]
+        for row, mark in zip(rows, marks, strict=True)
+    ]
+
+
 def literal(text: object) -> str:
-    """Text in which no character means anything to Markdown."""
+    """Text with all Markdown special characters escaped."""
     return re.sub(f"([{re.escape(string.punctuation)}])", r"\\\1", " ".join(str(text).split()))
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number in so many digits, all that stand before its point, and a power of ten where it is very long; NaN and
-    infinity are empty.
+    """A number with at least `digits` significant digits, in scientific notation if very long.
+
+    All digits before the decimal point are kept. NaN and infinity give an empty string.
     """
     if not np.isfinite(value):
         return ""
@@ -56,24 +65,24 @@ def number(value: float, digits: int = 4) -> str:
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def _cell(value, name):
+def _cell(value: object, name: str) -> str:
     if pandas.isna(value):
         return ""
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
-    if isinstance(value, (int, np.integer)) and abs(value) < 1e7:
+    if isinstance(value, (int, np.integer)) and abs(int(value)) < 10**7:
         return str(value)
-    if _is_number(value):
-        return number(value, 2 if ROUGH.search(name) else 4)
-    return f"[{literal(value)}]{{.words}}" if len(value) > WORDS else literal(value)
+    if isinstance(value, (float, np.number)):
+        return number(float(value), 2 if ROUGH.search(name) else 4)
+    return f"[{literal(value)}]{{.words}}" if len(str(value)) > WORDS else literal(value)
 
 
-ROUGH = re.compile("±|uncertainty|within|scatter|difference|interval|error|_se$")  # two digits say all
+ROUGH = re.compile("±|uncertainty|within|scatter|difference|interval|error|_se$")  # two digits are enough
 
 
-def _is_number(value):
+def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.number)) and not isinstance(value, (bool, np.bool_))
 
 
-def _heading(name):
+def _heading(name: str) -> str:
     return re.sub(r"_(?!zz\b)", " ", name)

@@ -1,4 +1,4 @@
-"""How the studies write labelled data sets."""
+"""Encoding of the labelled data sets that the studies write."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import xarray as xr
 
 
 def characters(data: xr.Dataset) -> dict[str, dict[str, Any]]:
-    """The encoding of the variables of a data set that hold text: characters, as HDF5 breaks on the strings of a file
-    that is opened twice.
+    """Encoding of the text variables of a data set as characters.
+
+    HDF5 fails on variable-length strings in a file that is opened twice.
     """
-    return {str(name): {"dtype": "S1"} for name, one in data.variables.items() if one.dtype.kind in "UO"}
+    return {str(name): {"dtype": "S1"} for name, variable in data.variables.items() if variable.dtype.kind in "UO"}

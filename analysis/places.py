@@ -1,4 +1,4 @@
-"""Where the studies of this clone keep what they find."""
+"""Folders in which the studies of this clone keep their results."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ STUDIES = Path(__file__).resolve().parent
 
 
 def results_folder(name: str = "") -> str:
-    """The folder results/NAME of this clone, relative to the current folder."""
+    """Path of results/NAME in this clone, relative to the current folder."""
     return os.path.relpath(ROOT / "results" / name)

@@ -1,4 +1,4 @@
-"""Where a cyclic test turns."""
+"""Reversals of a cyclic test."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ import numpy as np
 
 
 def turns(strain: np.ndarray) -> np.ndarray:
-    """Indices of the records at which the axial strain (record,) turns; the first and the last record are none."""
+    """Indices of the records at which the axial strain (record,) reverses, without the first and last record."""
     return np.flatnonzero(np.diff(np.sign(np.diff(strain))) != 0) + 1

@@ -1,39 +1,34 @@
-"""An engine of your own: grains that follow the cell and do not slide, the upper bound of every stiffness.
+"""A user-defined engine: grains follow the deformation of the cell exactly, an upper bound of the stiffness.
 
 labkit run cv s.state.nc --strain 1e-3 --record-strain 1e-4 --engine affine --use examples/own_engine.py
 """
-
-import numpy as np
 
 import labkit as lk
 
 
 @lk.register_engine
 class AffineEngine(lk.Engine):
-    """All grains move with the mean field; contacts open but do not form, nor do they slide or roll."""
+    """All grains move with the mean velocity field; contacts neither form, open, slide nor roll."""
 
     name, version = "affine", "1"
 
     def __init__(self, state, threads=1):
-        self.load(state)
-
-    def load(self, state):
         self._state = state.replace(engine=self.name, engine_version=self.version)
 
+    load = __init__
+
     def advance(self, steps, velocity_gradient):
-        s, dt, stress, L = self._state, steps * self._state.time_step, self.stress(), velocity_gradient
-        contacts, pair = s.snapshot().contacts, s.radius[s.contact_grain].T
-        v = contacts.branch_length(s.radius)[:, None] * contacts.normal @ L.T  # of the second grain
-        slip = v - np.einsum("ci,ci->c", v, contacts.normal)[:, None] * contacts.normal
-        force = s.tangential_force + dt * s.scene.tangential_stiffness(*pair)[:, None] * slip
-        F = np.linalg.matrix_power(np.eye(3) + s.time_step * L, steps)
-        x, now = s.position @ F.T, {"step": s.step + steps, "time": s.time + dt, "velocity_gradient": L}
-        moved = s.replace(position=x, velocity=x @ L.T, cell=F @ s.cell, tangential_force=force, **now)
-        kept = moved.snapshot().contacts.overlap >= 0.0
-        names = ("contact_grain", "contact_shift", "tangential_force", "rolling_moment")
-        self._state = moved = moved.replace(**{name: getattr(moved, name)[kept] for name in names})
-        work = -0.5 * s.volume * dt * np.sum((stress + self.stress()) * L)
-        self._state = moved.replace(ledger=s.ledger.plus(work, 0.0, 0.0, 0.0))
+        for _ in range(steps):
+            old, L, dt, stress = self._state, velocity_gradient, self._state.time_step, self.stress()
+            contacts, pair = old.snapshot().contacts, old.radius[old.contact_grain].T
+            v = contacts.branch_length(old.radius)[:, None] * contacts.normal @ L.T  # second grain, relative to first
+            slip = v - (v * contacts.normal).sum(axis=1, keepdims=True) * contacts.normal
+            force = old.tangential_force + dt * old.scene.tangential_stiffness(*pair)[:, None] * slip
+            x, cell = old.position + dt * old.position @ L.T, old.cell + dt * L @ old.cell
+            motion = {"position": x, "velocity": x @ L.T, "cell": cell, "velocity_gradient": L}
+            self._state = old.replace(**motion, tangential_force=force, step=old.step + 1, time=old.time + dt)
+            work = -0.5 * old.volume * dt * ((stress + self.stress()) * L).sum()
+            self._state = self._state.replace(ledger=old.ledger.plus(work, 0.0, 0.0, 0.0))
 
     def stress(self):
         return lk.love_stress(self._state.snapshot())
@@ -41,5 +36,4 @@ class AffineEngine(lk.Engine):
     def state(self):
         return self._state
 
-    def stop_grains(self):
-        return None
+    def stop_grains(self): ...  # relative to the mean velocity field, the grains are at rest

@@ -1,4 +1,4 @@
-"""A loading path of your own: triaxial compression with the axial stress held, so that the radial stress falls.
+"""A user-defined loading path: triaxial compression at constant axial stress, in which the radial stress decreases.
 
     labkit run ca s.state.nc --pressure 300kPa --strain 0.05 --engine fused --use examples/own_path.py -o r.run.nc
     labkit verify r.run.nc --use examples/own_path.py
@@ -14,16 +14,16 @@ import labkit as lk
 @lk.register_path
 @dataclasses.dataclass(frozen=True)
 class ConstantAxialStress(lk.StressPath):
-    """sigma_z = `pressure` at a constant axial rate; equal radial strains are what the servo finds."""
+    """sigma_z = `pressure` at a constant axial rate; the servo adjusts the equal radial strain rates."""
 
     name = "ca"
-    direction = (0.0, 0.0, 1.0)  # given: the axial strain rate
+    direction = (0.0, 0.0, 1.0)  # prescribed: the axial strain rate
     shear = True  # ends in a critical state
     holds = "axial stress"
     line_style = (0, (1, 3))
 
     def control(self) -> lk.Control:
-        """The servo holds sigma_z by equal strain rates in x and y."""
+        """The servo holds sigma_z with equal strain rates in x and y."""
         return lk.Control(measure=[[0, 0, 1]], free=[[1], [1], [0]], target=[self.pressure])
 
 

@@ -8,7 +8,7 @@
     run.complete, run.exceeded, run.data, run.plot()
     lk.statistics(run.snapshots[-1]), lk.love_stress(run.snapshots[-1]), lk.sff_stress(run.snapshots[-1])
 
-Everything is loaded when it is first used; what a simulation needs works inside YADE's interpreter too.
+Modules are loaded on first use; everything that a simulation needs also works inside YADE's interpreter.
 """
 
 from labkit.lazy import attach
@@ -16,7 +16,7 @@ from labkit.lazy import attach
 __version__ = "0.2.0.dev0"
 
 _NAMES = {
-    # what is modelled
+    # model
     "Scene": "dem.scene",
     "Recipe": "dem.specimen",
     "State": "dem.state",
@@ -30,13 +30,13 @@ _NAMES = {
     "ContactLaw": "dem.laws",
     "Engine": "dem.engine",
     "Servo": "dem.servo",
-    # what is done
+    # simulation
     "make_specimen": "runs.laboratory",
     "consolidate": "runs.laboratory",
     "run": "runs.laboratory",
     "read_state": "dem.state",
     "write_state": "dem.state",
-    # what comes out
+    # results
     "Run": "runs.run",
     "Exceeded": "dem.limits",
     "Snapshot": "micro.snapshot",
@@ -52,12 +52,12 @@ _NAMES = {
     "verify": "runs.verify",
     "critical_states": "runs.critical",
     "calibrate": "model.calibration",
-    # the rooms
+    # packages
     "micro": "micro:",
     "sff": "sff:",
     "model": "model:",
     "visuals": "visuals:",
-    # extending
+    # extensions
     "parameter": "parameters",
     "use": "extensions",
     "register_path": "dem.paths",
@@ -65,7 +65,7 @@ _NAMES = {
     "register_engine": "engines",
     "register_statistic": "dem.recorded",
     "register_figure": "runs.figures",
-    # giving up
+    # exceptions
     "InputError": "errors",
     "PhysicsError": "errors",
     "Interrupted": "errors",

@@ -1,4 +1,4 @@
-"""How labkit gives up, each way with its exit code. An error carries values; a front end makes the sentence."""
+"""labkit's exceptions and their exit codes. An InputError holds values, so that each front end can word the message."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 
 class InputError(ValueError):
-    """Something the user gave cannot be used: exit code 2, one line, nothing left behind.
+    """Invalid input: exit code 2, a one-line message, no output file left behind.
 
-    field: the parameter that is wrong, by its name in Python; value: what was given; allowed: what to give instead;
-    quoted: whether the sentence has the value in quotes. `str()` names the field as Python does; `said(name)` lets a
-    front end name it in its own way.
+    field: Python name of the invalid parameter; value: the value given; allowed: valid values; quoted: True to print
+    the value in quotes. `str()` uses the Python name of the field; `said(name)` lets a front end use another name, such
+    as that of an option.
     """
 
     def __init__(
@@ -24,12 +24,12 @@ class InputError(ValueError):
         allowed: str | None = None,
         quoted: bool = False,
     ) -> None:
-        """problem: what is wrong with the field, after its name and value; a whole sentence without a field."""
+        """problem: the text after the field's name and value; without a field, the complete message."""
         super().__init__(problem)
         self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted
 
     def said(self, name: Callable[[str], str] = str) -> str:
-        """The sentence, with `name(field)` for the name of the field."""
+        """The message, in which the field appears as `name(field)`."""
         if self.field is None:
             return self.problem
         value = "" if self.value is None else f" {repr(self.value) if self.quoted else shown(self.value)}"
@@ -41,20 +41,20 @@ class InputError(ValueError):
 
 
 def shown(value: Any) -> str:
-    """A value as a person would write it."""
+    """A value as text, as a user would type it."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, tuple):
-        return ",".join(shown(one) for one in value)
+        return ",".join(shown(item) for item in value)
     return str(value)
 
 
 class PhysicsError(RuntimeError):
-    """The simulation or a check of it failed: exit code 1."""
+    """The simulation, or a check of its results, failed: exit code 1."""
 
 
 class Interrupted(Exception):
-    """A signal ended a run after its checkpoint was written: exit code 128 + number, as shells have it."""
+    """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells."""
 
     def __init__(self, message: str, code: int) -> None:
         """code: the exit code."""
@@ -63,19 +63,19 @@ class Interrupted(Exception):
 
 
 def option_name(field: str) -> str:
-    """`--step1-friction` for `step1_friction`."""
+    """Command-line option of a parameter: `--step1-friction` for `step1_friction`."""
     return f"--{field.replace('_', '-')}"
 
 
 def exit_code(error: BaseException) -> int:
-    """The exit code of a command that this error ends."""
+    """Exit code of a command that stops with this error."""
     if isinstance(error, Interrupted):
         return error.code
     return 2 if isinstance(error, InputError) else 1
 
 
 def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
-    """What a front end says of an error."""
+    """The message that a front end prints for an error."""
     if isinstance(error, InputError):
         return error.said(name)
     if isinstance(error, OSError):
@@ -84,6 +84,6 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
 
 
 def fail(message: object, code: int) -> int:
-    """Prints the one line that a command gives up with, and returns its exit code."""
+    """Prints the one-line message of a failed command and returns its exit code."""
     print(f"labkit: {message}", file=sys.stderr, flush=True)
     return code

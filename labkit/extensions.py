@@ -1,14 +1,14 @@
-"""Extending labkit from outside: registries of paths, contact laws, recorded statistics and engines.
+"""Extensions: registries of paths, contact laws, recorded statistics, figures and engines.
 
-A user's own file registers a class or a function:
+A user's file registers a class or a function:
 
     @labkit.register_path
     @dataclasses.dataclass(frozen=True)
     class ConstantAxialStress(labkit.Path): ...
 
-and becomes known by `labkit COMMAND ... --use FILE`, by `use: FILE` in a campaign, by the environment variable
-LABKIT_USE (files, separated as in PATH; child processes inherit it), or as an installed package with an entry point in
-the group `labkit.extensions` that names its module. No file of labkit changes.
+and is loaded by `labkit COMMAND ... --use FILE`, by `use: FILE` in a campaign, by `labkit.use(FILE)`, or by the
+environment variable LABKIT_USE (files, separated as in PATH; child processes inherit it). An installed package is
+loaded if it has an entry point in the group `labkit.extensions` that names its module. labkit itself is not changed.
 """
 
 from __future__ import annotations
@@ -32,17 +32,20 @@ GROUP = "labkit.extensions"
 
 
 class Registry(Mapping[str, Any]):
-    """Name -> class, instance or function. What labkit brings is loaded when it is first asked for.
+    """Mapping of name -> class, instance or function. Built-in entries are imported on first use.
 
-    kind: what messages call an entry; builtin: name -> `module:attribute`; aliases: other names of entries.
+    kind: the term for an entry in messages; builtin: name -> `module:attribute`; aliases: former name -> name.
     """
 
     def __init__(self, kind: str, builtin: dict[str, str], aliases: dict[str, str] | None = None) -> None:
-        """Registers nothing yet beyond `builtin`."""
+        """Starts with the built-in entries only."""
         self.kind, self._entries, self._aliases = kind, dict[str, Any](builtin), aliases or {}
 
     def register(self, entry: Any) -> Any:
-        """Makes an entry known under its `name`; a decorator. Raises InputError for a name that is taken."""
+        """Registers an entry under its `name` and returns it; usable as a decorator.
+
+        Raises InputError if the name is missing or already taken.
+        """
         name = getattr(entry, "name", None)
         if not isinstance(name, str) or not name:
             raise InputError(f'{_label(entry)} has no name: give it one, e.g. name = "mine"')
@@ -76,41 +79,42 @@ class Registry(Mapping[str, Any]):
         return len(self._entries)
 
     def require(self, name: str, field: str | None = None) -> Any:
-        """The entry of that name. Raises InputError that lists the names there are."""
+        """The entry of that name. Raises InputError with a list of all names if it is unknown."""
         try:
             return self[name]
         except KeyError:
-            said = {"field": field or self.kind, "value": name, "allowed": self.allowed}
-            raise InputError("is unknown", quoted=True, **said) from None
+            raise InputError(
+                "is unknown", field=field or self.kind, value=name, allowed=self.allowed, quoted=True
+            ) from None
 
     @property
     def allowed(self) -> str:
-        """What to give, for an error."""
+        """The valid names, worded for an error message."""
         return f"one of {', '.join(self)}, or load the file that registers it (--use FILE, labkit.use)"
 
     def name(self, name: str) -> str:
-        """The name proper of an entry that may be called by an earlier one."""
+        """Current name of an entry, given its current or a former name."""
         return self._aliases.get(name, name)
 
     def earlier(self, name: str) -> tuple[str, ...]:
-        """The earlier names of an entry."""
+        """Former names of an entry."""
         return tuple(alias for alias, known in self._aliases.items() if known == name)
 
     def names(self) -> tuple[str, ...]:
-        """All names, those of earlier versions too."""
+        """All names, including those of earlier versions."""
         return (*self, *self._aliases)
 
 
 def _origin(entry: Any) -> str:
-    """Where an entry was defined: a file that is loaded twice registers the same thing."""
+    """File and name of the definition of an entry, by which a file that is loaded twice is recognised."""
     if isinstance(entry, str):
         return entry
-    kind = getattr(entry, "function", entry)  # a statistic is made of one
-    return f"{file_of(kind)}:{kind.__qualname__}"
+    definition = getattr(entry, "function", entry)  # a statistic wraps a function
+    return f"{file_of(definition)}:{definition.__qualname__}"
 
 
 def file_of(entry: Any) -> str | None:
-    """The file that defines a class or function, None for one of a session without a file."""
+    """Path of the file that defines a class or function; None if it was defined interactively."""
     try:
         return str(Path(inspect.getfile(entry)).resolve())
     except (TypeError, OSError):
@@ -118,25 +122,28 @@ def file_of(entry: Any) -> str | None:
 
 
 def use(file: str | os.PathLike[str]) -> None:
-    """Loads a file that registers extensions, for this process and for its children. Raises InputError."""
+    """Loads a file that registers extensions, for this process and its child processes.
+
+    Raises InputError if the file does not exist, cannot be imported or registers a name that is already taken.
+    """
     path = Path(file).resolve()
     if not path.is_file():
         allowed = "a Python file that registers extensions"
         raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
     _load(str(path))
-    known = used()
-    if str(path) not in known:
-        os.environ[VARIABLE] = os.pathsep.join([*known, str(path)])
+    files = used()
+    if str(path) not in files:
+        os.environ[VARIABLE] = os.pathsep.join([*files, str(path)])
 
 
 def used() -> list[str]:
-    """The files in use, absolute."""
+    """Absolute paths of the extension files in use."""
     return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
 
 
 @functools.cache
 def load_extensions() -> None:
-    """Loads the files of LABKIT_USE and the installed extensions, once."""
+    """Loads the files of LABKIT_USE and the installed extensions, once per process."""
     for file in used():
         _load(file)
     from importlib.metadata import entry_points
@@ -145,19 +152,19 @@ def load_extensions() -> None:
         try:
             point.load()
         except Exception as error:
-            said = f"the installed extension {point.value} cannot be loaded ({type(error).__name__}: {error})"
-            raise InputError(f"{said}: repair or remove it") from error
+            problem = f"the installed extension {point.value} cannot be loaded ({type(error).__name__}: {error})"
+            raise InputError(f"{problem}: repair or uninstall it") from error
 
 
 def _load(file: str) -> None:
-    # named after its text: Numba's cache asks for the module by its name, also where the file is a copy
+    # The module is named after a hash of its text: Numba's cache finds it by that name, even in a copy of the file.
     name = f"labkit_extension_{hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]}"
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if name in sys.modules or (main and str(Path(main).resolve()) == file):
-        return  # it is here already, perhaps as the program itself
+        return  # already loaded, or the file is the running program
     specification = importlib.util.spec_from_file_location(name, file)
     if specification is None or specification.loader is None:
-        raise InputError("is not a Python file", field="use", value=file, allowed="a file that ends in .py")
+        raise InputError("is not a Python file", field="use", value=file, allowed="a file whose name ends in .py")
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module
     try:
@@ -168,13 +175,13 @@ def _load(file: str) -> None:
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (SystemExit, Exception)):
-            said = f"cannot be loaded ({type(error).__name__}: {error})"
-            raise InputError(said, field="use", value=file, allowed="a file that Python can import") from error
+            problem = f"cannot be loaded ({type(error).__name__}: {error})"
+            raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error
         raise
 
 
 def blamed(error: BaseException) -> str | None:
-    """Where in a file of the user's own an error arose, as one line; None if it did not arise there."""
+    """File, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere."""
     files, line = used(), None
     for frame in traceback.extract_tb(error.__traceback__):
         if str(Path(frame.filename)) in files:

@@ -1,4 +1,4 @@
-"""Public names of a package that are imported when they are first used."""
+"""Public names of a package that are imported on first use."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 
-def attach(room: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """`__getattr__`, `__dir__` and `__all__` of the package `room`; `names`: public name -> submodule that has it.
+def attach(package: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Returns `__getattr__`, `__dir__` and `__all__` for a package.
 
-    A submodule may have another name for it (`submodule:name`), or be meant itself (`submodule:`).
+    names: public name -> submodule that defines it. If the name in the submodule differs, write `submodule:name`; to
+    export the submodule itself, write `submodule:`.
     """
 
     def __getattr__(name: str) -> Any:
         if name not in names:
-            raise AttributeError(f"module {room!r} has no attribute {name!r}")
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, colon, attribute = names[name].partition(":")
-        found = importlib.import_module(f"{room}.{module}")
-        return found if colon and not attribute else getattr(found, attribute or name)
+        imported = importlib.import_module(f"{package}.{module}")
+        return imported if colon and not attribute else getattr(imported, attribute or name)
 
     def __dir__() -> list[str]:
-        return sorted({*vars(sys.modules[room]), *names})
+        return sorted({*vars(sys.modules[package]), *names})
 
     return __getattr__, __dir__, sorted(names)

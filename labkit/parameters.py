@@ -1,7 +1,7 @@
-"""The one table of parameters: a field of Scene, Recipe or a Path says its unit, its range and its help.
+"""Parameters: each field of Scene, Recipe or a Path defines its unit, range and help text.
 
-From the same definition come the argument in Python, the option on the command line and the key of a campaign file.
-Every front end may give a number in SI units, or text with a unit: `0.5e6`, `500 kPa`, `0.5 MPa`.
+The Python argument, the command-line option and the campaign key are all derived from this definition. A value is a
+number in SI units or text with a unit: `0.5e6`, `500 kPa`, `0.5 MPa`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from labkit.errors import InputError, shown
 
-UNITS: dict[str, dict[str, float]] = {  # SI unit -> other units of the same kind
+UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their factors
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
     "1/s": {"1/s": 1.0},
@@ -24,16 +24,16 @@ UNITS: dict[str, dict[str, float]] = {  # SI unit -> other units of the same kin
     "1": {"%": 0.01},
 }
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
-SUSPECT_PRESSURE = 100.0  # Pa: a smaller bare number is more probably meant in MPa or kPa
+SUSPECT_PRESSURE = 100.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """What is known of a field. low, high: range; above: excluded lower bound; choices: the words that it may be.
+    """Definition of a parameter.
 
-    kind: float, int, bool, str, or tuple for a list of numbers; optional: None is allowed; option: whether it is an
-    option of the command line and a key of campaigns.
+    low, high: range; above: excluded lower bound; choices: allowed text values; kind: float, int, bool, str, or tuple
+    for a list of numbers; optional: None is allowed; option: True for a command-line option and campaign key.
     """
 
     name: str
@@ -50,43 +50,43 @@ class Parameter:
 
     @property
     def example(self) -> str:
-        """A value that a person could write."""
+        """An example value, as a user might type it."""
         return EXAMPLES.get(self.unit, f"1 {self.unit}")
 
     @property
     def allowed(self) -> str:
-        """What to give, in words for an error."""
+        """The allowed values, worded for an error message."""
         if self.choices is not None:
             return getattr(self.choices, "allowed", None) or f"one of {', '.join(self.choices)}"
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.kind is tuple:
-            return "numbers with commas between them"
-        what = "a whole number" if self.kind is int else "a number"
+            return "numbers separated by commas"
+        number = "a whole number" if self.kind is int else "a number"
         if math.isfinite(self.above):
             most = f", at most {self.high:g}" if math.isfinite(self.high) else ""
-            return f"{what} above {self.above:g}{most}{unit}"
+            return f"{number} above {self.above:g}{most}{unit}"
         if math.isfinite(self.low) and -1e-6 < self.high < 0.0:
             return f"a negative number from {self.low:g}{unit}"
         if math.isfinite(self.low) and math.isfinite(self.high):
             return f"{self.low:g} to {self.high:g}{unit}"
-        return f"{what}, e.g. {self.example}"
+        return f"{number}, e.g. {self.example}"
 
     def error(
         self, value: Any, problem: str = "is not possible", allowed: str | None = None, quoted: bool = False
     ) -> InputError:
-        """The InputError for a value of this field."""
+        """The InputError for an invalid value of this parameter."""
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
 
     def read(self, value: Any, unit_needed: bool = False) -> Any:
-        """The value in SI units, checked. Text may have a unit; `unit_needed`: it must. Raises InputError."""
+        """The checked value in SI units. Text may contain a unit, and must if `unit_needed`. Raises InputError."""
         if value is None and self.optional:
             return None
         if self.kind is bool:
             return self._flag(value)
         if self.choices is not None or self.kind is str:
-            return self._word(value)
+            return self._choice(value)
         if self.kind is tuple:
-            return tuple(self._number(one, unit_needed) for one in self._parts(value) if one != "")
+            return tuple(self._number(part, unit_needed) for part in self._parts(value) if part != "")
         return self.check(self._number(value, unit_needed))
 
     def _parts(self, value: Any) -> Iterable[Any]:
@@ -97,17 +97,17 @@ class Parameter:
         return value
 
     def _flag(self, value: Any) -> bool:
-        words = {"true": True, "false": False}
         if isinstance(value, str):
-            value = words.get(value.lower(), value)
+            value = {"true": True, "false": False}.get(value.lower(), value)
         if not isinstance(value, bool):
             raise self.error(value, allowed="True or False")
         return value
 
-    def _word(self, value: Any) -> str:
+    def _choice(self, value: Any) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
             raise self.error(value, "is unknown", quoted=True)
-        return self.choices.name(value) if hasattr(self.choices, "name") else value
+        current_name = getattr(self.choices, "name", str)  # a Registry also accepts former names
+        return current_name(value)
 
     def _number(self, value: Any, unit_needed: bool) -> Any:
         if isinstance(value, str):
@@ -130,7 +130,7 @@ class Parameter:
             example = "20" if self.kind is int else self.example
             raise self.error(text, "is not a number", f"e.g. {example}", quoted=True)
         value, unit = float(match[1]), match[2]
-        units = UNITS.get(self.unit, {self.unit: 1.0})  # a path of one's own may have any
+        units = UNITS.get(self.unit, {self.unit: 1.0})  # a user-defined path may use any unit
         if unit and unit not in units:
             raise self.error(text, f"has an unknown unit {unit!r}", f"it in {', '.join(units)}")
         if not unit and unit_needed and self.unit != "1":
@@ -141,13 +141,13 @@ class Parameter:
         return value
 
     def _require_likely(self, value: float) -> None:
-        """Raises InputError for a bare number that is too small to be a pressure in Pa."""
+        """Raises InputError for a number without a unit that is too small to be a pressure in Pa."""
         if self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
-            said = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
-            raise self.error(value, said, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
+            problem = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
+            raise self.error(value, problem, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
 
     def check(self, value: Any) -> Any:
-        """The value itself. Raises InputError outside the range."""
+        """Returns the value. Raises InputError if it is outside the range."""
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
             raise self.error(value)
         return value
@@ -165,9 +165,9 @@ def parameter(
     kind: type | None = None,
     option: bool = True,
 ) -> Any:
-    """A dataclass field that is a parameter; see Parameter. The kind is that of the default unless given."""
+    """A dataclass field that is a parameter; see Parameter. By default, its kind is the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
-    known = {
+    definition = {
         "help": help,
         "unit": unit,
         "kind": kind,
@@ -178,12 +178,12 @@ def parameter(
         "optional": default is None,
         "option": option,
     }
-    return dataclasses.field(default=default, metadata={"parameter": known})
+    return dataclasses.field(default=default, metadata={"parameter": definition})
 
 
 @functools.cache
 def parameters_of(kind: type) -> Mapping[str, Parameter]:
-    """The Parameters of a dataclass, name -> Parameter; fields that are none are left out."""
+    """Parameters of a dataclass, name -> Parameter; other fields are left out."""
     return {
         field.name: Parameter(field.name, field.default, **field.metadata["parameter"])
         for field in dataclasses.fields(kind)
@@ -192,29 +192,31 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
 
 
 def check_parameters(value: Any) -> None:
-    """Reads and checks every parameter of a dataclass instance in place; for its __post_init__. Raises InputError."""
-    for name, known in parameters_of(type(value)).items():
-        object.__setattr__(value, name, known.read(getattr(value, name)))
+    """Converts and checks all parameters of a dataclass instance in place; for its __post_init__. Raises InputError."""
+    kind: type = type(value)
+    for name, definition in parameters_of(kind).items():
+        object.__setattr__(value, name, definition.read(getattr(value, name)))
 
 
 def restored(kind: type, values: Mapping[str, Any]) -> Any:
-    """An instance of a dataclass from values that were checked before and written to a file, in SI units."""
+    """An instance of a dataclass from values in SI units that were checked earlier, e.g. when they were written."""
     known = parameters_of(kind)
     pressures = {name for name, value in values.items() if isinstance(value, float) and name in known}
     pressures = {name for name in pressures if known[name].unit == "Pa"}
-    given = {name: with_unit(value, "Pa") if name in pressures else value for name, value in values.items()}
-    return kind(**given)
+    unambiguous = {name: with_unit(value, "Pa") if name in pressures else value for name, value in values.items()}
+    return kind(**unambiguous)
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A value as text that `Parameter.read` takes without a question."""
-    text = repr(value if isinstance(value, int) else float(value))  # a number of numpy has another repr
+    """A value as text that `Parameter.read` accepts, even if it is small."""
+    text = repr(value if isinstance(value, int) else float(value))  # the repr of a numpy number differs
     return f"{text} {unit}" if unit != "1" else text
 
 
 def help_of(known: Parameter, default: Any = dataclasses.MISSING) -> str:
-    """The help of an option: what it is, its unit, its default."""
+    """Help text of an option, with its unit and default."""
     default = known.default if default is dataclasses.MISSING else default
     unit = f" in {known.unit}" if known.unit != "1" else ""
-    said = "" if default is dataclasses.MISSING or default is None else f" (default: {shown(default)})"
-    return f"{known.help}{unit}{said}".replace("%", "%%")
+    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {shown(default)})"
+    text, bracket, rest = known.help.partition(" (default: ")  # of a default that is not a value
+    return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")

@@ -1,5 +1,6 @@
-"""Paths, laws, statistics, figures and engines of a user's own file: registered, used and refused. No file of labkit is
-changed, and none of these is one of examples/.
+"""User-defined paths, laws, statistics, figures and engines: registered, used and refused.
+
+labkit is not changed, and none of these extensions is in examples/.
 """
 
 import json
@@ -16,7 +17,7 @@ import labkit as lk
 from labkit.dem.state import read_state
 
 MINE = '''
-"""What a user would write."""
+"""A typical user file."""
 
 import dataclasses
 
@@ -30,9 +31,9 @@ from labkit.dem.recorded import RECORD
 @lk.register_path
 @dataclasses.dataclass(frozen=True)
 class Oedometer(lk.Path):
-    """Axial strain alone, until the axial force would exceed `most`."""
+    """Axial strain without radial strain."""
 
-    most: float = lk.parameter(0.9, unit="N mm", low=0.0, high=1.0, help="an option with a unit of one's own")
+    most: float = lk.parameter(0.9, unit="N mm", low=0.0, high=1.0, help="an option with a user-defined unit")
 
     name = "oedo"
     direction = (0.0, 0.0, 1.0)
@@ -44,7 +45,7 @@ class Oedometer(lk.Path):
 
 @lk.register_law
 class Tired(RollingResistance):
-    """YADE's law under another name, for both engines."""
+    """YADE's rolling-resistance law under another name, for both engines."""
 
     name = "tired"
 
@@ -100,13 +101,13 @@ def folder(tmp_path, specimen):
 
 
 def python(code, folder, file=None, **environment):
-    """JSON that a program prints last; as a file of that name if it has one."""
+    """The JSON that a program prints last. The program is run with -c, or from `file` if that is given."""
     code = textwrap.dedent(code)
     if file is not None:
         (folder / file).write_text(code)
-    words = ["-c", code] if file is None else [file]
+    arguments = ["-c", code] if file is None else [file]
     done = subprocess.run(
-        [sys.executable, *words],
+        [sys.executable, *arguments],
         cwd=folder,
         env={**os.environ, **environment},
         capture_output=True,
@@ -121,8 +122,8 @@ def python(code, folder, file=None, **environment):
 
 
 @pytest.mark.parametrize("engine", ["fused", "yade"])
-def test_a_path_a_law_and_statistics_of_ones_own_file(engine, folder, labkit_command):
-    """Run, verify, figures; on YADE the file goes with the task into its process."""
+def test_a_user_defined_path_law_and_statistics(engine, folder, labkit_command):
+    """Run, verify and figures; for YADE, the file is passed on to the YADE process."""
     words = ["run", "oedo", "s.state.nc", *RUN, "--most", "0.5 N mm", "--law", "tired", "--engine", engine]
     done = labkit_command(*words, "--use", "mine.py", "-o", "r.run.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
@@ -152,7 +153,7 @@ def test_a_path_a_law_and_statistics_of_ones_own_file(engine, folder, labkit_com
         assert done.returncode == 0 and (folder / "f.png").read_bytes()[:4] == b"\x89PNG", done.stderr
 
 
-def test_a_run_of_an_own_path_is_read_without_its_file(folder, labkit_command):
+def test_a_run_of_a_user_defined_path_is_readable_without_its_file(folder, labkit_command):
     words = ["run", "oedo", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "mine.py"]
     assert labkit_command(*words, cwd=folder).returncode == 0
     run = lk.Run.open(folder / "r.run.nc")
@@ -160,13 +161,13 @@ def test_a_run_of_an_own_path_is_read_without_its_file(folder, labkit_command):
     assert not run.data["largest_force"].isnull().any()
     found = lk.verify(run)
     failed = [finding.name for finding in found if finding.decides and not finding.holds and "C0" not in finding.name]
-    assert failed == ["held: path oedo is unknown here, give --use FILE"]  # what was not checked is not passed
+    assert failed == ["held: path oedo is unknown here, give --use FILE"]  # an unchecked condition does not pass
     assert lk.critical_states({}).empty
     done = labkit_command("critical", "r.run.nc", cwd=folder)
     assert done.returncode == 2 and "none of these runs is a shear test: give runs of cv, cr, cp" in done.stderr
 
 
-def test_the_law_of_a_file_is_that_of_yade_under_another_name(folder, labkit_command):
+def test_a_renamed_law_gives_identical_results(folder, labkit_command):
     for law, name in (("tired", "a"), ("rolling_resistance", "b")):
         words = ["run", "cv", "s.state.nc", *RUN, "--law", law, "--engine", "fused", "-o", f"{name}.run.nc"]
         done = labkit_command(*words, "--use", "mine.py", cwd=folder)
@@ -175,7 +176,7 @@ def test_the_law_of_a_file_is_that_of_yade_under_another_name(folder, labkit_com
         np.testing.assert_array_equal(a["stress"][:], b["stress"][:])
 
 
-def test_what_a_file_needs_is_said_without_it(folder, labkit_command):
+def test_a_missing_extension_is_reported(folder, labkit_command):
     words = ["run", "oedo", "s.state.nc", *RUN, "--law", "tired", "--engine", "fused", "-o", "r.run.nc"]
     assert labkit_command(*words, "--use", "mine.py", cwd=folder).returncode == 0
     for words, said in (
@@ -192,9 +193,9 @@ def test_what_a_file_needs_is_said_without_it(folder, labkit_command):
         assert sorted(folder.iterdir()) == before
 
 
-def test_the_help_has_the_options_of_ones_own_paths(folder, labkit_command):
+def test_help_lists_the_options_of_user_defined_paths(folder, labkit_command):
     said = labkit_command("run", "--help", "--use", "mine.py", cwd=folder).stdout
-    assert "--most" in said and "an option with a unit of one's own in N mm (default: 0.9)" in " ".join(said.split())
+    assert "--most" in said and "an option with a user-defined unit in N mm (default: 0.9)" in " ".join(said.split())
     assert "oedo" in said and "--most" not in labkit_command("run", "--help", cwd=folder).stdout
     done = labkit_command("run", "oedo", "s.state.nc", "--most", "2 N mm", "--use", "mine.py", cwd=folder)
     assert done.returncode == 2 and "--most 2 is not possible: give 0 to 1 N mm" in done.stderr
@@ -202,7 +203,7 @@ def test_the_help_has_the_options_of_ones_own_paths(folder, labkit_command):
     assert done.returncode == 2 and "--most is not a parameter of cv: leave it out" in done.stderr
 
 
-def test_an_engine_of_ones_own(folder, labkit_command):
+def test_a_user_defined_engine(folder, labkit_command):
     for engine in ("slow", "fused"):
         words = ["run", "cv", "s.state.nc", *RUN, "--engine", engine, "--use", "engine.py", "-o", f"{engine}.run.nc"]
         done = labkit_command(*words, cwd=folder)
@@ -237,7 +238,7 @@ BROKEN = {
     "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "name cv is the name of another path"),
     "name of a law": (MINE.replace('"tired"', '"rolling_resistance"'), "is the name of another contact law"),
     "earlier name of a law": (MINE.replace('"tired"', '"paper"'), "paper is the name of another contact law"),
-    "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is recorded already"),
+    "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is already recorded"),
     "name of a figure": (MINE.replace('figure("largest")', 'figure("shares")'), "shares is the name of another figure"),
     "name of an engine": (ENGINE.replace('"slow"', '"fused"'), "fused is the name of another engine"),
     "dimensions": (MINE.replace('("i", "j")', '("i", "grain")'), "dimensions i,grain are not dimensions of a record"),
@@ -257,8 +258,8 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(name, folder, labkit_
     assert {file for file in folder.rglob("*") if "__pycache__" not in file.parts} == before
 
 
-def test_two_files_with_one_name_are_told_apart_and_one_file_may_be_loaded_twice(folder, labkit_command):
-    """So may its copy, as in the folder of a campaign."""
+def test_two_files_with_the_same_name_conflict_and_a_file_may_be_loaded_twice(folder, labkit_command):
+    """A copy of the file, as in the folder of a campaign, may be loaded too."""
     (folder / "other.py").write_text(MINE + "# another file\n")
     words = ["run", "oedo", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "mine.py"]
     done = labkit_command(*words, "--use", "other.py", cwd=folder)
@@ -272,17 +273,17 @@ def test_two_files_with_one_name_are_told_apart_and_one_file_may_be_loaded_twice
     assert done.returncode == 0, done.stderr
 
 
-def test_a_statistic_of_another_shape_than_it_says_is_refused(folder, labkit_command):
+def test_a_statistic_that_returns_another_shape_is_refused(folder, labkit_command):
     (folder / "bad.py").write_text(MINE.replace("return n.T @ n / len(n)", "return 3.0"))
     before = sorted(folder.iterdir())
     words = ["run", "cv", "s.state.nc", *RUN, "--engine", "fused", "-o", "r.run.nc", "--use", "bad.py"]
     done = labkit_command(*words, cwd=folder)
-    said = "moment_of_normals returned the shape (), and was registered as the shape (3, 3)"
+    said = "moment_of_normals returned an array of shape () but was registered as an array of shape (3, 3)"
     assert done.returncode == 2 and said in done.stderr
     assert [file for file in sorted(folder.iterdir()) if file.name != "__pycache__"] == before
 
 
-def test_an_unfinished_run_goes_on_with_the_same_statistics_alone(folder, labkit_command):
+def test_a_run_resumes_only_with_the_same_statistics(folder, labkit_command):
     words = ["run", "oedo", "s.state.nc", *RUN, "--save-every", 1, "--engine", "fused", "-o", "r.run.nc"]
     program = """
         import json, os
@@ -342,7 +343,7 @@ def test_a_file_from_python(engine, folder):
 
 
 def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
-    """The program itself is the file that goes to YADE, where its guarded part must not run again."""
+    """The program file is also loaded in the YADE process, where its guarded part must not run again."""
     found = python(
         MINE
         + textwrap.dedent("""
@@ -361,7 +362,7 @@ def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
 
 
 def test_a_path_without_a_file_is_refused_by_yade_and_runs_on_fused(folder):
-    """As in a notebook."""
+    """A class that is defined without a file, as in a notebook."""
     found = python(
         """
         import dataclasses, json
@@ -385,7 +386,7 @@ def test_a_path_without_a_file_is_refused_by_yade_and_runs_on_fused(folder):
     assert "keep it in a file and load it with labkit.use" in found[0] and found[1] is True
 
 
-def test_a_file_that_cannot_be_loaded_is_not_kept_for_child_processes(folder):
+def test_a_file_that_cannot_be_loaded_is_not_passed_to_child_processes(folder):
     (folder / "bad.py").write_text("1 / 0\n")
     found = python(
         """
@@ -432,8 +433,8 @@ print(json.dumps([float(engine.state().velocity[1, 2]), float(acceleration)]))
 
 
 @pytest.mark.parametrize("file", [None, "law.py"], ids=["without a file", "in a file"])
-def test_a_law_that_was_changed_is_compiled_again(file, folder):
-    """What is kept on the disk is that of the last version only if nothing of it has changed."""
+def test_a_changed_law_is_recompiled(file, folder):
+    """The disk cache of Numba is used only if the law is unchanged."""
     for factor in ("1.0", "0.5"):
         velocity, acceleration = python(SOFT.replace("FACTOR", factor), folder, file)
         assert np.isclose(velocity, float(factor) * acceleration * 2e-9, rtol=1e-3)
@@ -446,7 +447,7 @@ def test_a_specimen_keeps_the_name_of_its_law(folder, labkit_command):
     file = folder / "e0.6_f0.15_r0.1_n120_s1_tired.state.nc"
     with netCDF4.Dataset(file) as state:
         assert json.loads(state.scene)["law"] == "tired"
-    with pytest.raises(lk.InputError, match="state.nc: law 'tired' is unknown: give one of .*, or load the file"):
+    with pytest.raises(lk.InputError, match=r"state\.nc: law 'tired' is unknown: give one of .*, or load the file"):
         read_state(file)
     assert "nothing to do" in labkit_command(*words, "--use", "mine.py", cwd=folder).stdout
 
@@ -486,18 +487,21 @@ MISTAKES = {
     ),
     "law, no name": (LAW.format("return t").replace('name = "mine"', "other = 1"), "Mine has no name: give it one"),
     "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not possible: give strain rates in x, y and z"),
-    "path, extension": (PATH.format("(0, 0, -1)", ALONG), "extension is a negative `strain`"),
+    "path, extension": (
+        PATH.format("(0, 0, -1)", ALONG),
+        "for extension, reverse all three signs and make `strain` negative",
+    ),
     "path, shapes": (PATH.format("(0, 0, 1)", "lk.Control([[1, 0]], [[1], [1]], [1])"), "a Control has measure (1, 2)"),
     "path, given and free": (
         PATH.format("(0, 1, 1)", ALONG),
-        "path mine gives the strain rate in y and lets the servo find it too",
+        "path mine prescribes the strain rate in y and also lets the servo adjust it",
     ),
     "path, error": (PATH.format("(0, 0, 1)", "self.nothing"), "bad.py line 11: AttributeError: "),
 }
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_in_a_file_of_ones_own_is_said_in_one_line(name, folder, labkit_command):
+def test_an_error_in_a_user_file_is_reported_in_one_line(name, folder, labkit_command):
     text, said = MISTAKES[name]
     (folder / "bad.py").write_text(text)
     before = {file for file in folder.rglob("*") if "__pycache__" not in file.parts}

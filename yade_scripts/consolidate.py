@@ -1,4 +1,4 @@
-"""Isotropic consolidation on YADE, by hand or from a table:
+"""Isotropic consolidation of a specimen in YADE, as a single run or from a yade-batch table.
 
 yade -n -x yade_scripts/consolidate.py s.state.nc --pressure 0.5e6 -o s500.state.nc
 """

@@ -1,4 +1,4 @@
-"""A loading path on YADE, by hand or from a table:
+"""A loading path in YADE, as a single run or from a yade-batch table.
 
 yade -n -x yade_scripts/path.py cv s.state.nc --strain 0.4 -o r.run.nc
 yade-batch --log %.log yade_scripts/path.table yade_scripts/path.py

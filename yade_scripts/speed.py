@@ -1,4 +1,4 @@
-"""Speed of labkit's YADE engine on a CV scene, and what a record costs it; run by `labkit bench`.
+"""Measures the speed of labkit's YADE engine in a CV test and the cost of a record; run by `labkit bench`.
 
 yade -n -x yade_scripts/speed.py s.state.nc 500
 """

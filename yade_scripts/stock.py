@@ -1,8 +1,9 @@
-"""The same CV scene as a YADE user writes it, without labkit's engine: the baseline of `labkit bench`.
+"""The same CV test as a plain YADE script, without labkit: the baseline of `labkit bench`.
 
     yade -n -x yade_scripts/stock.py s.state.nc 500
 
-Grains in random order, YADE's defaults, the stress through a PyRunner. Prints the steps per second.
+Grains are inserted in random order, settings are YADE's defaults, and a PyRunner computes the stress. Prints the steps
+per second.
 """
 
 import random
@@ -51,6 +52,6 @@ O.engines = [
 O.dt = float(state.time_step)
 O.cell.velGrad = Matrix3(5, 0, 0, 0, 5, 0, 0, 0, -10)
 O.run(max(1, steps // 5), True)
-begin = time.perf_counter()
+start = time.perf_counter()
 O.run(steps, True)
-print("steps_per_second", steps / (time.perf_counter() - begin))
+print("steps_per_second", steps / (time.perf_counter() - start))

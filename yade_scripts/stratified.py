@@ -1,4 +1,4 @@
-"""The stratified layer of Fig. 3 on YADE, by hand or from a table:
+"""The stratified layer of Fig. 3 in YADE, as a single run or from a yade-batch table.
 
 yade -n -x yade_scripts/stratified.py --size-ratio 2 -o stratified.state.nc
 """

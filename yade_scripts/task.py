@@ -1,4 +1,4 @@
-"""One task of labkit in YADE: what `labkit.run(..., engine="yade")` and the command line start.
+"""Runs one labkit task in YADE; started by `labkit.run(..., engine="yade")` and by the command line.
 
 yade -n -x yade_scripts/task.py task.json
 """

@@ -1,4 +1,4 @@
-"""What a case asks for, and the means that are compared."""
+"""The conditions that a case requires, and the means that it compares."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import xarray as xr
 
 @dataclasses.dataclass(frozen=True)
 class Check:
-    """Something that physics or an identity asks for, and whether it holds."""
+    """A condition required by physics or by an identity, and whether it holds."""
 
     name: str
     value: float
@@ -18,26 +18,26 @@ class Check:
     holds: bool
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.value:.4g}, asked for {self.limit}"
+        return f"{self.name}: {self.value:.4g}, required {self.limit}"
 
 
 def below(name: str, value: float, limit: float) -> Check:
-    """That a value is below a limit."""
+    """Checks that a value is below a limit."""
     return Check(name, float(value), f"< {limit:.3g}", bool(value < limit))
 
 
 def between(name: str, value: float, low: float, high: float) -> Check:
-    """That a value lies in a range."""
+    """Checks that a value lies in a range."""
     return Check(name, float(value), f"{low:.4g} to {high:.4g}", bool(low <= value <= high))
 
 
 def true(name: str, holds: bool) -> Check:
-    """That something is so."""
+    """Checks that a condition is true."""
     return Check(name, float(holds), "1", bool(holds))
 
 
 def later_half(run: xr.Dataset) -> dict[str, float]:
-    """Means over the records of the second half: p, Pa; q/p; Z; and the last void ratio."""
+    """Means of p (Pa), q/p and Z over the second half of the records, and the last void ratio e."""
     half = slice(run.sizes["time"] // 2, None)
     p, q = run.lab.mean_stress().values[half].mean(), run.lab.deviatoric_stress().values[half].mean()
     coordination = float(run["coordination_number"].values[half].mean())
@@ -45,24 +45,24 @@ def later_half(run: xr.Dataset) -> dict[str, float]:
 
 
 def agree(run: xr.Dataset, reference: xr.Dataset, **tolerances: float) -> Iterator[Check]:
-    """Checks that means of a run differ from those of `reference` by less than tolerances, p relatively.
+    """Checks that the means of a run differ from those of `reference` by less than the tolerances, p relatively.
 
-    A test is chaotic: two converged runs of one specimen differ by its scatter, which the tolerances are made of.
+    A test is chaotic: two converged runs of one specimen differ by some scatter, from which the tolerances are derived.
     """
-    found, expected = later_half(run), later_half(reference)
-    found["p"], expected["p"] = found["p"] / expected["p"], 1.0
+    means, expected = later_half(run), later_half(reference)
+    means["p"], expected["p"] = means["p"] / expected["p"], 1.0
     names = {"p": "p", "ratio": "q/p", "Z": "Z", "e": "e"}
     for key, tolerance in tolerances.items():
         name = names[key]
-        yield below(f"{name} against half the step", abs(found[name] - expected[name]), tolerance)
+        yield below(f"{name}, difference from half the time step", abs(means[name] - expected[name]), tolerance)
 
 
-def pressure_words(run: xr.Dataset) -> str:
-    """p at the start and at the end."""
+def pressure_text(run: xr.Dataset) -> str:
+    """Text with p at the start and at the end."""
     p = run.lab.mean_stress().values
     return f"p {p[0] / 1e3:.4g} -> {p[-1] / 1e3:.4g} kPa"
 
 
-def ratio_words(run: xr.Dataset) -> str:
-    """q/p."""
-    return f"q/p {later_half(run)['q/p']:.3f} (mean of the later half)"
+def ratio_text(run: xr.Dataset) -> str:
+    """Text with the mean of q/p."""
+    return f"q/p {later_half(run)['q/p']:.3f} (mean of the second half)"

@@ -1,4 +1,4 @@
-"""`./lab hard-cases`: all of them on each engine, resumable; a table, a figure and a page."""
+"""`./lab hard-cases`: runs all cases on each engine, resumably; writes a table, a figure and a page."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas
 
 import labkit as lk
 from analysis.hard_cases.figure import draw
+from analysis.hard_cases.measures import MEASURED
 from analysis.hard_cases.outcome import Outcome, examine
 from analysis.hard_cases.page import page, table
-from analysis.hard_cases.scenes import GRAINS, SCENES, SILENT_WRONG
+from analysis.hard_cases.scenes import GRAINS, SCENES, SILENT_WRONG, HardScene
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.dem import Progress, side_for
 from labkit.engines import find_yade
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text, write_with_provenance
+from labkit.io import make_folder, provenance_of, reporter, write_text, write_with_provenance
 from labkit.visuals import plots
 
 ENGINES = ("yade", "fused")
@@ -28,15 +30,22 @@ SMALLEST_VOID_RATIO = 0.3
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `./lab hard-cases`."""
-    parser.add_argument("name", nargs="*", help=f"which ones: {', '.join(SCENES)} (default: all)")
-    parser.add_argument("--engine", choices=(*ENGINES, "both"), default="both", help="(default: both)")
-    parser.add_argument("--grains", type=positive_int, default=GRAINS, help=f"of a specimen (default: {GRAINS})")
+    """Adds the options of `./lab hard-cases`."""
+    parser.add_argument("name", nargs="*", help=f"cases to run: {', '.join(SCENES)} (default: all)")
+    parser.add_argument("--engine", choices=(*ENGINES, "both"), default="both", help="engine (default: both)")
+    parser.add_argument(
+        "--grains", type=positive_int, default=GRAINS, help=f"number of grains per specimen (default: {GRAINS})"
+    )
     parser.add_argument(
         "-o",
         "--output",
         default=results_folder("hard_cases"),
         help="folder of the page, the table and the figure (default: results/hard_cases)",
+    )
+    parser.add_argument(
+        "--redraw",
+        action="store_true",
+        help="run nothing: write the page again from the table in the output folder",
     )
     parser.add_argument(
         "--work",
@@ -46,7 +55,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Runs the cases; 1 if one is silently wrong."""
+    """Runs the cases, or redraws the page; 1 if a case is silently wrong."""
+    if options.redraw:
+        return redraw(options.output)
     engines = ENGINES if options.engine == "both" else (options.engine,)
     if "yade" in engines:
         find_yade()
@@ -66,24 +77,24 @@ def study(
     """Runs the named scenes on the engines and writes hard_cases.csv, hard_cases.png and README.md to `output`.
 
     `work`: folder of the run files, where finished cases are kept; `history`: the command that makes the page. Returns
-    1 if a case is silently wrong, else 0. Raises InputError for names, grains or folders that
-    cannot be.
+    1 if a case is silently wrong, else 0. Raises InputError for invalid names, numbers of grains or folders.
     """
     unknown = [name for name in names if name not in SCENES]
     if unknown:
-        raise InputError(f"hard case {unknown[0]!r} is unknown: use {', '.join(SCENES)}")
+        raise InputError(f"hard case {unknown[0]!r} is unknown: choose from {', '.join(SCENES)}")
     side_for(grains, SMALLEST_VOID_RATIO, lk.Scene())
-    folder, output = make_folder(work, "--work") / f"n{grains}", make_folder(output, "--output")
+    folder = Path(make_folder(work, "--work")) / f"n{grains}"
+    output = Path(make_folder(output, "--output"))
     names = list(dict.fromkeys(names))
-    outcomes, all_ = [], [(engine, name) for engine in engines for name in names]
-    for done, (engine, name) in enumerate(all_):
-        progress(done / len(all_), f"{name} on {engine}, {len(all_) - done} to do")
+    outcomes, pairs = [], [(engine, name) for engine in engines for name in names]
+    for done, (engine, name) in enumerate(pairs):
+        progress(done / len(pairs), f"{name} on {engine}, {len(pairs) - done} remaining")
         outcomes.append(_examined(SCENES[name], engine, grains, folder))
     progress(1.0, "done")
     outcomes.sort(key=lambda outcome: names.index(outcome.case))
     print(table(outcomes))
     frame = pandas.DataFrame([dataclasses.asdict(outcome) for outcome in outcomes])
-    write_with_provenance(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.4g"), command=history)
+    write_with_provenance(output / "hard_cases.csv", frame.to_csv(index=False, float_format="%.6g"), command=history)
     drawn = draw(folder, engines, names)
     if drawn is not None:
         plots.save(drawn, output / "hard_cases.png", command=history)
@@ -92,14 +103,34 @@ def study(
     return int(any(outcome.verdict == SILENT_WRONG for outcome in outcomes))
 
 
-def _examined(scene, engine, grains, folder):
-    """The Outcome of a case: that in the work folder if it is of the same scene, else a new one, kept there."""
+def redraw(output: str | Path) -> int:
+    """Writes README.md again from hard_cases.csv in the same folder; 1 if a case is silently wrong.
+
+    Raises InputError if the folder does not hold hard_cases.csv.
+    """
+    folder, file = Path(output), Path(output) / "hard_cases.csv"
+    if not file.exists():
+        raise InputError(f"{folder} lacks hard_cases.csv: choose the -o of a finished ./lab hard-cases")
+    frame = pandas.read_csv(file, keep_default_na=False, na_values={name: [""] for name in MEASURED}).astype(object)
+    rows: list[dict[Any, Any]] = frame.where(frame.notna(), None).to_dict("records")
+    outcomes = [Outcome(**row) for row in rows]
+    written = provenance_of(file) or {}
+    history, drawn = str(written.get("command", "./lab hard-cases")), (folder / "hard_cases.png").exists()
+    write_with_provenance(
+        folder / "README.md", page(outcomes, outcomes[0].grains, history, drawn), [file], "./lab hard-cases --redraw"
+    )
+    print(f"page: {folder / 'README.md'}")
+    return int(any(outcome.verdict == SILENT_WRONG for outcome in outcomes))
+
+
+def _examined(scene: HardScene, engine: str, grains: int, folder: Path) -> Outcome:
+    """Outcome of a case: the one kept in the work folder if it belongs to the same scene, else a new one."""
     place = folder / engine / scene.name
-    kept, of = place / "outcome.json", json.loads(json.dumps(dataclasses.asdict(scene)))
-    if kept.exists():
-        found = json.loads(kept.read_text())
-        if found["scene"] == of:
-            return Outcome(**found["outcome"])
+    file, as_json = place / "outcome.json", json.loads(json.dumps(dataclasses.asdict(scene)))
+    if file.exists():
+        kept = json.loads(file.read_text())
+        if kept["scene"] == as_json:
+            return Outcome(**kept["outcome"])
     outcome = examine(scene, engine, grains, 1.0, place, folder / "shared")
-    write_text(kept, json.dumps({"scene": of, "outcome": dataclasses.asdict(outcome)}, indent=1))
+    write_text(file, json.dumps({"scene": as_json, "outcome": dataclasses.asdict(outcome)}, indent=1))
     return outcome

@@ -1,12 +1,16 @@
-"""The figure of the hard cases: six of them on both engines."""
+"""The figure of six hard cases on both engines."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import labkit as lk
@@ -14,12 +18,14 @@ from analysis.hard_cases.cases.cycles import cycle_ends
 from labkit.dem import OVERLAP_LIMIT, pressure_limit
 from labkit.visuals import plots
 
-STYLES = {"yade": {"color": "tab:blue", "ls": "-"}, "fused": {"color": "tab:orange", "ls": "--"}}
-REFERENCE = {"color": "0.6", "ls": "-", "lw": 0.9, "zorder": 0, "label": "fused, half the step"}
+Style = dict[str, Any]
+
+STYLES: dict[str, Style] = {"yade": {"color": "tab:blue", "ls": "-"}, "fused": {"color": "tab:orange", "ls": "--"}}
+REFERENCE: Style = {"color": "0.6", "ls": "-", "lw": 0.9, "zorder": 0, "label": "fused, half the time step"}
 
 
 def draw(folder: Path, engines: Sequence[str], names: Sequence[str]) -> Figure | None:
-    """Those of six panels whose cases are in `names` and left runs, a Figure; None without any."""
+    """Figure with those of the six panels whose cases are in `names`; None if there are none."""
     wanted = [(name, panel) for name, panel in PANELS.items() if name in names]
     columns = min(3, len(wanted))
     if not wanted:
@@ -30,7 +36,7 @@ def draw(folder: Path, engines: Sequence[str], names: Sequence[str]) -> Figure |
     )
     for axes in grid.ravel()[len(wanted) :]:
         axes.axis("off")
-    handles = {}
+    handles: dict[str, Artist] = {}
     for axes, (name, panel) in zip(grid.ravel(), wanted, strict=False):
         references = folder.glob(f"shared/{name}_n*.run.nc")
         curves = [(file, REFERENCE) for file in references]
@@ -40,40 +46,40 @@ def draw(folder: Path, engines: Sequence[str], names: Sequence[str]) -> Figure |
                 panel(axes, lk.open_run(file), style)
         axes.set_title(name, fontsize=10)
         axes.grid(alpha=0.25)
-        handles |= {h.get_label(): h for h in axes.get_legend_handles_labels()[0]}
+        handles |= {str(h.get_label()): h for h in axes.get_legend_handles_labels()[0]}
     figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     return figure
 
 
-def _loose(axes, run, style):
+def _loose(axes: Axes, run: xr.Dataset, style: Style) -> None:
     axes.semilogy(plots.percent(run), run.lab.mean_stress().values / 1e3, **style)
     axes.set(xlabel="axial strain (%)", ylabel="mean stress p (kPa)")
 
 
-def _nothing(axes, run, style):
+def _nothing(axes: Axes, run: xr.Dataset, style: Style) -> None:
     axes.plot(-plots.percent(run), run["coordination_number"].values, **style)
     axes.set(xlabel="dilation, strain in each direction (%)", ylabel="coordination number Z")
 
 
-def _overlap(axes, run, style):
+def _overlap(axes: Axes, run: xr.Dataset, style: Style) -> None:
     axes.plot(run.lab.mean_stress().values / 1e6, 100.0 * run["overlap_ratio"].values, **style)
     axes.axhline(100.0 * OVERLAP_LIMIT, color="tab:red", lw=0.8, ls=":", label="limits")
     axes.axvline(pressure_limit(run.lab.scene) / 1e6, color="tab:red", lw=0.8, ls=":")
     axes.set(xlabel="mean stress p (MPa)", ylabel="mean overlap/D (%)")
 
 
-def _cycles(axes, run, style):
+def _cycles(axes: Axes, run: xr.Dataset, style: Style) -> None:
     axes.plot(plots.percent(run), run.lab.deviatoric_stress().values / 1e6, **style)
     axes.set(xlabel="axial strain (%)", ylabel="deviatoric stress q (MPa)")
 
 
-def _ratchet(axes, run, style):
+def _ratchet(axes: Axes, run: xr.Dataset, style: Style) -> None:
     e, _ = cycle_ends(run)
     axes.plot(np.arange(len(e)), 1e5 * (e - e[0]), **style)
     axes.set(xlabel="cycle", ylabel=r"change of the void ratio ($10^{-5}$)")
 
 
-def _long(axes, run, style):
+def _long(axes: Axes, run: xr.Dataset, style: Style) -> None:
     axes.plot(plots.percent(run), (run.lab.deviatoric_stress() / run.lab.mean_stress()).values, **style)
     axes.set(xlabel="axial strain (%)", ylabel="q/p")
 

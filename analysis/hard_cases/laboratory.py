@@ -1,4 +1,4 @@
-"""Makes the specimens and runs of one case on one engine, and keeps what labkit says of them."""
+"""Specimens and runs of one case on one engine, and what labkit reports about them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from labkit.dem import Exceeded, Ledger, State, read_state
 from labkit.dem import Path as Loading
 from labkit.errors import InputError, PhysicsError
 
-Judged = tuple[str, list[Check]]  # what a case did, in words, and its checks
+Judged = tuple[str, list[Check]]  # a description of what happened in a case, and its checks
 
 
 class Laboratory:
-    """A scene, an engine, and a folder of its own.
+    """Makes the specimens and runs of a scene on an engine, in a separate folder.
 
-    shared: folder of the specimens and reference runs, which are the engine fused's for either engine; extent: how
-    much of the strains of a scene is made, 1 for all. It keeps the run files, the limits that runs have exceeded, and
-    all that labkit said, as text.
+    shared: folder of the specimens and reference runs, always made with the `fused` engine; extent: fraction of the
+    scene's strain to apply, 1 for all of it. `runs`: run files of the case; `exceeded`: limits that they exceeded;
+    `messages`: all messages of labkit.
     """
 
     def __init__(
@@ -35,10 +35,10 @@ class Laboratory:
             place.mkdir(parents=True, exist_ok=True)
         self.runs: list[Path] = []
         self.exceeded: list[Exceeded] = []
-        self.said: list[str] = []
+        self.messages: list[str] = []
 
     def specimen_file(self, grains: int | None = None) -> Path:
-        """The state file of the scene's specimen, which is made if it is not there."""
+        """The state file of the scene's specimen, which is made if it does not exist."""
         scene, grains = self.scene, grains or self.grains
         file = self.shared / f"e{scene.void_ratio:g}_f{scene.step1_friction:g}_n{grains}.state.nc"
         if not file.exists():
@@ -51,59 +51,59 @@ class Laboratory:
         return read_state(self.specimen_file(grains))
 
     def file(self, name: str) -> Path:
-        """The name of a run file of the case."""
+        """Path of a run file of the case."""
         return self.folder / f"{name}.run.nc"
 
     def run(
         self, state: State, path: Loading | None = None, name: str = "run", record_strain: float | None = None
     ) -> xr.Dataset:
-        """Takes a specimen along the scene's path, or along another; the run, as labkit.open_run gives it."""
+        """Runs a specimen along the scene's path, or along another; returns the dataset of the run."""
         file = self.file(name)
-        done = lk.run(state, path or self.loading(), self.engine, file, progress=False, record_strain=record_strain)
-        self.keep(name, done.exceeded)
-        return done.data
+        run = lk.run(state, path or self.loading(), self.engine, file, progress=False, record_strain=record_strain)
+        self.keep(name, run.exceeded)
+        return run.data
 
     def keep(self, name: str, exceeded: tuple[Exceeded, ...]) -> None:
-        """Counts a run file as one of the case's, and what it exceeded as said."""
+        """Adds a run file to the case, and records the limits that it exceeded as reported."""
         self.runs.append(self.file(name))
         self.exceeded += exceeded
-        self.said += map(str, exceeded)
+        self.messages += map(str, exceeded)
 
     def loading(self) -> Loading:
         """The scene's path."""
         return self.scene.loading(self.extent)
 
     def half_step(self, state: State) -> xr.Dataset:
-        """The scene's run on the engine fused with half the time step: what a converged run gives."""
+        """The scene's run on the `fused` engine with half the time step, as the converged reference."""
         file = self.shared / f"{self.scene.name}_n{state.number_of_grains}.run.nc"
         return lk.run(with_step(state, 0.5), self.loading(), file=file, progress=False).data
 
     def refused(self, attempt: Callable[[], object]) -> InputError | PhysicsError | None:
-        """The error with which labkit gives up what it is asked for, or None if it does not."""
+        """The error with which labkit refuses the attempt, or None if it does not."""
         try:
             attempt()
         except (InputError, PhysicsError) as error:
-            self.said.append(str(error))
+            self.messages.append(str(error))
             return error
         return None
 
     def refused_run(self, state: State, name: str, path: Loading | None = None) -> str:
-        """What labkit says of a run that it refuses or stops; empty if it does not."""
+        """The message with which labkit refuses or stops a run; empty if the run completes."""
         file = self.file(name)
         error = self.refused(lambda: lk.run(state, path or self.loading(), self.engine, file, progress=False))
         return "" if error is None else str(error)
 
     def names_exceeded(self) -> set[str]:
-        """The names of the limits that the runs say they have exceeded."""
-        return {one.name for one in self.exceeded}
+        """Names of the limits that the runs report as exceeded."""
+        return {limit.name for limit in self.exceeded}
 
 
 def with_step(state: State, factor: float) -> State:
-    """The state with its time step multiplied."""
+    """The state with its time step multiplied by `factor`."""
     scene = dataclasses.replace(state.scene, time_step_factor=factor * state.scene.time_step_factor)
     return state.replace(scene=scene)
 
 
 def without_ledger(state: State) -> State:
-    """The state of another run as a specimen: its energies are counted anew."""
+    """The state of another run as a specimen, with its energy counters reset."""
     return state.replace(ledger=Ledger())

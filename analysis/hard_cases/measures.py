@@ -1,4 +1,4 @@
-"""What every run is measured and checked for."""
+"""Measurements and checks that apply to every run."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ from labkit.engines import FusedEngine
 from labkit.micro import relative_error
 from labkit.runs import SFF_PRESSURE, drift_share, findings
 
-STRESS_TOLERANCE = 1e-9  # of the stress: stored, from stored contacts, and from the contacts that the kernel finds
-C0_TOLERANCE = 0.06  # of Love with 500 grains; it falls with the root of their number
-MOMENTUM_TOLERANCE = 1e-10  # of sum m |c|
-FREE_STEPS = 50  # for which a state is followed without contacts, or without damping
+STRESS_TOLERANCE = (
+    1e-9  # relative difference of the stored stress and those from the stored contacts and from the kernel's contacts
+)
+C0_TOLERANCE = (
+    0.06  # relative to Love's stress with 500 grains; inversely proportional to the square root of their number
+)
+MOMENTUM_TOLERANCE = 1e-10  # relative to sum m |c|
+FREE_STEPS = 50  # steps for which a state is advanced without contacts, or without damping
 MEASURED = ("energy_balance_error", "stress_error", "held_error", "c0_error", "momentum", "undamped_momentum")
 
 
 def measure(file: str | Path) -> dict[str, Any]:
-    """MEASURED of a run file, and the worst share of drift in the kinetic energy and the number of grains."""
+    """MEASURED of a run file, the largest fraction of kinetic energy due to drift, and the number of grains."""
     run, state = lk.open_run(file), read_checkpoint(file)
     held = [finding for finding in findings(run) if finding.name.startswith("held:")]
     stress = run["stress"].values
@@ -38,7 +42,7 @@ def measure(file: str | Path) -> dict[str, Any]:
     moving = float(mass @ np.linalg.norm(c, axis=1))
     return {
         "energy_balance_error": float(np.abs(run["energy_balance_error"].values).max()),
-        "stress_error": float(max(np.nanmax(contacts, initial=0.0), at_end)),  # 0/0 is NaN: nothing against nothing
+        "stress_error": float(max(np.nanmax(contacts, initial=0.0), at_end)),  # NaN is 0/0: both stresses are zero
         "held_error": max((finding.value for finding in held), default=None),
         "c0_error": float(run.lab.sff_error().values[judged].max()) if judged.any() else None,
         "momentum": float(np.linalg.norm(mass @ c)) / moving if moving else 0.0,
@@ -52,29 +56,35 @@ def measure(file: str | Path) -> dict[str, Any]:
 
 
 def undamped_momentum(state: State) -> float:
-    """Change of sum m c over sum m |c| while a state goes on in a held cell without local damping: rounding, as long
-    as contact forces come in pairs. Local damping acts on each grain by itself and is no pair of forces.
+    """Change of sum m c, relative to sum m |c|, while a state is advanced in a fixed cell without local damping.
+
+    It is rounding error if contact forces are equal and opposite. Local damping acts on each grain separately and is
+    not an action-reaction pair.
     """
     mass, still = state.scene.mass(state.radius)[:, None], np.zeros((3, 3))
     engine = FusedEngine(state.replace(scene=dataclasses.replace(state.scene, local_damping=0.0)))
-    engine.advance(1, still)  # takes the mean field off
+    engine.advance(1, still)  # removes the mean field
     before = mass * engine.state().velocity
     engine.advance(FREE_STEPS, still)
     after = mass * engine.state().velocity
     return float(np.linalg.norm(after.sum(axis=0) - before.sum(axis=0)) / np.linalg.norm(after, axis=1).sum())
 
 
-def common_checks(found: Mapping[str, Any], judges_c0: bool) -> Iterator[Check]:
-    """What every run must fulfil that was not refused. `found`: of measure()."""
-    grains = found["grains"]
-    yield true("stresses and energies are numbers", found["finite"])
-    yield below("energy balance", found["energy_balance_error"], BALANCE_LIMIT)
-    yield below("stored stress against its contacts", found["stress_error"], STRESS_TOLERANCE)
-    # Local damping kicks the centre of mass at random, which then has about one grain's share of the kinetic energy.
-    yield below("drift of the centre of mass, share of kinetic energy", found["drift_share"], DRIFT_LIMIT + 10 / grains)
-    if found["undamped_momentum"] is not None:
-        yield below("momentum that pairs of grains make of nothing", found["undamped_momentum"], MOMENTUM_TOLERANCE)
-    if judges_c0 and found["c0_error"] is not None:
-        yield below("C0 against Love", found["c0_error"], C0_TOLERANCE * max(1.0, (500 / grains) ** 0.5))
-    for finding in found["held"]:
+def common_checks(values: Mapping[str, Any], judges_c0: bool) -> Iterator[Check]:
+    """Checks that every run must pass that was not refused. `values`: result of measure()."""
+    grains = values["grains"]
+    yield true("stresses and energies are finite", values["finite"])
+    yield below("energy balance", values["energy_balance_error"], BALANCE_LIMIT)
+    yield below("stored stress, difference from its contacts", values["stress_error"], STRESS_TOLERANCE)
+    # Local damping accelerates the centre of mass at random, to about one grain's share of the kinetic energy.
+    yield below(
+        "drift of the centre of mass, fraction of the kinetic energy", values["drift_share"], DRIFT_LIMIT + 10 / grains
+    )
+    if values["undamped_momentum"] is not None:
+        yield below("momentum created by contact forces", values["undamped_momentum"], MOMENTUM_TOLERANCE)
+    if judges_c0 and values["c0_error"] is not None:
+        yield below(
+            "difference of C0 and Love's stress", values["c0_error"], C0_TOLERANCE * max(1.0, (500 / grains) ** 0.5)
+        )
+    for finding in values["held"]:
         yield Check(finding.name, finding.value, finding.limit, finding.holds)

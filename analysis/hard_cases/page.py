@@ -1,4 +1,4 @@
-"""The page of the hard cases, and their table."""
+"""The page and the table of the hard cases."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from analysis import markdown
 from analysis.hard_cases.outcome import Outcome
-from analysis.hard_cases.scenes import CLEAR_ERROR, CORRECT, LIMIT_SAID, SILENT_WRONG
+from analysis.hard_cases.scenes import CLEAR_ERROR, CORRECT, LIMIT_REPORTED, SCENES, SILENT_WRONG
 
 NUMBERS = {
     "energy": "energy_balance_error",
@@ -19,7 +19,7 @@ NUMBERS = {
 
 
 def table(outcomes: Iterable[Outcome]) -> str:
-    """A line for each case and engine, as text."""
+    """Table with a line for each case and engine."""
     heading = " ".join(f"{name:>9}" for name in NUMBERS)
     rows = [f"{'case':<20} {'engine':<6} {'verdict':<12} {'checks':>6} {'s':>5} {heading}"]
     for o in outcomes:
@@ -29,57 +29,61 @@ def table(outcomes: Iterable[Outcome]) -> str:
     return "\n".join(rows)
 
 
-def _number(value):
-    return "" if value is None else f"{value:.1e}"
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value * (1.0 + 1e-12):.1e}"  # stored halves, 0.0135, round up
 
 
 PAGE = """# Hard cases
 
-Scenes at which a simulation of grains may go wrong, each run on both engines. None may end
-in a silent wrong answer: what comes out is correct, or labkit says what is wrong. Made by
+Scenarios in which a DEM simulation may go wrong, each run on both engines. None may end in a silently wrong result:
+either the result is correct, or labkit reports what is wrong. Written by
 
     {history}
 
-with about {grains} grains where a case is not about their number. {summary}
+with about {grains} grains, unless the case itself prescribes the number of grains. {summary}
 
-- **{correct}**: every check of the case holds. **{limit}**: they hold, and the run says which of its limits it left.
-  **{clear}**: labkit gave up with a sentence that says what to change. **{silent}**: a check fails and nothing said so.
-- Every run that ended is also checked for its energy balance (5 % of the work), for the stresses in the file against
-  those of its stored contacts and of the contacts that the fused kernel finds anew (1e-9), for what the path holds
-  (`labkit verify`), for a drift of the centre of mass, and for C0 against Love where p > 50 kPa.
-- "Half the step" is a run of the same specimen on the engine fused with half the time step. Shear of grains is chaotic:
-  two converged runs differ by a scatter, which the tolerances are made of. They are in `analysis/hard_cases`.
+- **{correct}**: all checks hold. **{limit}**: all checks hold, and the run reports which of its limits it exceeded.
+  **{clear}**: labkit stopped with an error message that says what to change. **{silent}**: a check fails without any
+  message.
+- Every completed run is also checked for its energy balance (5 % of the work), for agreement of the stored stresses
+  with those of the stored contacts and of the contacts found again by the fused kernel (1e-9), for the quantities that
+  the path holds (`labkit verify`), for drift of the centre of mass, and for agreement of C0 with Love's stress where
+  p > 50 kPa.
+- "Half the time step" is a run of the same specimen on the `fused` engine with half the time step. Shearing of grains
+  is chaotic: two converged runs differ by some scatter, from which the tolerances are derived. They are given in
+  `analysis/hard_cases`.
 
 {cases}
 {figure}
 ## Numbers
 
-Energy: worst error of the balance over the work. Stress: worst relative difference of stored and recomputed stresses.
-Held: worst of what the path holds (relative stress or volume, or difference of strains). C0: worst error against Love
-with p > 50 kPa. Momentum: |sum m c| / sum m |c| at the end, c without the mean field; it is no rounding, because local
-damping acts on each grain by itself. Undamped: its change in 50 steps without that damping, by the engine fused, which
-is rounding. Empty: the case leaves no run to measure, or there is nothing to be held or judged.
+Energy: largest error of the balance, relative to the work. Stress: largest relative difference of stored and recomputed
+stresses. Held: largest error of a quantity that the path holds (relative stress or volume, or difference of strains).
+C0: largest difference from Love's stress where p > 50 kPa. Momentum: |sum m c| / sum m |c| at the end, with c relative
+to the mean field; this is not rounding error, because local damping acts on each grain separately. Undamped: its change
+over 50 steps without that damping, on the `fused` engine; this is rounding error. Empty cells: the case leaves no run
+to measure, or the quantity does not apply.
 
 {numbers}
 
-## What the guards said
+## Messages of labkit
 
 {guards}
 """
 
 
 def page(outcomes: Sequence[Outcome], grains: int, history: str, drawn: bool) -> str:
-    """The page as Markdown."""
+    """The page, in Markdown."""
     wrong = sum(outcome.verdict == SILENT_WRONG for outcome in outcomes)
     summary = f"{len(outcomes)} cases, {wrong} silently wrong."
     cases, guards = [], []
     for name in dict.fromkeys(outcome.case for outcome in outcomes):
         mine = [outcome for outcome in outcomes if outcome.case == name]
-        cases.append(f"### {name}\n\n*Should:* {mine[0].should}.\n")
+        cases.append(f"### {name}\n\n*Expected:* {SCENES[name].should if name in SCENES else mine[0].should}.\n")
         for o in mine:
             failed = f" **Failed: {o.failed}.**" if o.failed else ""
             cases.append(f"- {o.engine}, **{o.verdict}**: {_cell(o.did)}.{failed}")
-            guards.append(f"- {name}, {o.engine}: {_cell(o.guard) or 'nothing'}")
+            guards.append(f"- {name}, {o.engine}: {_cell(o.guard) or 'none'}")
         cases.append("")
     numbers = [
         [
@@ -97,7 +101,7 @@ def page(outcomes: Sequence[Outcome], grains: int, history: str, drawn: bool) ->
         grains=grains,
         summary=summary,
         correct=CORRECT,
-        limit=LIMIT_SAID,
+        limit=LIMIT_REPORTED,
         clear=CLEAR_ERROR,
         silent=SILENT_WRONG,
         cases="\n".join(cases),
@@ -107,5 +111,5 @@ def page(outcomes: Sequence[Outcome], grains: int, history: str, drawn: bool) ->
     )
 
 
-def _cell(text):
+def _cell(text: str) -> str:
     return text.replace(" | ", "; ").rstrip(".")

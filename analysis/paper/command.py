@@ -1,4 +1,4 @@
-"""`./lab paper`: from the campaign to results/paper, or again from its own thin run files."""
+"""`./lab paper`: from the campaign to results/paper, or again from the reduced run files stored there."""
 
 from __future__ import annotations
 
@@ -28,28 +28,29 @@ from labkit.runs import snapshots
 from labkit.visuals import draw_grains, plots
 
 TESTS = Path(__file__).with_name("paper.yaml")
-PICTURED = "cv-dense"  # at its start and end
+PICTURED = "cv-dense"  # run shown in gallery.png, at its start and end
+CONDENSED, TABLES, NOTEBOOKS = 0.3, 0.5, 0.95  # fractions of the progress at which these steps are finished
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `./lab paper`."""
+    """Adds the options of `./lab paper`."""
     parser.add_argument(
         "campaign",
         nargs="?",
-        help="folder of the campaign: it is begun there, or goes on (default: "
-        "none, everything is made of the thin run files in the output)",
+        help="campaign folder, created or resumed (default: none; everything is rebuilt from the reduced run files in "
+        "the output folder)",
     )
-    parser.add_argument("--as-is", action="store_true", help="run nothing, take what is finished in the folder")
+    parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
     parser.add_argument(
-        "--cores", type=positive_int, default=os.cpu_count() or 1, help="of this computer (default: all)"
+        "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
     )
     parser.add_argument(
-        "-o", "--output", default=results_folder("paper"), help="folder of the results (default: results/paper)"
+        "-o", "--output", default=results_folder("paper"), help="folder for the results (default: results/paper)"
     )
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Runs the campaign where one is given, and makes everything of its runs; 1 if a run failed."""
+    """Runs the campaign if one is given and writes all results from its runs; returns 1 if a run failed."""
     code = 0
     if options.campaign and not options.as_is:
         find_yade()
@@ -60,7 +61,10 @@ def main(options: argparse.Namespace, command: str) -> int:
 
 
 def simulate(folder: str | Path, cores: int, progress: Progress) -> int:
-    """Brings the campaign in `folder` up to date: its own file there, or the paper's; the exit code of a campaign."""
+    """Brings the campaign in `folder` up to date and returns its exit code.
+
+    It uses the campaign file in the folder, or else the paper's.
+    """
     folder = Path(folder)
     file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else TESTS
     text = file.read_text(encoding="utf-8")
@@ -69,45 +73,56 @@ def simulate(folder: str | Path, cores: int, progress: Progress) -> int:
 
 
 def paper(campaign: str | Path | None, output: str | Path, command: str, progress: Progress) -> Iterator[Path]:
-    """Condenses the finished runs of the folder `campaign`, if one is given, and makes all tables, figures and the
-    report of the thin files in `output`; yields the files that were written.
+    """Writes all tables, figures and the report from the reduced run files in `output`; yields the files written.
+
+    If a `campaign` folder is given, its finished runs are reduced first. `progress`: called with (fraction, text).
     """
-    output = make_folder(output, "--output")
-    (output / "runs").mkdir(exist_ok=True)
+    folder = Path(make_folder(output, "--output"))
+    (folder / "runs").mkdir(exist_ok=True)
     if campaign:
         for k, file in enumerate(files := finished(campaign)):
-            progress(k / len(files), f"run {k + 1} of {len(files)}")
-            condense(file, output / "runs" / file.name, command)
-        progress(1.0, "runs condensed")
-    found = runs(output)
-    text = cost_table(found).to_csv(index=False, float_format="%.6g")
-    write_with_provenance(output / "campaign.csv", text, sources(found), command)
-    yield output / "campaign.csv"
-    study = output.parent / "speed_error" / "study.nc"
-    yield from write_tables(found, output, study if study.exists() else None, command)
-    if PICTURED in found and found[PICTURED].sizes["snapshot"]:
-        file = found[PICTURED].encoding["source"]
-        plots.save(draw_grains(snapshots(file, [0, -1])), output / "gallery.png", [file], command)
-        yield output / "gallery.png"
-    for notebook in notebook_files(STUDIES):
-        execute(notebook, output, output)
+            progress(CONDENSED * k / len(files), f"reducing run {k + 1} of {len(files)}")
+            condense(file, folder / "runs" / file.name, command)
+    start = CONDENSED if campaign else 0.0
+    progress(start, "reading the runs")
+    stored = runs(folder)
+    text = cost_table(stored).to_csv(index=False, float_format="%.6g")
+    write_with_provenance(folder / "campaign.csv", text, sources(stored), command)
+    yield folder / "campaign.csv"
+
+    def tables(fraction: float, text: str) -> None:
+        progress(start + (TABLES - start) * fraction, text)
+
+    study = folder.parent / "speed_error" / "study.nc"
+    yield from write_tables(stored, folder, study if study.exists() else None, command, tables)
+    if PICTURED in stored and stored[PICTURED].sizes["snapshot"]:
+        progress(TABLES, "drawing the grains")
+        source = stored[PICTURED].encoding["source"]
+        plots.save(draw_grains(snapshots(source, [0, -1])), folder / "gallery.png", [source], command)
+        yield folder / "gallery.png"
+    notebooks = notebook_files(STUDIES)
+    for k, notebook in enumerate(notebooks):
+        progress(TABLES + (NOTEBOOKS - TABLES) * k / len(notebooks), f"drawing the figures of {notebook.name}")
+        execute(notebook, folder, folder)
         yield notebook
-    report(output, output / "report.html", command)
-    yield output / "report.html"
+    progress(NOTEBOOKS, "writing the report")
+    report(folder, folder / "report.html", command)
+    progress(1.0, "done")
+    yield folder / "report.html"
 
 
 def finished(campaign: str | Path) -> list[Path]:
-    """The run files of the campaign in a folder that are there. Raises InputError for none."""
+    """Finished run files of the campaign in a folder. Raises InputError if there are none."""
     files = sorted((Path(campaign) / RUNS).glob("*.run.nc"))
     if not files:
-        raise InputError(f"{campaign} holds no finished runs: give the folder of a campaign of ./lab paper")
+        raise InputError(f"{campaign} contains no finished runs: use a campaign folder of ./lab paper")
     return files
 
 
-def cost_table(found: Runs) -> pandas.DataFrame:
-    """A row per run: what it took, and its contact law as its file names it.
+def cost_table(runs: Runs) -> pandas.DataFrame:
+    """A pandas.DataFrame with a row per run: its cost, and its contact law as named in its file.
 
-    wall_time in s, of whatever else the computer did too, on so many threads.
+    wall_time: s, with the number of threads used, including the effect of any other load on the computer.
     """
     return pandas.DataFrame(
         [
@@ -123,6 +138,6 @@ def cost_table(found: Runs) -> pandas.DataFrame:
                 "grain_steps": int(run.attrs["steps"]) * run.sizes["grain"],
                 "wall_time": float(run.attrs["wall_time"]),
             }
-            for name, run in found.items()
+            for name, run in runs.items()
         ]
     )

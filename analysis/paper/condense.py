@@ -1,15 +1,17 @@
-"""Thin run files: all records in single precision, few contacts, and what the contacts of all snapshots told.
+"""Reduced run files: all records in single precision, few contacts, and statistics of all snapshots.
 
-A thin file has the names of a run file and opens with labkit.open_run. Its group `derived` holds, along the snapshots
-of the whole file, the stress after each stress-force-fabric relationship and the error budget of C0. Of one run the
-stresses of grain size groups go into a file of their own.
+A reduced file has the variables of a run file and opens with labkit.open_run. Its group `derived` holds, for every
+snapshot of the full file, the stress according to each stress-force-fabric relationship and the error budget of C0.
+For one run the stresses of the grain size groups are written to a separate file.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -20,13 +22,13 @@ from analysis.netcdf import characters
 from analysis.paper.size_groups import write_size_groups
 from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, data_sha256, open_netcdf, provenance_json, whole_file
 
-PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> the snapshots whose contacts are kept
+PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> snapshots whose contacts are kept
 FIG_2 = "cv-dense"
 LEFT_OUT = ("data_sha256", "history")
 
 
 def condense(file: str | Path, output: str | Path, command: str) -> bool:
-    """Writes the thin file of a complete run file, unless it is there; returns whether it was written."""
+    """Writes the reduced file of a complete run file, unless it exists; returns True if it was written."""
     with open_netcdf(file, "run") as source:
         digest = source.data_sha256
         if Path(output).exists():
@@ -39,19 +41,22 @@ def condense(file: str | Path, output: str | Path, command: str) -> bool:
                 _copy(source, thin, chosen)
                 thin.source_sha256 = digest
                 thin.source_provenance = re.sub(r"/\S*/yade_scripts/", "yade_scripts/", source.provenance)
-                thin.provenance = provenance_json(command, output=output)  # its input is told by the hash of its data
+                thin.provenance = provenance_json(command, output=output)  # source_sha256 identifies the input
             with lk.open_run(file) as run:
                 if Path(file).name == f"{FIG_2}.run.nc":
                     write_size_groups(run, Path(output).parent.parent, command)
-                told = derived(run)
-                coding = {name: {"dtype": "f4", "zlib": True} for name in told.data_vars}
-                told.to_netcdf(temporary, mode="a", group="derived", encoding=coding | characters(told))
+                statistics = derived(run)
+                coding: dict[str, dict[str, Any]] = {
+                    str(name): {"dtype": "f4", "zlib": True} for name in statistics.data_vars
+                }
+                encoding = coding | characters(statistics)
+                statistics.to_netcdf(temporary, mode="a", group="derived", encoding=encoding)
             with netCDF4.Dataset(temporary, "a") as thin:
                 thin.data_sha256 = data_sha256(thin)
     return True
 
 
-def _copy(source, thin, chosen):
+def _copy(source: netCDF4.Dataset, thin: netCDF4.Dataset, chosen: Sequence[int]) -> None:
     thin.setncatts({name: source.getncattr(name) for name in source.ncattrs() if name not in LEFT_OUT})
     create_variables(thin, _single({name: RECORD[name] for name in RECORD if name in source.variables}), {})
     for name in set(RECORD) & set(source.variables):
@@ -73,12 +78,15 @@ def _copy(source, thin, chosen):
         grains["position"][k] = source["grains"]["position"][snapshot]
 
 
-def _single(table):
+def _single(table: Mapping[str, Any]) -> dict[str, Any]:
     """The same variables in single precision."""
     return {name: dataclasses.replace(row, dtype=row.dtype.replace("f8", "f4")) for name, row in table.items()}
 
 
 def derived(run: xr.Dataset) -> xr.Dataset:
-    """What the contacts of all snapshots tell, an xarray.Dataset along `snapshot`; `record` is the index along time."""
-    found = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
-    return found.assign_coords(record=run["record"]).drop_vars(["row_start"], errors="ignore")
+    """Statistics derived from the contacts of all snapshots, an xarray.Dataset along `snapshot`.
+
+    `record` is the index along time.
+    """
+    statistics = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
+    return statistics.assign_coords(record=run["record"]).drop_vars(["row_start", "i", "j"], errors="ignore")

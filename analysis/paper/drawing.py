@@ -1,11 +1,14 @@
-"""How the figures of the paper are drawn: the colour is the density of the specimen; the simulation is a broad pale
-line, C0 dashed on it, the model dotted (Table 2) and dash-dotted (calibrated). What is missing is said above them.
+"""Drawing style of the paper's figures.
+
+The colour is the density of the specimen. The simulation is a broad pale line, C0 a dashed line on top of it, the
+model a dotted (Table 2) or dash-dotted (calibrated) line. A note above the panels lists missing runs.
 """
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -21,19 +24,29 @@ from labkit.errors import InputError
 from labkit.model import Model
 from labkit.visuals import plots
 
-Models = Mapping[str, Model]  # name -> model, of analysis.paper.model_runs.models
+Models = Mapping[str, Model]  # name -> model, from analysis.paper.model_runs.models
+Color = str | tuple[float, float, float]
 
-WIDTH = 7.2  # inches, of a page of A4
-STYLE = {"font.size": 9, "axes.titlesize": 9, "legend.fontsize": 8, "axes.grid": True, "grid.alpha": 0.25}
+WIDTH = 7.2  # inches, the text width of an A4 page
+STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+}
 DENSITIES = ("loose", "medium", "dense")
 COLORS = {"loose": "#d55e00", "medium": "#009e73", "dense": "#0072b2"}
 MARKERS = {"cv": "o", "cr": "s", "cp": "^"}
-PALE = 0.55  # of white in the broad line of a simulation
-MODEL_STYLES = {TABLE_2: {"ls": ":", "lw": 1.6}, CALIBRATED: {"ls": (0, (5, 1.5, 1, 1.5)), "lw": 1.1}}
+PALE = 0.55  # share of white in the broad line of a simulation
+MODEL_STYLES: dict[str, dict[str, Any]] = {
+    TABLE_2: {"ls": ":", "lw": 1.6},
+    CALIBRATED: {"ls": (0, (5, 1.5, 1, 1.5)), "lw": 1.1},
+}
 
 
 def panels_of(rows: int, names: Sequence[str], height: float = 2.5) -> tuple[Figure, np.ndarray]:
-    """A figure and its panels (rows, len(names)), a column for each diagram of labkit.visuals.plots."""
+    """A figure and its panels (rows, len(names)), one column per diagram of labkit.visuals.plots."""
     figure, grid = plt.subplots(
         rows, len(names), figsize=(WIDTH, height * rows + 0.6), layout="constrained", squeeze=False
     )
@@ -47,12 +60,12 @@ def draw(
     panels: Sequence[Axes],
     names: Sequence[str],
     runs: Runs,
-    colors: Mapping[str, object],
+    colors: Mapping[str, Color],
     models: Models,
     label_of: Callable[[xr.Dataset], str],
     c0: bool = True,
 ) -> None:
-    """Draws the runs that are there: simulation, C0 and models; `colors`: name of the run -> colour."""
+    """Draws simulation, C0 and models of the available runs; `colors`: name of the run -> colour."""
     for axes, name in zip(panels, names, strict=True):
         axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
     for run_name in (name for name in colors if name in runs):
@@ -72,7 +85,7 @@ def draw(
 
 
 def predictions(run: xr.Dataset, models: Models) -> dict[str, xr.Dataset]:
-    """name -> the model's run; of a run whose start the model cannot take (no contacts, e.g.) there is none."""
+    """Name -> run of the model; empty if the model cannot start from the first record (for example, no contacts)."""
     try:
         return {label: model_run(run, model) for label, model in models.items()}
     except InputError:
@@ -82,25 +95,25 @@ def predictions(run: xr.Dataset, models: Models) -> dict[str, xr.Dataset]:
 def finish(
     figure: Figure, models: Models, missing: Sequence[str], handles: Iterable[Line2D] = (), c0: bool = True
 ) -> Figure:
-    """The figure with the common legend, and with what is missing."""
+    """The figure with the common legend and the list of missing runs."""
     figure.legend(handles=[*line_handles(models, c0), *handles], loc="outside lower center", ncols=4, frameon=False)
     return say_missing(figure, missing)
 
 
 def line_handles(models: Models, c0: bool = True) -> list[Line2D]:
-    """For the legend: simulation, C0 and models."""
+    """Legend entries for simulation, C0 and models."""
     lines = [Line2D([], [], color=mixed("k", PALE), lw=2.4, label="simulation")]
     lines += [Line2D([], [], color="k", ls="--", lw=0.9, label="C0")] * c0
     return lines + [Line2D([], [], color="k", label=f"model, {name}", **MODEL_STYLES[name]) for name in models]
 
 
 def density_handles(densities: Iterable[str]) -> list[Line2D]:
-    """For the legend: the colours of the densities."""
+    """Legend entries for the colours of the densities."""
     return [Line2D([], [], color=COLORS[density], lw=2, label=density) for density in dict.fromkeys(densities)]
 
 
 def path_handles() -> list[Line2D]:
-    """For the legend: the markers of the paths."""
+    """Legend entries for the markers of the loading paths."""
     return [
         Line2D([], [], color="0.3", marker=marker, mfc="none", ls="", ms=4.5, label=path.upper())
         for path, marker in MARKERS.items()
@@ -108,45 +121,45 @@ def path_handles() -> list[Line2D]:
 
 
 def say_missing(figure: Figure, missing: Sequence[str]) -> Figure:
-    """Names what is missing above the panels; the figure."""
+    """Lists what is missing above the panels and returns the figure."""
     if missing:
-        words = textwrap.fill("not there: " + ", ".join(missing), 110)
-        figure.suptitle(words, fontsize=7, color="0.4")
+        note = textwrap.fill("missing: " + ", ".join(missing), 110)
+        figure.suptitle(note, fontsize=7, color="0.4")
     return figure
 
 
-def set_title(panels: Sequence[Axes], words: str) -> None:
-    """The title of a row of panels."""
-    panels[0].set_title(words, loc="left")
+def set_title(panels: Sequence[Axes], title: str) -> None:
+    """Sets the title of a row of panels."""
+    panels[0].set_title(title, loc="left")
 
 
 def letters(panels: Iterable[Axes]) -> None:
-    """(a), (b), ... above the panels."""
+    """Labels the panels (a), (b), ..."""
     for letter, axes in zip("abcdefgh", panels, strict=False):
         axes.set_title(f"({letter})", loc="left")
 
 
-def mixed(color: object, white: float = 0.0, black: float = 0.0) -> tuple[float, ...]:
-    """The colour with a share of white, or of black, in it."""
-    rgb = np.array(to_rgb(color))
-    return tuple((rgb * (1.0 - white) + white) * (1.0 - black))
+def mixed(color: Color, white: float = 0.0, black: float = 0.0) -> tuple[float, float, float]:
+    """The colour mixed with a share of white or black."""
+    red, green, blue = ((part * (1.0 - white) + white) * (1.0 - black) for part in to_rgb(color))
+    return red, green, blue
 
 
 def nominal(run: xr.Dataset) -> float:
-    """The nominal void ratio at the start."""
+    """Initial nominal void ratio."""
     return float(run["void_ratio_nominal"][0])
 
 
 def start_pressure(run: xr.Dataset) -> str:
-    """A label."""
+    """Label with the initial mean stress."""
     return f"$p_0$ = {float(run.lab.mean_stress()[0]) / 1e6:.2f} MPa"
 
 
 def start_void_ratio(run: xr.Dataset) -> str:
-    """A label."""
+    """Label with the initial void ratio."""
     return f"$e_0$ = {nominal(run):.3f}"
 
 
 def path_and_start(run: xr.Dataset) -> str:
-    """A label."""
+    """Label with the loading path and the initial void ratio."""
     return f"{run.attrs['path'].upper()}, {start_void_ratio(run)}"

@@ -1,4 +1,4 @@
-"""Which runs of the campaign are compared, and their starts and ends as tables."""
+"""Selection of the runs to compare, and tables of their initial and final states."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from labkit.dem import travelled
 from labkit.io import RECORD
 from labkit.runs import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
 
-Runs = Mapping[str, xr.Dataset]  # name -> run, as labkit.open_run gives it
+Runs = Mapping[str, xr.Dataset]  # name -> run, as returned by labkit.open_run
 
-ENOUGH_STRAIN = 0.15  # from which the last quarter of a shear test is near the critical state
-RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; slower than that the last half cannot tell from a line
+ENOUGH_STRAIN = 0.15  # above this the last quarter of a shear test is near the critical state
+RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; over half a test a slower decay looks like a straight line
 HOLDS_A_STRESS = ("cr", "cp", "cyclic_cp")
-OTHERS = ("share_", "full_")  # tests of the engines and the laws, not of the paper
+OTHERS = ("share_", "full_")  # tests that compare engines and contact laws
 
 
 def in_memory(runs: Runs) -> dict[str, xr.Dataset]:
-    """The same runs with their records in memory, without contacts and grains; `grains` is an attribute."""
-    found = {}
+    """The same runs with their records in memory, without contacts and grains; attribute `grains` is their number."""
+    loaded = {}
     for name, run in runs.items():
-        found[name] = run[[one for one in RECORD if one in run]].drop_dims("snapshot", errors="ignore").load()
-        found[name].attrs = {**run.attrs, "grains": run.sizes["grain"]}
-    return found
+        loaded[name] = run[[key for key in RECORD if key in run]].drop_dims("snapshot", errors="ignore").load()
+        loaded[name].attrs = {**run.attrs, "grains": run.sizes["grain"]}
+    return loaded
 
 
 def main(runs: Runs) -> dict[str, xr.Dataset]:
-    """The tests of the paper, at full size, without those that compare engines and laws."""
+    """The paper's tests at full size, without those that compare engines and contact laws."""
     return {name: run for name, run in runs.items() if not name.startswith(OTHERS)}
 
 
 def matching(runs: Runs, pattern: str) -> dict[str, xr.Dataset]:
-    """The runs whose whole name the regular expression matches."""
+    """Runs whose full name matches the regular expression."""
     return {name: run for name, run in runs.items() if re.fullmatch(pattern, name)}
 
 
 def sheared(runs: Runs, paths: Collection[str] = SHEAR) -> dict[str, xr.Dataset]:
-    """The shear tests among the runs that went far enough to have a critical state."""
+    """Shear tests with enough strain to approach the critical state."""
     return {
         name: run
         for name, run in runs.items()
@@ -52,13 +52,13 @@ def sheared(runs: Runs, paths: Collection[str] = SHEAR) -> dict[str, xr.Dataset]
 
 
 def between(run: xr.Dataset, begin: float, end: float) -> xr.Dataset:
-    """The records from one axial strain to another, of a monotonic test."""
+    """Records of a monotonic test between two axial strains."""
     strain = run["axial_strain"].values
     return run.isel(time=(strain >= begin) & (strain <= end))
 
 
 def ends(runs: Runs, begin: float = 1.0 - WINDOW, end: float = 1.0) -> pandas.DataFrame:
-    """critical_states between two shares of the strain of each shear test."""
+    """Table of critical_states between two fractions of the strain of each shear test."""
     parts = {}
     for name, run in runs.items():
         last = float(run["axial_strain"][-1])
@@ -67,19 +67,19 @@ def ends(runs: Runs, begin: float = 1.0 - WINDOW, end: float = 1.0) -> pandas.Da
 
 
 def table(parts: Runs) -> pandas.DataFrame:
-    """critical_states over all records of some parts of runs; has its columns without any run too."""
-    found = critical_states(parts, window=1.0)
-    return found if len(found) else pandas.DataFrame(columns=COLUMNS, dtype=float)
+    """Table of critical_states over all records of some parts of runs; it has all columns even without runs."""
+    states = critical_states(parts, window=1.0)
+    return states if len(states) else pandas.DataFrame(columns=list(COLUMNS), dtype=float)
 
 
 COLUMNS = ("run", "path", "strain", "M", "M_scatter", "p_MPa", "e", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
 
 
 def extrapolated(runs: Runs) -> pandas.DataFrame:
-    """What `ends` would be after endless strain: a + b exp(-strain/s) through the last half of the strain of each test.
+    """The values of `ends` at infinite strain: a + b exp(-strain/s) fitted to the last half of the strain of each test.
 
-    A table with the columns of `ends`, without M_scatter, and relaxation_strain, the s that all numbers of a test share
-    (of RELAXATIONS, the most likely one when every number has a scatter of its own).
+    A table with the columns of `ends` without M_scatter, and relaxation_strain: the s common to all numbers of a test
+    (the most likely of RELAXATIONS, where each number has its own scatter).
     """
     rows = []
     for name, run in runs.items():
@@ -100,8 +100,8 @@ def extrapolated(runs: Runs) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=[*COLUMNS, "relaxation_strain"]).drop(columns="M_scatter")
 
 
-def _records(run):
-    """The numbers of `ends` at every record, a pandas.DataFrame."""
+def _records(run: xr.Dataset) -> pandas.DataFrame:
+    """The numbers of `ends` at every record."""
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     zz = {label: run[key].values[:, 2, 2] for key, label in TENSORS.items()}
     return pandas.DataFrame(
@@ -116,25 +116,27 @@ def _records(run):
     ).astype(float)
 
 
-def _exponential(strain, values, relaxation):
-    """(minus the logarithm of the likelihood, the asymptotes) of a + b exp(-strain/relaxation), by least squares."""
+def _exponential(strain: np.ndarray, values: pandas.DataFrame, relaxation: float) -> tuple[float, np.ndarray]:
+    """(negative log-likelihood, asymptotes) of a + b exp(-strain/relaxation), by least squares."""
     shape = np.stack([np.ones_like(strain), np.exp(-strain / relaxation)], axis=1).astype(float)
-    found = np.linalg.lstsq(shape, values.to_numpy(), rcond=None)[0]
-    left = np.sum((values.to_numpy() - shape @ found) ** 2, axis=0) / np.sum(values.to_numpy() ** 2, axis=0)
-    return float(np.sum(np.log(left + 1e-16))), found[0]
+    fitted = np.linalg.lstsq(shape, values.to_numpy(), rcond=None)[0]
+    misfit = np.sum((values.to_numpy() - shape @ fitted) ** 2, axis=0) / np.sum(values.to_numpy() ** 2, axis=0)
+    return float(np.sum(np.log(misfit + 1e-16))), fitted[0]
 
 
 def blocks(name: str, run: xr.Dataset, begin: float, end: float) -> pandas.DataFrame:
-    """critical_states of BLOCKS equal parts between two axial strains, for a single test."""
+    """Table of critical_states of BLOCKS equal parts between two axial strains of one test."""
     edges = begin + (end - begin) * np.linspace(0.0, 1.0, BLOCKS + 1)
-    found = table({f"{name} {k + 1}": between(run, *edges[k : k + 2]) for k in range(BLOCKS)})
-    found.attrs["runs"] = (name,)
-    return found
+    states = table({f"{name} {k + 1}": between(run, edges[k], edges[k + 1]) for k in range(BLOCKS)})
+    states.attrs["runs"] = (name,)
+    return states
 
 
 def starts(runs: Runs) -> pandas.DataFrame:
-    """A pandas.DataFrame with a row per run: e (overlaps out), e_nominal, p0_MPa of the first record, Z, the void ratio
-    that the specimen was made with (NaN: not recorded) and held_MPa, the mean of the stress that the path holds.
+    """A pandas.DataFrame with a row per run, from its first record.
+
+    e (corrected for overlaps), e_nominal, p0_MPa, Z; e_made, the void ratio of the specimen as generated (NaN if not
+    recorded); held_MPa, the mean over the test of the stress that the path holds.
     """
     rows = []
     for name, run in runs.items():
@@ -154,7 +156,7 @@ def starts(runs: Runs) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=["run", "path", "e", "e_nominal", "e_made", "p0_MPa", "Z", "held_MPa"])
 
 
-def _held(run):
+def _held(run: xr.Dataset) -> float:
     if run.attrs["path"] not in HOLDS_A_STRESS:
         return float("nan")
     stress = run["stress"].values

@@ -1,7 +1,7 @@
 """Numbers with a 95 % interval from the scatter between tests.
 
-The records of one test fluctuate together and count as one. Where there is a single test, the means of a few blocks of
-its window stand for tests; that interval knows nothing of other specimens.
+The records of one test are correlated and count as one observation. For a single test, the means of a few blocks of
+its averaging window replace the tests; that interval does not include the scatter between specimens.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from scipy import stats
 
 from analysis import intervals
 
-BLOCKS = 5  # of the window of a single test
+BLOCKS = 5  # of the averaging window of a single test
 
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """A number, the half-width of its interval (NaN: unknown), and the number of tests that it is made of."""
+    """A number, the half-width of its 95 % interval (NaN: unknown) and the number of tests behind it."""
 
     value: float
     within: float
@@ -29,7 +29,7 @@ class Estimate:
 
     @property
     def matters(self) -> bool:
-        """Whether the interval leaves out zero."""
+        """True if the interval excludes zero."""
         return bool(abs(self.value) > self.within)
 
 
@@ -37,10 +37,10 @@ NOTHING = Estimate(math.nan, math.nan, 0)
 
 
 def jackknife(statistic: Callable[[np.ndarray], float], n: int, parameters: int = 1) -> Estimate:
-    """The Estimate of `statistic(rows)`, rows an array of indices into n tests, by leaving out one test at a time.
+    """Estimate of `statistic(rows)`, rows an array of indices into n tests, by leaving out one test at a time.
 
-    Of a mean it is the interval of Student's t. `parameters`: how many numbers the statistic fits at once; the
-    degrees of freedom are n - parameters, and without any the width is NaN.
+    For a mean this is the Student t interval. `parameters`: number of parameters that the statistic fits at once; the
+    degrees of freedom are n - parameters, and the width is NaN if there are none.
     """
     if n == 0:
         return NOTHING
@@ -51,20 +51,25 @@ def jackknife(statistic: Callable[[np.ndarray], float], n: int, parameters: int 
 def two_samples(
     statistic: Callable[[pandas.DataFrame], float], first: pandas.DataFrame, second: pandas.DataFrame
 ) -> Estimate:
-    """The Estimate of statistic(second) - statistic(first), two independent tables (Welch: unequal variances).
+    """Estimate of statistic(second) - statistic(first), two independent tables (Welch: unequal variances).
 
-    A table of one row takes its scatter from the other.
+    A table with one row is given the scatter of the other.
     """
     n = len(first), len(second)
     if min(n) == 0:
         return NOTHING
-    samples = (_deviations(lambda rows: statistic(one.iloc[rows]), len(one)) for one in (second, first))
-    return Estimate(float(statistic(second) - statistic(first)), intervals.welch(*samples), sum(n))
+
+    def sample(table: pandas.DataFrame) -> np.ndarray:
+        return _deviations(lambda rows: statistic(table.iloc[rows]), len(table))
+
+    within = intervals.welch(sample(second), sample(first))
+    return Estimate(float(statistic(second) - statistic(first)), within, sum(n))
 
 
-def _deviations(statistic, n):
-    """The pseudo-values of the jackknife (n,), less a constant: they scatter as n tests do; of a mean they are the
-    deviations of the tests.
+def _deviations(statistic: Callable[[np.ndarray], float], n: int) -> np.ndarray:
+    """Pseudo-values of the jackknife (n,) up to a constant; for a mean, the deviations of the tests.
+
+    They scatter like n tests.
     """
     if n < 2:
         return np.zeros(n)
@@ -74,10 +79,13 @@ def _deviations(statistic, n):
 
 
 def text(value: float, within: float = math.nan, digits: int = 3) -> str:
-    """`0.938 ± 0.006`: as many digits as the half-width has two of; without it `digits` significant ones."""
+    """`0.9381 ± 0.0057`: rounded so that the half-width has two significant digits.
+
+    Without a half-width the number has `digits` significant digits, or all digits before its decimal point.
+    """
     if not math.isfinite(value):
         return ""
     if not (math.isfinite(within) and within > 0.0):
-        return f"{value:.{digits}g}"
+        return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
     decimals = max(0, 1 - math.floor(math.log10(within)))
     return f"{value:.{decimals}f} ± {within:.{decimals}f}"

@@ -1,39 +1,44 @@
-"""Every number of the paper that the campaign measures: ours with its interval, the paper's, and why they differ."""
+"""Every number of the paper that the campaign measures: ours with its interval, the paper's, and causes of differences.
+
+`number_table.py` lays the table out for readers.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 import pandas
 import xarray as xr
 
-from analysis import markdown
 from analysis.paper import lines
 from analysis.paper.bounds import NO_RUNS, limits
-from analysis.paper.causes import Effect, effects, end_comparisons, start_comparisons, study_effects
+from analysis.paper.causes import Comparison, Effect, effects, end_comparisons, start_comparisons, study_effects
 from analysis.paper.ends import Runs, blocks, ends, main, matching, sheared, starts
-from analysis.paper.estimates import BLOCKS, jackknife, text
+from analysis.paper.estimates import BLOCKS, Estimate, jackknife, text
 from labkit.model import ROOT_3_2
 from labkit.runs import SHEAR, WINDOW
+
+Statistic = Callable[[pandas.DataFrame], float]  # of a table of analysis.paper.ends
 
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """A number of the paper. `rounding`: half of the last digit that it prints, e_cmax's with it; `statistic`: table of
-    analysis.paper.ends -> number, which fits so many `parameters`; `column`: of the table, if the number is of one.
+    """A number of the paper, measured at the ends of shear tests along `paths` or at the starts of runs.
 
-    It is of the ends of the main shear tests of `paths`, or of the starts of the runs that the expression `pattern`
-    matches.
+    rounding: half a unit of the last digit that the paper prints, including the rounding of e_cmax; statistic:
+    function of a table of analysis.paper.ends, which fits `parameters` parameters; column: the table column behind
+    the number, if there is only one; pattern: regular expression for the runs whose start is measured.
     """
 
     name: str
     label: str
     paper: float
     rounding: float
-    statistic: Callable[[pandas.DataFrame], float]
+    statistic: Statistic
     column: str = ""
     parameters: int = 1
     paths: tuple[str, ...] = SHEAR
@@ -41,35 +46,37 @@ class Number:
 
     @property
     def at_start(self) -> bool:
-        """Whether it is of the starts of tests, not of their ends."""
+        """True if it is measured at the start of tests rather than at their end."""
         return bool(self.pattern)
 
     def select(self, runs: Runs) -> dict[str, xr.Dataset]:
-        """The runs that it is measured on."""
+        """Runs from which it is measured."""
         return matching(runs, self.pattern) if self.pattern else sheared(main(runs), self.paths)
 
 
-def _mean(column):
+def _mean(column: str) -> Statistic:
     return lambda table: float(table[column].mean())
 
 
-def _critical(name, label, paper, rounding, column, paths=SHEAR):
+def _critical(
+    name: str, label: str, paper: float, rounding: float, column: str, paths: tuple[str, ...] = SHEAR
+) -> Number:
     return Number(name, label, paper, rounding, _mean(column), column, paths=paths)
 
 
-def _fit(k, name, label, rounding):
+def _fit(k: int, name: str, label: str, rounding: float) -> Number:
     paper = dataclasses.astuple(lines.PAPER)[k]
     return Number(name, label, paper, rounding, lambda table: float(lines.both_lines(table)[k]), parameters=4)
 
 
-def _start(name, label, paper, rounding, pattern, column):
+def _start(name: str, label: str, paper: float, rounding: float, pattern: str, column: str) -> Number:
     return Number(name, label, paper, rounding, _mean(column), column, pattern=pattern)
 
 
 SEEDS = r"(_more-s\d+)?"
-HALF, MIDDLE = 0.005, 0.67  # half of the last digit of e_cmax = 0.76, and the void ratio at which it is said in others:
-ROUNDED_Z = float(lines.critical_Z(MIDDLE - HALF) - lines.critical_Z(MIDDLE))  # of Z^c
-ROUNDED = HALF / (lines.PAPER.e_cmax - MIDDLE)  # of c_cLambda, relative; gamma_cZ times that of c_cZ
+HALF, MIDDLE = 0.005, 0.67  # rounding of e_cmax = 0.76, and the void ratio at which it is converted to other numbers
+ROUNDED_Z = float(lines.critical_Z(MIDDLE - HALF) - lines.critical_Z(MIDDLE))  # rounding of Z^c
+ROUNDED = HALF / (lines.PAPER.e_cmax - MIDDLE)  # relative rounding of c_cLambda; gamma_cZ times that for c_cZ
 NUMBERS = (
     _critical("M", "critical strength M = q/p", 0.92, 0.005, "M"),
     _critical("M CV", "M in CV tests", 0.93, 0.005, "M", ("cv",)),
@@ -78,7 +85,7 @@ NUMBERS = (
     _critical("Ft_zz", "critical F^t_zz", lines.PAPER.Ft_c / ROOT_3_2, 0.0005, "Ft_zz"),
     Number(
         "Z residual",
-        "Z - Z^c(e) at the ends, mean",
+        "mean of Z - Z^c(e) at the end of tests",
         0.0,
         ROUNDED_Z,
         lambda table: float((table["Z"] - lines.critical_Z(table["e"])).mean()),
@@ -86,7 +93,7 @@ NUMBERS = (
     ),
     Number(
         "Lambda residual",
-        "Lambda - Lambda^c(e) at the ends, mean",
+        "mean of Lambda - Lambda^c(e) at the end of tests",
         0.0,
         lines.PAPER.c_cLam * HALF,
         lambda table: float((table["Lambda"] - lines.critical_Lambda(table["e"])).mean()),
@@ -94,7 +101,7 @@ NUMBERS = (
     ),
     Number(
         "e residual",
-        "e - e^c(p) at the ends, mean; e^c(p) of Table 2 through C0",
+        "mean of e - e^c(p) at the end of tests; e^c(p) from C0 with Table 2",
         0.0,
         HALF,
         lambda table: float((table["e"] - lines.paper_e(table["p_MPa"])).mean()),
@@ -114,10 +121,10 @@ NUMBERS = (
         0.0005 + ROUNDED * lines.PAPER.c_cLam,
         lines.c_cLambda,
     ),
-    _fit(0, "e_cmax free", "e_cmax, all four of both lines fitted", 0.005),
-    _fit(1, "c_cZ free", "c_cZ, all four fitted", 0.005),
-    _fit(2, "gamma_cZ free", "gamma_cZ, all four fitted", 0.05),
-    _fit(3, "c_cLambda free", "c_cLambda, all four fitted", 0.0005),
+    _fit(0, "e_cmax free", "e_cmax, joint fit of the four parameters of both lines", 0.005),
+    _fit(1, "c_cZ free", "c_cZ, joint fit", 0.005),
+    _fit(2, "gamma_cZ free", "gamma_cZ, joint fit", 0.05),
+    _fit(3, "c_cLambda free", "c_cLambda, joint fit", 0.0005),
     _start("e dense", "e of the specimen of Fig. 2", 0.606, 0.0005, "cv-dense" + SEEDS, "e"),
     _start("p0 dense", "p0 of the specimen of Fig. 2 (MPa)", 0.21, 0.005, "cv-dense" + SEEDS, "p0_MPa"),
     _start("e CV loose", "e of CV tests, loose", 0.724, 0.0005, "cv(_other)?-loose.*", "e"),
@@ -154,12 +161,13 @@ COLUMNS = (
 
 
 def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFrame, pandas.DataFrame]:
-    """Two pandas.DataFrames: the numbers (COLUMNS) and the tested causes (number, cause, alternative, effect, ...).
+    """Two pandas.DataFrames: the numbers (COLUMNS) and the tested causes (CAUSES).
 
-    `runs`: name -> run as analysis.paper.ends.in_memory gives them; `study`: data set of ./lab speed-error, or None.
-    within: half-width of the 95 % interval of ours, of what `uncertainty_of` says. in_units: difference over within.
-    seed_scatter, window_scatter: standard deviations of one test, between seeds and within its window.
-    agrees: yes, no (the difference is more than within and the paper's rounding together), or `no runs`.
+    `runs`: name -> run from analysis.paper.ends.in_memory; `study`: data set of ./lab speed-error, or None.
+    within: half-width of our 95 % interval, from the source named in `uncertainty_of`. in_units: difference over
+    within. seed_scatter, window_scatter: standard deviations of one test, between seeds and within its averaging
+    window. agrees: `yes` if the difference is at most within plus the paper's rounding, else `no`; `not determined` if
+    the runs do not determine the number; `no runs`.
     """
     comparisons = end_comparisons(runs)
     rows, causes = [], []
@@ -184,10 +192,12 @@ CAUSES = (
 )
 
 
-def _row(number, runs, comparisons, study):
+def _row(
+    number: Number, runs: Runs, comparisons: Sequence[Comparison], study: xr.Dataset | None
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """(row of the numbers, rows of the causes)."""
     chosen = number.select(runs)
-    row = {
+    row: dict[str, Any] = {
         "number": number.name,
         "label": number.label,
         "paper": number.paper,
@@ -196,35 +206,35 @@ def _row(number, runs, comparisons, study):
         "runs": " ".join(chosen),
     }
     of, basis = _tests(number, chosen)
-    found = jackknife(lambda rows: number.statistic(of.iloc[rows]), len(of), number.parameters)
-    if not math.isfinite(found.value):
-        return {**row, "agrees": "not determined" if chosen else NO_RUNS, "tests": found.n}, []
-    difference = found.value - number.paper
-    known = found.within if math.isfinite(found.within) else 0.0
+    ours = jackknife(lambda rows: number.statistic(of.iloc[rows]), len(of), number.parameters)
+    if not math.isfinite(ours.value):
+        return {**row, "agrees": "not determined" if chosen else NO_RUNS, "tests": ours.n}, []
+    difference = ours.value - number.paper
+    known = ours.within if math.isfinite(ours.within) else 0.0
     agrees = abs(difference) <= known + number.rounding
     tested = effects(start_comparisons(number, runs) if number.at_start else comparisons, number)
     tested += study_effects(number, study)
     causes = [
         {
             "number": number.name,
-            "cause": one.cause,
-            "alternative": one.alternative,
-            "effect": one.effect.value,
-            "within": one.effect.within,
-            "matters": one.effect.matters,
-            "tests": one.effect.n,
+            "cause": item.cause,
+            "alternative": item.alternative,
+            "effect": item.effect.value,
+            "within": item.effect.within,
+            "matters": item.effect.matters,
+            "tests": item.effect.n,
             "difference": difference,
-            "difference_left": difference + one.effect.value,
-            "runs": " ".join(one.runs),
+            "difference_left": difference + item.effect.value,
+            "runs": " ".join(item.runs),
         }
-        for one in tested
+        for item in tested
     ]
     return {
         **row,
-        "ours": found.value,
-        "within": found.within,
-        "uncertainty_of": basis,
-        "tests": found.n,
+        "ours": ours.value,
+        "within": ours.within,
+        "uncertainty_of": basis if ours.within != 0.0 else f"{ours.n} tests of the same specimen: exact",
+        "tests": ours.n,
         **_scatter(number, chosen),
         "difference": difference,
         "agrees": "yes" if agrees else "no",
@@ -233,20 +243,21 @@ def _row(number, runs, comparisons, study):
     }, causes
 
 
-def _tests(number, chosen):
-    """(the table that a number is of, what its interval is of)."""
+def _tests(number: Number, chosen: Runs) -> tuple[pandas.DataFrame, str]:
+    """(table from which a number is computed, source of its interval)."""
     if number.at_start:
-        return starts(chosen), f"scatter of {len(chosen)} tests" if len(chosen) > 1 else "one test: not known"
+        return starts(chosen), f"scatter of {len(chosen)} tests" if len(chosen) > 1 else "one test: no interval"
     if len(chosen) == 1:
         ((name, run),) = chosen.items()
         last = float(run["axial_strain"][-1])
-        return blocks(name, run, (1.0 - WINDOW) * last, last), f"{BLOCKS} blocks of the window of one test"
+        return blocks(name, run, (1.0 - WINDOW) * last, last), f"{BLOCKS} blocks of the averaging window of one test"
     return ends(chosen), f"scatter of {len(chosen)} tests: paths, densities, seeds"
 
 
-def _scatter(number, chosen):
-    """Standard deviation between the seeds of a specimen, and of the window mean of one test as its blocks have it,
-    both pooled; NaN for what a single test does not have.
+def _scatter(number: Number, chosen: Runs) -> dict[str, float]:
+    """Pooled standard deviations between the seeds of a specimen and of the window mean of one test, from its blocks.
+
+    NaN between seeds if no specimen has several.
     """
     if number.at_start or number.parameters > 1 or not chosen:
         return {}
@@ -265,41 +276,29 @@ def _scatter(number, chosen):
 
 
 def explanation(difference: float, unit: float, effects: Iterable[Effect]) -> str:
-    """What the tested causes say about a difference, in words. `unit`: what a difference may be."""
+    """Sentences on how the tested causes change a difference. `unit`: the difference allowed for agreement."""
     removes, reduces, other = [], [], []
-    for one in effects:
-        left = difference + one.effect.value
-        words = f"{one.alternative} ({_signed(one.effect)})"
-        if one.effect.matters and abs(left) <= unit:
-            removes.append(words)
-        elif one.effect.matters and abs(left) < abs(difference):
-            reduces.append(f"{words}, {left:+.2g} is left")
+    for item in effects:
+        left = difference + item.effect.value
+        change = f"{item.alternative} ({_signed(item.effect)}"
+        if item.effect.matters and abs(left) <= unit:
+            removes.append(f"{change})")
+        elif item.effect.matters and abs(left) < abs(difference):
+            reduces.append(f"{change}, leaving {left:+.2g})")
         else:
-            other.append(one.cause)
-    said = []
+            other.append(item.cause)
+    sentences = []
     if removes:
-        said.append("Agrees with: " + "; ".join(removes))
+        sentences.append("Agrees with " + "; or with ".join(removes))
     if reduces:
-        said.append("Nearer with: " + "; ".join(reduces))
-    if not said:
-        said.append("No tested alternative brings it nearer")
+        sentences.append("Closer with " + "; with ".join(reduces))
+    if not sentences:
+        sentences.append("No tested alternative brings it closer")
     if other:
-        said.append("Tested and not nearer with another: " + ", ".join(dict.fromkeys(other)))
-    return ". ".join(said)
+        sentences.append("Also varied, without getting closer: " + ", ".join(dict.fromkeys(other)))
+    return ". ".join(sentences)
 
 
-def _signed(effect):
+def _signed(effect: Estimate) -> str:
     value = text(effect.value, effect.within)
     return value if value.startswith("-") else f"+{value}"
-
-
-def page(numbers: pandas.DataFrame) -> str:
-    """The numbers as a Markdown table for people."""
-    rows = []
-    for row in numbers.astype(object).where(numbers.notna(), None).to_dict("records"):
-        ours, within = (math.nan if row[name] is None else row[name] for name in ("ours", "within"))
-        units = "" if row["in_units"] is None else f"{row['in_units']:.1f}"
-        says = [row[name] or "" for name in ("uncertainty_of", "explanation")]
-        rows.append([row["label"], text(ours, within, 4), row["paper_says"], units, row["agrees"], *says])
-    header = ("number", "ours", "paper", "difference / uncertainty", "agrees", "uncertainty of", "explanation")
-    return markdown.table(header, rows)

@@ -1,7 +1,7 @@
-"""The figures of the paper from results/paper, and those that the paper lacks.
+"""The paper's figures redrawn from results/paper, and some that the paper lacks.
 
-`runs` is of analysis.paper.runs, `models` of analysis.paper.model_runs.models; what is not among the runs is left out
-and said in the figure. `drawing.py` says what the lines are.
+`runs` comes from analysis.paper.runs, `models` from analysis.paper.model_runs.models. Missing runs are left out and
+listed in the figure. `drawing.py` defines the line styles.
 """
 
 from __future__ import annotations
@@ -11,7 +11,9 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -24,6 +26,7 @@ from analysis.paper.drawing import (
     PALE,
     STYLE,
     WIDTH,
+    Color,
     Models,
     density_handles,
     draw,
@@ -51,17 +54,17 @@ from labkit.runs import SHEAR, critical_states
 from labkit.visuals import micro_figures, plots
 
 DPI = 200
-LOWEST_PRESSURE = 1e3  # Pa, below which stress ratios are noise
+LOWEST_PRESSURE = 1e3  # Pa; below this, stress ratios are noise
 
 
 def save(figure: Figure, file: str | Path, runs: Runs | None = None) -> str:
-    """Writes a figure with the run files behind it in its provenance; the name of the file."""
+    """Writes a figure, with its run files in the provenance; returns the name of the file."""
     plots.save(figure, file, sources(runs or {}), "./lab notebooks", DPI)
     return str(file)
 
 
 def fig_1(runs: Runs, models: Models) -> Figure:
-    """e against p of the monotonic shear tests, and q against p, with the critical state lines."""
+    """Void ratio and q against p of the monotonic shear tests, with the critical state lines."""
     tests = monotonic(runs)
     lines = {f"critical state, {name}": critical_line(model) for name, model in models.items()}
     with plt.rc_context(STYLE):
@@ -73,20 +76,19 @@ def fig_1(runs: Runs, models: Models) -> Figure:
 
 
 def fig_2(groups: xr.Dataset | None) -> Figure:
-    """sigma^N(k) and sigma^V(k) of five grain size groups in the dense CV test.
+    """Stresses sigma^N(k) and sigma^V(k) of five grain size groups in the dense CV test.
 
-    `groups`: of size_groups.read_size_groups.
+    `groups`: from size_groups.read_size_groups.
     """
     with plt.rc_context(STYLE | {"axes.titlesize": 8}):
         if groups is None:
-            return say_missing(plt.figure(figsize=(WIDTH, 0.5)), ["the stresses of size groups of cv-dense"])
+            return say_missing(plt.figure(figsize=(WIDTH, 0.5)), ["stresses of the grain size groups of cv-dense"])
         return micro_figures.group_stresses(groups, groups["love"], WIDTH)[0]
 
 
 def fig_4(runs: Runs, models: Models) -> Figure:
-    """CV tests: q against p, and q against axial strain; a row per void ratio."""
-    rows = {density: (f"cv-{density}", *(f"cv_other-{density}_{p}" for p in ("low", "high"))) for density in DENSITIES}
-    rows = {density: [name for name in names if name in CV_RUNS] for density, names in rows.items()}
+    """CV tests: q against p and against axial strain, one row per void ratio."""
+    rows = {density: [name for name in CV_RUNS if f"-{density}" in name] for density in DENSITIES}
     with plt.rc_context(STYLE):
         figure, grid = panels_of(3, ("q-p", "q-strain"))
         for panels, (density, names) in zip(grid, rows.items(), strict=True):
@@ -110,8 +112,9 @@ def fig_6(runs: Runs, models: Models) -> Figure:
     return _drained(runs, models, "cp", "CP, p")
 
 
-def _drained(runs, models, path, title):
-    names, missing = ("q-strain", "e_nominal-strain"), []
+def _drained(runs: Runs, models: Models, path: str, title: str) -> Figure:
+    names: tuple[str, ...] = ("q-strain", "e_nominal-strain")
+    missing: list[str] = []
     with plt.rc_context(STYLE):
         figure, grid = panels_of(2, names)
         for panels, (key, pressure) in zip(grid, {"500kPa": "0.5 MPa", "1MPa": "1 MPa"}.items(), strict=True):
@@ -123,13 +126,14 @@ def _drained(runs, models, path, title):
 
 
 def fig_7(runs: Runs, models: Models) -> Figure:
-    """ISOC and ISOD: e against p, from the loose and from the dense specimens."""
-    names, missing = ("e_nominal-p",), []
+    """ISOC and ISOD: e against p, from the loose and the dense specimens."""
+    names: tuple[str, ...] = ("e_nominal-p",)
+    missing: list[str] = []
     with plt.rc_context(STYLE):
         figure, grid = panels_of(1, names * 2, 3.2)
         for axes, (density, other) in zip(grid[0], (("loose", "loose"), ("dense", "dense_high")), strict=True):
             dark = mixed(COLORS[density], 0.0, 0.5)
-            colors = {f"isoc-{density}": COLORS[density], f"isod-{other}": dark}
+            colors: dict[str, Color] = {f"isoc-{density}": COLORS[density], f"isod-{other}": dark}
             draw([axes], names, runs, colors, models, path_and_start)
             set_title([axes], density)
             missing += [name for name in colors if name not in runs]
@@ -137,11 +141,11 @@ def fig_7(runs: Runs, models: Models) -> Figure:
 
 
 def fig_8(runs: Runs, models: Models) -> Figure:
-    """Cyclic CP, loose and dense: q against axial strain, and e of both; left the simulation, right the model over it.
+    """Cyclic CP, loose and dense: q against axial strain, and e of both tests.
 
-    The thin black line is the monotonic test.
+    The left column shows the simulation and, as a thin black line, the monotonic test; the right column adds the model.
     """
-    missing = []
+    missing: list[str] = []
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(3, 2, figsize=(WIDTH, 8.0), sharex=True, sharey="row", layout="constrained")
         for density, panels in (("loose", grid[0]), ("dense", grid[1])):
@@ -150,16 +154,23 @@ def fig_8(runs: Runs, models: Models) -> Figure:
             for row, diagram in ((panels, "q-strain"), (grid[2], "e_nominal-strain")):
                 _cyclic(row, diagram, runs.get(name), runs.get(start), color, models)
             shown = runs.get(name)
-            words = f"{density}" + ("" if shown is None else f", {start_void_ratio(shown)}")
-            set_title([panels[0]], f"simulation: {words}")
-            set_title([panels[1]], "model over it")
-        set_title(grid[2], "void ratio of both")
+            start_state = "" if shown is None else f", {start_void_ratio(shown)}"
+            set_title([panels[0]], f"simulation: {density}{start_state}")
+            set_title([panels[1]], "simulation and model")
+        set_title(grid[2], "void ratio of both tests")
         extra = [Line2D([], [], color="k", lw=0.8, label="monotonic simulation")]
         return finish(figure, models, missing, extra + density_handles(("loose", "dense")))
 
 
-def _cyclic(row, diagram, run, start, color, models):
-    """q or e of a cyclic test: simulation, C0 and the monotonic test in the left panel, the models in the right one."""
+def _cyclic(
+    row: Sequence[Axes],
+    diagram: str,
+    run: xr.Dataset | None,
+    start: xr.Dataset | None,
+    color: Color,
+    models: Models,
+) -> None:
+    """Draws q or e of a cyclic test: simulation, C0 and monotonic test in the left panel, models in the right one."""
     x_label, y_label, of = plots.diagram(diagram)
     row[0].set(ylabel=y_label)
     if run is not None:
@@ -176,49 +187,45 @@ def _cyclic(row, diagram, run, start, color, models):
         axes.set(xlabel=x_label if diagram.startswith("e") else None)
 
 
-def _furthest(run):
+def _furthest(run: xr.Dataset | None) -> float:
     return 0.05 if run is None else 1.05 * float(np.abs(run["axial_strain"]).max())
 
 
 def critical_lines(runs: Runs, models: Models) -> Figure:
-    """Where the shear tests end: Z and Lambda over e with the lines of Table 2 and of the fit, q/p, A, F and F^t."""
+    """End states of the shear tests over e: Z and Lambda with the lines of Table 2 and the fit; q/p; A, F, F^t."""
     tests = monotonic(runs)
     table = critical_states(tests) if tests else None
     fitted = fitted_lines(tests)
-    lines = models | ({"fit to these tests": fitted} if fitted else {})
+    lines = {**models, **({"fit to these tests": fitted} if fitted else {})}
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 2, figsize=(WIDTH, 6.2), sharex=True, layout="constrained")
         (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
         lowest = 0.6 if table is None else table["e"].min() - 0.01
-        styles = MODEL_STYLES | {"fit to these tests": {"ls": "-", "lw": 1.2}}
+        styles = {**MODEL_STYLES, "fit to these tests": {"ls": "-", "lw": 1.2}}
         for label, model in lines.items():
             c, style = model.parameters, {"color": "k", **styles[label]}
             e = np.linspace(lowest, c.e_cmax, 200)
             z_panel.plot(e, critical_Z(e, c), **style, label=label)
             force_panel.plot(e, critical_Lambda(e, c), **style)
         if table is not None:
-            _ends(table, tests, grid)
+            _ends(table, grid)
         terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"), strict=True)
         for name, scale, color in terms:
             value = getattr(models[TABLE_2].parameters, name) / ROOT_3_2
             tensor_panel.axhline(scale * value, color=color, ls=":", lw=1.4)
         ratio_panel.axhline(_strength(models[TABLE_2]), color="k", ls=":", lw=1.4)
-        for axes, label in zip(
-            grid.ravel(), ("Z", r"$\Lambda$", "q/p", "$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$"), strict=True
-        ):
-            axes.set(ylabel=label)
-        for axes in grid[1]:
-            axes.set(xlabel="void ratio e")
-        ratio_panel.set(ylim=(0, None))
-        tensor_panel.set(ylim=(0, None))
+        z_panel.set(ylabel="Z")
+        force_panel.set(ylabel=r"$\Lambda$")
+        ratio_panel.set(ylabel="q/p", xlabel="void ratio e", ylim=(0, None))
+        tensor_panel.set(ylabel="$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$", xlabel="void ratio e", ylim=(0, None))
         letters(grid.ravel())
         handles = z_panel.get_legend_handles_labels()[0] + path_handles() + density_handles(DENSITIES)
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
         return say_missing(figure, [] if tests else ["cv-*", "cr_*", "cp_*"])
 
 
-def _ends(table, tests, grid):
-    """The points of critical_states in the four panels."""
+def _ends(table: pandas.DataFrame, grid: np.ndarray) -> None:
+    """Draws the points of critical_states in the four panels."""
     (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
     for row in table.itertuples():
         point = {"marker": MARKERS[row.path], "ms": 4.5, "ls": "", "mfc": "none", "color": COLORS[density_of(row.run)]}
@@ -236,7 +243,7 @@ EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
 
 
 def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "strain") -> Figure:
-    """Z, Lambda, A, F and F^t of the tests `names` over the axial strain, or over the strain `travelled`."""
+    """Z, Lambda, A, F and F^t of the tests `names` over the axial strain, or the accumulated strain `travelled`."""
     diagrams = [f"{quantity}-{over}" for quantity in EVOLUTION]
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.0), layout="constrained")
@@ -245,13 +252,13 @@ def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "str
         draw(panels[:5], diagrams, runs, colors, models, lambda run: "", c0=False)
         letters(panels[:5])
         panels[5].axis("off")
-        handles = density_handles(density_of(name) for name in names) + line_handles(models, c0=False)
+        handles = density_handles(map(density_of, names)) + line_handles(models, c0=False)
         panels[5].legend(handles=handles, loc="center", frameon=False)
         return say_missing(figure, [name for name in names if name not in runs])
 
 
 def isotropic_statistics(runs: Runs, models: Models) -> Figure:
-    """Z and Lambda of ISOC and ISOD over e, with the model: Eqs. 31 and 32."""
+    """Z and Lambda of ISOC and ISOD over e, with the model (Eqs. 31 and 32)."""
     names, diagrams = ("isoc-loose", "isod-loose", "isoc-dense", "isod-dense_high"), ("Z-e_nominal", "Lambda-e_nominal")
     colors = {name: mixed(COLORS[density_of(name)], 0.0, 0.5 * name.startswith("isod")) for name in names}
     with plt.rc_context(STYLE):
@@ -262,13 +269,12 @@ def isotropic_statistics(runs: Runs, models: Models) -> Figure:
 
 
 def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
-    """What A, F, F^t and the product of A and F add to q/p of C0, stacked, in the tests `path` of three densities."""
+    """Contributions of A, F, F^t and the product of A and F to q/p of C0, stacked, in tests of three densities."""
     names = [path.format(density) for density in DENSITIES]
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(1, 3, figsize=(WIDTH, 3.2), sharey=True, layout="constrained")
         for axes, density, name in zip(grid, DENSITIES, names, strict=True):
-            if name in runs:
-                run = runs[name]
+            if (run := runs.get(name)) is not None:
                 micro_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
             axes.set(xlabel="axial strain (%)", title=density)
         grid[0].set(ylabel="q/p")
@@ -277,12 +283,16 @@ def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
         return say_missing(figure, [name for name in names if name not in runs])
 
 
-ENGINES = {"yade": ("YADE", "-"), "fused": ("fused, law yade", "--"), "paper": ("fused, law paper", ":")}
+ENGINES = {
+    "yade": ("YADE, rolling-resistance law", "-"),
+    "fused": ("fused, rolling-resistance law", "--"),
+    "paper": ("fused, spring-dashpot law", ":"),
+}
 SHARE = {"cv": "q-p", "cr": "q-strain", "cp": "q-strain", "isoc": "e-p", "isod": "e-p", "cyclic": "q-strain"}
 
 
 def engines(runs: Runs) -> Figure:
-    """The six paths from the same states on YADE, on the engine fused with YADE's law, and with the paper's law."""
+    """The six paths from the same states on YADE, on the fused engine with the same law, and with the paper's law."""
     missing = []
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.2), layout="constrained")
@@ -304,26 +314,27 @@ def engines(runs: Runs) -> Figure:
 
 
 def monotonic(runs: Runs) -> dict[str, xr.Dataset]:
-    """The monotonic shear tests of the paper among the runs: all seeds and pressures, not those of YADE's share."""
+    """The paper's monotonic shear tests at all seeds and pressures, without those that compare engines."""
     prefixes = ("cv-", "cv_other-", "cr_", "cp_500kPa-", "cp_1MPa-")
     return {name: run for name, run in runs.items() if name.startswith(prefixes) and run.attrs["path"] in SHEAR}
 
 
 def density_of(name: str) -> str:
-    """`dense`, `medium` or `loose` from the name of a run. Raises InputError if it has none of them."""
+    """Density `dense`, `medium` or `loose` from the name of a run. Raises InputError if the name contains none."""
     for density in DENSITIES:
         if density in name.split("-", 1)[-1]:
             return density
-    raise InputError(f"run {name} names no density: give one of a dense, medium or loose specimen")
+    raise InputError(f"the name of run {name} contains no density: use a run with dense, medium or loose in its name")
 
 
 def fitted_lines(tests: Runs) -> Model | None:
-    """Table 2 with both critical state lines of critical_lines.csv, fitted to the ends of the shear tests over the
-    reported e; None where they do not determine them.
+    """Table 2 with both critical state lines replaced by the fit to the end states of the shear tests.
+
+    The fit is that of critical_lines.csv. None if the tests do not determine the lines.
     """
-    found = both_lines(ends(sheared(tests)))
+    fitted = both_lines(ends(sheared(tests)))
     names = LINES["Z(e)"][0]
-    return Model().with_parameters(**dict(zip(names, found, strict=True))) if np.isfinite(found).all() else None
+    return Model().with_parameters(**dict(zip(names, fitted, strict=True))) if np.isfinite(fitted).all() else None
 
 
 def critical_line(model: Model) -> tuple[np.ndarray, np.ndarray]:
@@ -333,6 +344,6 @@ def critical_line(model: Model) -> tuple[np.ndarray, np.ndarray]:
     return pressure[pressure < 3e6], e[pressure < 3e6]
 
 
-def _strength(model):
+def _strength(model: Model) -> float:
     stress = critical_stress(model.parameters.e_cmax - 0.1, model.parameters)  # q/p is the same at any void ratio
     return deviatoric_stress(stress) / mean_stress(stress)

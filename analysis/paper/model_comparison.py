@@ -1,10 +1,11 @@
-"""The constitutive model against the simulations: calibrated on some tests, followed along all, errors of q, p, e."""
+"""The constitutive model against the simulations: calibrated on some tests, compared with all; errors of q, p and e."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas
@@ -18,13 +19,12 @@ from analysis.paper.model_runs import follow
 from labkit.dem import travelled
 from labkit.errors import InputError
 from labkit.io import RECORD, provenance_json, whole_file
-from labkit.model import MODEL_ENGINE, Fit, Model, fit, observe, records
+from labkit.model import MODEL_ENGINE, Fit, Model, Result, fit, observe, records
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
-WORDS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
+LABELS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
 CALIBRATED_ON = r"(cv|cp_500kPa|cr_1MPa)-(dense|medium|loose)|iso[cd]-.*"
-CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # of these, those that are not in CALIBRATED_ON
-NOT_CALIBRATED = r"cyclic-.*|cp_start-.*"
+CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # of these, the tests that do not match CALIBRATED_ON
 STORED = (
     "axial_strain",
     "stress",
@@ -36,13 +36,13 @@ STORED = (
     "mobilisation",
 )
 KINDS = {"cv": "CV", "cr": "CR", "cp": "CP", "isoc": "ISOC", "isod": "ISOD", "cyclic_cp": "cyclic CP"}
-FAILS = 1.5  # times the error of q: from there the void ratio is said to fail
+FAILS = 1.5  # ratio of the errors of e and q above which the void ratio counts as poorly predicted
 
 
 def calibrate(runs: Runs) -> tuple[Fit | None, Fit | None]:
-    """(Fit to the tests of CALIBRATED_ON, Fit to as many others, which tells how far parameters depend on the choice).
+    """(Fit to the tests of CALIBRATED_ON, Fit to other tests), to show how much parameters depend on the choice.
 
-    Either is None if there are no such tests. `runs`: of analysis.paper.ends.in_memory.
+    Either is None if there are no such tests. `runs`: from analysis.paper.ends.in_memory.
     """
     own = main(runs)
     first = {name: run for name, run in own.items() if re.fullmatch(CALIBRATED_ON, name)}
@@ -50,25 +50,27 @@ def calibrate(runs: Runs) -> tuple[Fit | None, Fit | None]:
     return _fit(first), _fit(other)
 
 
-def _fit(runs):
+def _fit(runs: Runs) -> Fit | None:
     observations = []
     for name, run in runs.items():
         try:
             observations.append(observe(name, run))
         except InputError:
-            continue  # a test that lost its contacts at once has nothing to fit
+            continue  # a test without contacts cannot be fitted
     return fit(observations) if observations else None
 
 
 def parameters(found: Fit | None, other: Fit | None) -> pandas.DataFrame:
-    """Table 2 beside ours, a pandas.DataFrame: parameter, table_2, ours, low and high (95 %, of the fit), determined,
-    table_2_inside, other_tests (the same fitted to other tests), other_inside: whether that is within low and high.
+    """Parameters of Table 2 and ours, a pandas.DataFrame.
 
-    `found`, `other`: of calibrate(). The interval holds for the model being true and for these tests; what other tests
-    give tells how far that is so.
+    Columns: parameter, table_2, ours, low and high (95 % interval of the fit), determined, table_2_inside, other_tests
+    (the fit to other tests), other_inside. The last two `_inside` are True if the value lies between low and high.
+
+    `found`, `other`: results of calibrate(). The interval assumes that the model is correct and covers these tests
+    only; the fit to other tests shows how far that assumption holds.
     """
     if found is None:
-        return pandas.DataFrame(columns=PARAMETER_COLUMNS)
+        return pandas.DataFrame(columns=list(PARAMETER_COLUMNS))
     rows = found.table.rename(columns={"fitted": "ours"}).set_index("parameter")
     rows["table_2_inside"] = (rows["low"] <= rows["table_2"]) & (rows["table_2"] <= rows["high"])
     if other is not None:
@@ -76,7 +78,7 @@ def parameters(found: Fit | None, other: Fit | None) -> pandas.DataFrame:
         rows["other_tests"] = second["fitted"].where(second["determined"])
         inside = (rows["low"] <= rows["other_tests"]) & (rows["other_tests"] <= rows["high"])
         rows["other_inside"] = inside.astype(object).where(rows["other_tests"].notna())
-    return rows.reset_index().reindex(columns=PARAMETER_COLUMNS)
+    return rows.reset_index().reindex(columns=list(PARAMETER_COLUMNS))
 
 
 PARAMETER_COLUMNS = (
@@ -93,21 +95,22 @@ PARAMETER_COLUMNS = (
 
 
 def models(found: Fit | None) -> dict[str, Model]:
-    """Name -> Model with the reading beyond_e_cmax = flat: Table 2 and, if there is a Fit, ours."""
+    """Name -> Model with the reading beyond_e_cmax = flat: Table 2 and, with a Fit, ours."""
     chosen = {TABLE_2: Model()} | ({OURS: found.model} if found else {})
     return {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()}
 
 
 def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, xr.Dataset]:
-    """The models (name -> Model) along every run: (pandas.DataFrame of errors, xarray.Dataset of the model's records).
+    """Runs the models (name -> Model) along every run: (pandas.DataFrame of errors, xarray.Dataset of their records).
 
-    Errors are root mean squares over the strain that both have travelled. q_error: over the largest |q| of the
-    simulation; p_error: over its mean p; e_error: of the nominal void ratio as it is; e_error_of_change: over the range
-    of e in the simulation. NaN where a path prescribes the quantity. reached: share of the strain of the run that the
-    model goes; status: why it ends there. Rows of parameters `seed` have the simulation of the first seed in the place
-    of the model: what chance alone makes.
+    Errors are root mean squares over the accumulated strain that both cover. q_error: relative to the largest |q| of
+    the simulation; p_error: relative to its mean p; e_error: of the nominal void ratio, absolute; e_error_of_change:
+    relative to the range of e in the simulation. NaN if the path prescribes the quantity. reached: share of the run's
+    strain that the model completes; status: why it stops early. In rows with parameters `seed` the simulation of the
+    first seed replaces the model; they show the error due to chance.
     """
-    rows, results = [], {}
+    rows: list[dict[str, Any]] = []
+    results: dict[tuple[str, str], Result] = {}
     for name, run in runs.items():
         for label, model in chosen.items():
             result, status = _followed(run, model)
@@ -120,13 +123,13 @@ def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, 
         first = runs.get(re.sub(r"_more-s\d+$", "", name))
         if first is not None and first is not run:
             row = {"run": name, "path": run.attrs["path"], "parameters": SEED, "calibrated_on": False}
-            gone = travelled(first["axial_strain"].values)
-            rows.append({**row, **_errors(run, gone, _measured(first)), "status": ""})
-    return pandas.DataFrame(rows, columns=ERROR_COLUMNS), _dataset(results)
+            strain = travelled(first["axial_strain"].values)
+            rows.append({**row, **_errors(run, strain, _measured(first)), "status": ""})
+    return pandas.DataFrame(rows, columns=list(ERROR_COLUMNS)), _dataset(results)
 
 
-def _followed(run, model):
-    """(Result of the model along the path of a run, or None; why it ended early, or an empty text)."""
+def _followed(run: xr.Dataset, model: Model) -> tuple[Result | None, str]:
+    """(Result of the model along the path of a run, or None; why it stopped early, or an empty string)."""
     try:
         result = follow(run, model)
     except InputError as error:
@@ -134,7 +137,7 @@ def _followed(run, model):
     return result, result.failure or ""
 
 
-FAR_ENOUGH = 0.1  # of the strain of a test: a model that ends before has no error
+FAR_ENOUGH = 0.1  # share of the strain of a test; a model that stops earlier has no error
 ERROR_COLUMNS = (
     "run",
     "path",
@@ -149,12 +152,12 @@ ERROR_COLUMNS = (
 )
 
 
-def _of_result(result):
-    """(strain travelled, q, p and e) of the model."""
+def _of_result(result: Result) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """(accumulated strain, values of q, p and e) of the model."""
     return travelled(result.axial_strain), {"q": result.q, "p": result.p, "e": result.e}
 
 
-def _measured(run):
+def _measured(run: xr.Dataset) -> dict[str, np.ndarray]:
     return {
         "q": run.lab.deviatoric_stress().values,
         "p": run.lab.mean_stress().values,
@@ -162,13 +165,16 @@ def _measured(run):
     }
 
 
-def _errors(run, gone, predicted):
-    """The errors of a prediction after the strains `gone`; NaN for what the path gives, and for all if it ends soon."""
-    way, measured = travelled(run["axial_strain"].values), _measured(run)
-    both = way <= gone[-1] * (1.0 + 1e-9)
-    off = {key: _rms(np.interp(way, gone, predicted[key])[both] - measured[key][both]) for key in measured}
+def _errors(run: xr.Dataset, strain: np.ndarray, predicted: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Errors of a prediction at the accumulated strains `strain`.
+
+    NaN for quantities that the path prescribes, and for all if the prediction stops before FAR_ENOUGH.
+    """
+    along, measured = travelled(run["axial_strain"].values), _measured(run)
+    both = along <= strain[-1] * (1.0 + 1e-9)
+    off = {key: _rms(np.interp(along, strain, predicted[key])[both] - measured[key][both]) for key in measured}
     given = {"cv": "e", "cp": "p", "cyclic_cp": "p", "isoc": "qe", "isod": "qe"}.get(run.attrs["path"], "")
-    reached = float(min(gone[-1] / way[-1], 1.0)) if way[-1] else 0.0
+    reached = float(min(strain[-1] / along[-1], 1.0)) if along[-1] else 0.0
     off |= {key: np.nan for key in (given if reached >= FAR_ENOUGH else off)}
     return {
         "q_error": off["q"] / np.abs(measured["q"]).max(),
@@ -179,12 +185,12 @@ def _errors(run, gone, predicted):
     }
 
 
-def _rms(values):
+def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
 
 
-def _dataset(results):
-    """All Results as one Dataset (run, parameters, record), STORED; shorter ones end in NaN."""
+def _dataset(results: Mapping[tuple[str, str], Result]) -> xr.Dataset:
+    """All Results as one Dataset (run, parameters, record) of the variables STORED, padded with NaN."""
     names = list(dict.fromkeys(name for name, _ in results))
     labels = list(dict.fromkeys(label for _, label in results))
     longest = max((len(result) for result in results.values()), default=0)
@@ -194,8 +200,8 @@ def _dataset(results):
         values = np.full((len(names), len(labels), longest, *(3 for _ in inner)), np.nan, dtype="f4")
         for (name, label), result in results.items():
             values[names.index(name), labels.index(label), : len(result)] = records(result)[key]
-        words = {"units": RECORD[key].units, "long_name": RECORD[key].long_name}
-        columns[key] = (("run", "parameters", "record", *inner), values, words)
+        units = {"units": RECORD[key].units, "long_name": RECORD[key].long_name}
+        columns[key] = (("run", "parameters", "record", *inner), values, units)
     path = ("run", [next(r.path.name for (n, _), r in results.items() if n == name) for name in names])
     attributes = {
         "Conventions": "CF-1.10",
@@ -208,15 +214,15 @@ def _dataset(results):
 def write_model(
     file: str | Path, data: xr.Dataset, command: str | None = None, inputs: Iterable[str | Path] = ()
 ) -> None:
-    """Writes the Dataset of compare(), whole or not at all."""
+    """Writes the Dataset of compare() atomically."""
     with whole_file(file) as temporary:
         data = data.assign_attrs(provenance=provenance_json(command, inputs, file))
-        coding = {key: {"zlib": True, "complevel": 4} for key in STORED}
+        coding: dict[str, dict[str, Any]] = {key: {"zlib": True, "complevel": 4} for key in STORED}
         data.to_netcdf(temporary, encoding=coding | characters(data))
 
 
 def open_model(file: str | Path) -> dict[str, dict[str, xr.Dataset]]:
-    """name of a run -> (`table_2` or `ours` -> the model along its path), as labkit.open_run would give it.
+    """Name of a run -> (`table_2` or `ours` -> the model along its path, a Dataset like that of labkit.open_run).
 
     `file`: model.nc. The stress of C0 is the stress of the model, and its only void ratio is the nominal one.
     """
@@ -233,7 +239,7 @@ def open_model(file: str | Path) -> dict[str, dict[str, xr.Dataset]]:
     }
 
 
-def _as_run(test):
+def _as_run(test: xr.Dataset) -> xr.Dataset:
     path = str(test["path"].values)
     run = test.drop_vars(["run", "parameters", "path"]).rename(record="time").dropna("time", subset=["axial_strain"])
     run = run.assign(stress_sff=run["stress"], void_ratio_nominal=run["void_ratio"])
@@ -241,35 +247,40 @@ def _as_run(test):
 
 
 def summary(errors: pandas.DataFrame, table: Callable[..., str] = markdown.table) -> str:
-    """What the comparison says, as Markdown: medians by kind of test, where the model fails, the errors per test.
+    """Summary of the comparison in Markdown: median errors by type of test, failures of the model, errors per test.
 
-    `errors`: of compare(), or read from model_errors.csv; `table`: makes a table of a header and rows of text.
+    `errors`: from compare(), or read from model_errors.csv; `table`: formats a table from a header and rows of text.
     """
     kinds = errors.assign(kind=errors["path"].map(KINDS))
     rows = []
     for kind in dict.fromkeys(KINDS.values()):
-        for label, words in WORDS.items():
-            own = kinds[(kinds["kind"] == kind) & (kinds["parameters"] == label)]
+        for key, label in LABELS.items():
+            own = kinds[(kinds["kind"] == kind) & (kinds["parameters"] == key)]
             if len(own):
                 rows.append(
                     [
                         kind,
-                        words,
+                        label,
                         str(len(own)),
-                        *(_percent(own[key].median()) for key in SHOWN),
+                        *(_percent(own[column].median()) for column in SHOWN),
                         f"{own['reached'].min():.0%}",
                     ]
                 )
-    header = ("tests", "parameters", "number", "q", "p", "e, of its change", "reached, at least")
+    header = ("type of test", "parameters", "tests", "q", "p", "e", "strain completed, at least")
     parts = [
-        "Median errors (RMS over the strain): of q over the largest q, of p over the mean p, of e over its change.",
+        "Median errors of the model (RMS over the strain): of q relative to the largest q, of p relative to the mean "
+        "p, of e relative to its range in the test. `given`: the path prescribes the quantity. `ended`: the model "
+        f"stopped before {FAR_ENOUGH:.0%} of the strain. *Another seed*: difference between two simulations of the "
+        "same test, from specimens that differ only in their random seed.",
         table(header, rows),
         "\n".join(failures(errors)),
+        "Errors of every test:",
         _per_test(errors, table),
     ]
     used = errors["run"][errors["calibrated_on"].astype(bool)]
     if len(used):
-        parts.insert(0, f"Our parameters are fitted to {', '.join(used)}; all other tests are predictions with them.")
+        fitted = f"Our parameters were fitted to {len(used)} tests: {', '.join(used)}."
+        parts.insert(0, f"{fitted} The other tests are predictions.")
     return "\n\n".join(part for part in parts if part)
 
 
@@ -277,31 +288,33 @@ SHOWN = ("q_error", "p_error", "e_error_of_change")
 
 
 def failures(errors: pandas.DataFrame) -> list[str]:
-    """Sentences on what the paper says of its own model: that the void ratio fails in stress-controlled and cyclic
-    tests. Seen: its error, over its change, is more than FAILS times the error of q over the largest q.
+    """Sentences on the shortcoming that the paper reports: a poor void ratio in stress-controlled and cyclic tests.
+
+    It is reproduced if the error of e, relative to its range, exceeds FAILS times the error of q, relative to the
+    largest q. Further sentences name the tests that the model does not complete.
     """
-    found = []
-    for words, paths in (("stress-controlled tests (CR, CP)", ("cr", "cp")), ("cyclic tests", ("cyclic_cp",))):
+    sentences = []
+    for kind, paths in (("stress-controlled tests (CR, CP)", ("cr", "cp")), ("cyclic tests", ("cyclic_cp",))):
         for label in (TABLE_2, OURS):
             own = errors[errors["path"].isin(paths) & (errors["parameters"] == label)]
             e, q = own["e_error_of_change"].median(), own["q_error"].median()
             if not np.isfinite(e):
                 continue
-            seen = "seen" if e > FAILS * q else "not seen"
-            found.append(
-                f"- Void ratio in {words}, {WORDS[label]}: off by {e:.0%} of its change, q by {q:.0%} of its largest "
-                f"value: the paper's failure is {seen}."
+            reproduced = "reproduced" if e > FAILS * q else "not reproduced"
+            sentences.append(
+                f"- Void ratio in {kind}, {LABELS[label]}: median error {e:.0%} of its range, against {q:.0%} of the "
+                f"largest value for q. The shortcoming reported in the paper is {reproduced}."
             )
     early = errors[errors["status"].fillna("").ne("") & (errors["reached"] < 1.0)]
-    for row in early.itertuples():
-        found.append(
-            f"- {row.run}, {WORDS[row.parameters]}: the model ends after {row.reached:.0%} of the strain "
-            f"({row.status})."
+    for _, row in early.iterrows():
+        sentences.append(
+            f"- {row['run']}, {LABELS[row['parameters']]}: the model stops after {row['reached']:.0%} of the strain "
+            f"({row['status']})."
         )
-    return found
+    return sentences
 
 
-def _per_test(errors, table):
+def _per_test(errors: pandas.DataFrame, table: Callable[..., str]) -> str:
     wide = errors.pivot(index="run", columns="parameters", values=[*SHOWN, "reached"])
     present = [label for label in (TABLE_2, OURS) if label in errors["parameters"].values]
     rows = [
@@ -316,14 +329,14 @@ def _per_test(errors, table):
         for name in dict.fromkeys(errors["run"])
     ]
     names = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
-    header = ["test", *(f"{names[key]}, {WORDS[label]}" for key in SHOWN for label in present)]
+    header = ["test", *(f"{names[key]}, {LABELS[label]}" for key in SHOWN for label in present)]
     return table(header, rows) if rows else ""
 
 
-def _percent(value, reached=1.0):
+def _percent(value: float, reached: float = 1.0) -> str:
     return f"{value:.1%}" if np.isfinite(value) else "given" if reached >= FAR_ENOUGH else "ended"
 
 
 def as_json(found: Fit) -> str:
-    """What `labkit model --parameters` reads."""
+    """The fitted parameters as JSON for `labkit model --parameters`."""
     return found.model.reading(beyond_e_cmax="error").to_json() + "\n"

@@ -1,8 +1,8 @@
-"""Figs. 4 to 10 of the paper from the model alone: Table 2, the initial states said in the legends.
+"""Figs. 4 to 10 of the paper from the model only: Table 2, with the initial states in the legends.
 
-Figs. 4 to 8 are the dotted lines there. The paper does not print the initial pressures of Fig. 4, nor Z and Lambda
-of any start: the pressures here are a choice, Z is on the compression line and Lambda follows from C0
-(labkit.model.isotropic_state). Starts at e0 = 0.77 need the reading beyond_e_cmax = flat.
+In the paper these are the dotted lines of Figs. 4 to 8. It gives neither the initial pressures of Fig. 4 nor Z and
+Lambda of any initial state: the pressures here are chosen, Z is on the compression line and Lambda follows from C0
+(labkit.model.isotropic_state). Tests that start at e0 = 0.77 need the reading beyond_e_cmax = flat.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ DENSITIES = (0.77, 0.724, 0.670, 0.606)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `./lab model-figures`."""
-    parser.add_argument("-o", "--output", default=results_folder(), help="folder that is there (default: results)")
+    """Adds the options of `./lab model-figures`."""
+    parser.add_argument(
+        "-o", "--output", default=results_folder(), help="existing folder for the figures (default: results)"
+    )
 
 
 def main(options: argparse.Namespace, command: str) -> None:
@@ -48,10 +50,10 @@ def run_of(
     angle: float = 0.0,
     **parameters: float,
 ) -> tuple[str, xr.Dataset]:
-    """(label, run): the model with Table 2 along a path; the label says the start.
+    """(label, run) of the model with Table 2 along a path; the label gives the initial state.
 
     pressure: MPa; a1: size of the inherent anisotropy, its axis at `angle` (degrees) from the axial direction;
-    parameters: of labkit.model.model_path.
+    parameters: passed to labkit.model.model_path.
     """
     state = isotropic_state(FLAT, void_ratio, pressure * MPA, Z)
     state = with_inherent_anisotropy(FLAT, state, a1, math.radians(angle))
@@ -69,9 +71,9 @@ def fig_4() -> Figure:
     return plots.curves(rows, ("q-p", "q-strain"))
 
 
-def _drained(name, words):
+def _drained(name: str, held: str) -> Figure:
     rows = {
-        f"{name.upper()}, {words} = {p:g} MPa": dict(run_of(name, e, p, strain=0.4) for e in DENSITIES)
+        f"{name.upper()}, {held} = {p:g} MPa": dict(run_of(name, e, p, strain=0.4) for e in DENSITIES)
         for p in (0.5, 1.0)
     }
     return plots.curves(rows, ("q-strain", "e-strain"))
@@ -88,7 +90,7 @@ def fig_6() -> Figure:
 
 
 def fig_7() -> Figure:
-    """ISOC from 0.1 MPa and ISOD from the states that compression reaches at 1 and 2 MPa."""
+    """ISOC from 0.1 and 0.5 MPa, and ISOD from 0.5 and 1 MPa, two densities."""
     rows = {}
     for e in (0.724, 0.606):
         runs = [(f"ISOC, {label}", run) for label, run in [run_of("isoc", e, 0.1), run_of("isoc", e, 0.5)]]
@@ -98,7 +100,7 @@ def fig_7() -> Figure:
 
 
 def fig_8() -> Figure:
-    """Cyclic CP at 0.5 MPa, loose and dense, with the monotonic test beside it."""
+    """Cyclic CP at 0.5 MPa, loose and dense, with the monotonic test for comparison."""
     rows = {}
     for e in (0.77, 0.60):
         label, cyclic = run_of("cyclic_cp", e, 0.5, reversals=REVERSALS)
@@ -110,24 +112,24 @@ def fig_8() -> Figure:
 def fig_9() -> Figure:
     """CR at 0.5 MPa with a1 = 0.3, its axis at several angles from the axial direction, loose and dense."""
     rows = {}
-    for words, e in (("loose", 0.77), ("dense", 0.606)):
+    for density, e in (("loose", 0.77), ("dense", 0.606)):
         runs = {}
         for angle in (0, 30, 45, 60, 90):
             _label, run = run_of("cr", e, 0.5, a1=0.3, angle=angle, strain=0.2)
             runs[f"$\\theta$ {angle}°, $\\Lambda_0$ {run['mean_normalised_force'].values[0]:.5f}"] = run
         runs["isotropic"] = run_of("cr", e, 0.5, strain=0.2)[1]
         Z = runs["isotropic"]["coordination_number"].values[0]
-        rows[f"CR, 0.5 MPa, a1 = 0.3, {words}: e0 = {e:g}, Z0 = {Z:.2f}, F0 from C0"] = runs
+        rows[f"CR, 0.5 MPa, a1 = 0.3, {density}: e0 = {e:g}, Z0 = {Z:.2f}, F0 from C0"] = runs
     return plots.curves(rows, ("q-strain", "e-strain"))
 
 
 def fig_10() -> Figure:
-    """CR at 0.5 MPa from one e and p with Z0 from 4.2 to 6."""
+    """CR at 0.5 MPa from the same e and p with Z0 from 4.2 to 6."""
     rows = {
-        f"CR, 0.5 MPa, {words}: e0 = {e:g}": dict(
+        f"CR, 0.5 MPa, {density}: e0 = {e:g}": dict(
             run_of("cr", e, 0.5, Z=float(Z), strain=0.4) for Z in np.linspace(4.2, 6.0, 4)
         )
-        for words, e in (("loose", 0.77), ("dense", 0.67))
+        for density, e in (("loose", 0.77), ("dense", 0.67))
     }
     return plots.curves(rows, ("q-strain", "e-strain"))
 
@@ -144,7 +146,7 @@ FIGURES = {
 
 
 def draw_all(folder: str | Path) -> Iterator[Path]:
-    """Writes every figure into the folder and gives its name."""
+    """Writes every figure into the folder and yields its file."""
     for name, figure in FIGURES.items():
         file = Path(folder) / f"{name}.png"
         plots.save(figure(), file)

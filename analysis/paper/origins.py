@@ -1,4 +1,4 @@
-"""Where the report and what it shows come from: commands, code, computers, hashes; and on how many threads."""
+"""Provenance of the report and its files: commands, code versions, computers, hashes, threads."""
 
 from __future__ import annotations
 
@@ -17,42 +17,49 @@ import pandas
 from analysis.paper.pieces import join, missing, table
 from labkit.io import file_sha256, provenance_json, provenance_of, provenance_rows
 
-DIGITS = 12  # of a hash, enough to tell files apart
+DIGITS = 12  # of a hash, enough to distinguish files
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
+HEADINGS = {"machine": "computer"}
 
 
 def origins(folder: Path, files: Iterable[Path], output: str | Path, command: str, runs_command: str) -> str:
-    """The last section of the report. `files`: what the page shows; `runs_command`: what makes the run files."""
+    """The last section of the report.
+
+    `files`: the files shown; `command`: the command that wrote the page; `runs_command`: the one that writes the runs.
+    """
     here = provenance_rows(json.loads(provenance_json(command, output=output)))
     page = pandas.DataFrame([row for row in here.items() if row[0] != "inputs"], columns=["", " "])
     runs = run_origins(folder)
     return join(
-        "## Where it comes from",
+        "## Provenance {#provenance}",
         "### This page",
         table(page, "this page"),
         "### The runs",
         missing("runs", runs_command)
         if runs.empty
         else join(
-            table(runs.groupby(ALIKE, sort=False).size().rename("runs").reset_index(), "where the runs were made"),
-            table(runs.drop(columns=ALIKE), "every run", fold=True),
+            table(
+                runs.groupby(ALIKE, sort=False).size().rename("runs").reset_index().rename(columns=HEADINGS),
+                "software and computers of the runs",
+            ),
+            table(runs.drop(columns=ALIKE), "provenance of every run", fold=True),
         ),
         "### The files behind this page",
-        "SHA-256 of what the page shows, in short, and what made it where known.",
-        table(file_origins(folder, files), "files", fold=True),
+        f"The first {DIGITS} digits of the SHA-256 hash of each file, and the command that wrote it if known.",
+        table(file_origins(folder, files), "files and their hashes", fold=True),
     )
 
 
 def run_origins(folder: Path) -> pandas.DataFrame:
-    """A row per thin run file: what made the whole run, where, and the hash of its data; a pandas.DataFrame."""
-    found = []
+    """A pandas.DataFrame with a row per reduced run file: provenance and data hash of the full run."""
+    rows = []
     for file in sorted((folder / "runs").glob("*.run.nc")):
         with netCDF4.Dataset(file) as run:
             known = json.loads(getattr(run, "source_provenance", getattr(run, "provenance", "{}")))
             digest = getattr(run, "source_sha256", getattr(run, "data_sha256", ""))
             engine = getattr(run, "engine", ""), str(getattr(run, "engine_version", ""))
         machine = known.get("machine", {})
-        found.append(
+        rows.append(
             {
                 "run": file.name.removesuffix(".run.nc"),
                 "engine": engine[0],
@@ -66,16 +73,16 @@ def run_origins(folder: Path) -> pandas.DataFrame:
                 "command": known.get("command", ""),
             }
         )
-    return pandas.DataFrame(found)
+    return pandas.DataFrame(rows)
 
 
 def short_commit(commit: str) -> str:
-    """The first 12 digits of a commit, and what follows its hash."""
+    """The first 12 digits of a commit hash, with any text after the hash."""
     return re.sub(r"^([0-9a-f]{12})[0-9a-f]+", r"\1", commit)
 
 
 def file_origins(folder: Path, files: Iterable[Path]) -> pandas.DataFrame:
-    """A row per file that the page shows; a pandas.DataFrame."""
+    """A pandas.DataFrame with a row per file shown on the page."""
     return pandas.DataFrame(
         [
             {
@@ -89,10 +96,10 @@ def file_origins(folder: Path, files: Iterable[Path]) -> pandas.DataFrame:
 
 
 def threads_of(attributes: Mapping[str, Any]) -> int:
-    """The threads that a run was made on, from the attributes of its file.
+    """Number of threads of a run, from the attributes of its file.
 
-    Files of labkit 0.1.0 lack the attribute `threads`: there the options of the command in the provenance tell, 1 if
-    it does not name any.
+    Files written by labkit 0.1.0 lack the attribute `threads`; for those it is taken from the command in the
+    provenance, or 1 if the command does not state it.
     """
     if "threads" in attributes:
         return int(attributes["threads"])

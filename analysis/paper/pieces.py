@@ -1,27 +1,19 @@
-"""Pieces of the report in pandoc's Markdown: tables of data files, pictures with captions, what is missing."""
+"""Pieces of the report in pandoc's Markdown: tables of data files, pictures with captions, notes on missing files."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas
+from PIL import Image
 
 from analysis import markdown
 
 CAPTIONS = pandas.read_csv(Path(__file__).with_name("captions.csv")).set_index("file")
-SHOWN = {  # file -> column -> heading, for files with more than people read
-    "fidelity.csv": {
-        "label": "number",
-        "ours": "ours",
-        "within": "± (95 %)",
-        "paper_says": "paper",
-        "in_units": "diff. / ±",
-        "agrees": "agrees",
-        "explanation": "explanation",
-        "uncertainty_of": "± is of",
-    },
+SHOWN = {  # file -> column -> heading; other columns are left out
     "fidelity_causes.csv": {
         "number": "number",
         "cause": "cause",
@@ -31,7 +23,39 @@ SHOWN = {  # file -> column -> heading, for files with more than people read
         "matters": "matters",
         "tests": "tests",
         "difference": "difference",
-        "difference_left": "difference left",
+        "difference_left": "remaining difference",
+    },
+    "one_critical_line.csv": {
+        "line": "line",
+        "path": "path",
+        "tests": "tests",
+        "offset": "offset",
+        "within": "± (95 %)",
+        "scatter": "scatter around the line",
+        "p_value": "p-value",
+    },
+    "critical_lines.csv": {
+        "line": "line",
+        "parameter": "parameter",
+        "value": "ours",
+        "within": "± (95 %)",
+        "paper": "paper",
+        "tests": "tests",
+    },
+    "engines.csv": {
+        "test": "test",
+        "kind": "engine, contact law",
+        "grains": "grains",
+        "peak": "peak",
+        "M": "M",
+        "e": "e",
+        "Z": "Z",
+        "Lambda": "Λ",
+        "off_peak": "Δ peak",
+        "off_M": "Δ M",
+        "off_e": "Δ e",
+        "off_Z": "Δ Z",
+        "off_Lambda": "Δ Λ",
     },
     "sff.csv": {
         "run": "run",
@@ -39,7 +63,7 @@ SHOWN = {  # file -> column -> heading, for files with more than people read
         "records": "records",
         "worst": "worst error",
         "mean": "mean error",
-        "over": "records over 2 %",
+        "over": "records above 2 %",
         "worst_strain": "worst at strain",
         "worst_p_MPa": "at p, MPa",
         "explanation": "explanation",
@@ -48,12 +72,12 @@ SHOWN = {  # file -> column -> heading, for files with more than people read
 
 
 def join(*parts: str) -> str:
-    """Parts of a text, those that are not empty, as paragraphs."""
+    """Joins the non-empty parts of a text as paragraphs."""
     return "\n\n".join(part for part in parts if part)
 
 
 def csv_table(file: Path, label: str, command: str, fold: bool = False) -> str:
-    """A CSV file as a table, coloured where it says what agrees; or a word on the command that makes it."""
+    """A CSV file as a table, coloured by verdict; without the file, a note naming the command that writes it."""
     if not file.is_file():
         return missing(file.name, command)
     frame = pandas.read_csv(file, dtype_backend="numpy_nullable")
@@ -69,48 +93,60 @@ def table(frame: pandas.DataFrame, label: str, fold: bool = False, marks: Sequen
     return f"<details>\n<summary>{label}: {len(frame)} rows</summary>\n\n{boxed}\n\n</details>" if fold else boxed
 
 
-def _marks(frame):
-    """`inside` or `outside` for every row of a table with a verdict or with a count of what is out of bounds."""
-    if "agrees" in frame:
-        return [{"yes": "inside", "no": "outside"}.get(verdict, "") for verdict in frame["agrees"]]
+def _marks(frame: pandas.DataFrame) -> Sequence[str]:
+    """`inside` or `outside` for every row of a table with a column `over`, the number of records above a limit."""
     if "over" in frame:
         return ["" if pandas.isna(count) else "outside" if count else "inside" for count in frame["over"]]
     return ()
 
 
-def box(text: str, label: str) -> str:
-    """A Markdown table in a box that scrolls sideways where it is wider than the page, with the keyboard too."""
-    return f'::: {{.table tabindex="0" role="region" aria-label="{label}"}}\n{text}\n:::'
+def box(text: str, label: str, kind: str = "") -> str:
+    """A Markdown table in a box that scrolls sideways, also with the keyboard, if it is wider than the page.
+
+    `kind`: a further CSS class.
+    """
+    classes = ".table" + (f" .{kind}" if kind else "")
+    return f'::: {{{classes} tabindex="0" role="region" aria-label="{label}"}}\n{text}\n:::'
 
 
 def missing(what: str, command: str) -> str:
-    """A word on what is not there, and on the command that makes it."""
-    return f"::: missing\nNot there yet: {markdown.literal(what)}, made by `{command}`.\n:::"
+    """A note on missing files and the command that writes them."""
+    return f"::: missing\nMissing: {markdown.literal(what)}. Written by `{command}`.\n:::"
 
 
 def pictures(section: str, folder: Path, command: str) -> str:
-    """The pictures of a section, and a word on the command that makes those that are not there."""
+    """The pictures of a section, and a note naming the command that draws the missing ones."""
     names = names_of(section)
     absent = [Path(name).name for name in names if not (folder / name).is_file()]
-    there = [picture(name) for name in names if (folder / name).is_file()]
-    return join(*there, missing(", ".join(absent), command) if absent else "")
+    drawn = [picture(name, folder) for name in names if (folder / name).is_file()]
+    return join(*drawn, missing(", ".join(absent), command) if absent else "")
 
 
 def names_of(section: str) -> list[str]:
-    """The pictures that belong to a section, by name relative to the folder of the paper."""
+    """Pictures of a section, as paths relative to the folder of the paper."""
     return list(CAPTIONS.index[CAPTIONS["section"] == section])
 
 
-def picture(name: str) -> str:
-    """A picture with its caption and an anchor."""
-    return f"![{markdown.literal(caption(name))}]({name}){{#{anchor(name)}}}"
+def picture(name: str, folder: Path) -> str:
+    """A picture with its caption and anchor.
+
+    Its least width on a screen keeps SMALLEST_FONT at SMALLEST_TEXT pixels; a narrower page scrolls the picture.
+    """
+    with Image.open(folder / name) as image:
+        inches = image.width / float(image.info.get("dpi", (DPI, DPI))[0])
+    least = math.ceil(inches * SMALLEST_TEXT * POINTS / SMALLEST_FONT)
+    return f'![{markdown.literal(caption(name))}]({name}){{#{anchor(name)} style="--least: {least}px"}}'
+
+
+SMALLEST_FONT, SMALLEST_TEXT = 8.0, 9.0  # points in the figures, pixels on the page
+POINTS, DPI = 72.0, 200.0  # per inch; resolution of a picture without its own
 
 
 def caption(name: str) -> str:
-    """That of captions.csv, or the name of the file."""
+    """Caption from captions.csv, or the name of the file."""
     return CAPTIONS["caption"].get(name, Path(name).stem.replace("_", " "))
 
 
 def anchor(name: str) -> str:
-    """The target of links to a picture."""
+    """Target of links to a picture."""
     return "picture-" + re.sub(r"\W", "-", Path(name).stem)

@@ -1,4 +1,4 @@
-"""Fig. 2's data: the stresses of the grain size groups of a run, without its contacts."""
+"""Data of Fig. 2: the stresses of the grain size groups of a run, without its contacts."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from labkit.errors import InputError
 from labkit.io import provenance_json, whole_file
 
 FILE = "size_groups.nc"
-GROUPS = 5  # as the paper has
+GROUPS = 5  # as in the paper
 
 
 def write_size_groups(run: xr.Dataset, folder: str | Path, command: str | None = None) -> None:
-    """Writes what Fig. 2 shows of a run with snapshots, run.lab.size_groups and Love's stress `love`, into a folder.
+    """Writes the data of Fig. 2 for a run with snapshots into a folder: run.lab.size_groups and Love's stress `love`.
 
     Raises InputError for a run without snapshots.
     """
     source, file = run.encoding["source"], Path(folder) / FILE
     if not run.sizes["snapshot"]:
-        raise InputError(f"{source} holds no contacts: give a run with snapshots")
-    found = run.lab.size_groups(GROUPS).assign(love=run.lab.love_stress())
-    found.attrs = {"path": run.attrs["path"], "provenance": provenance_json(command, [source], file)}
+        raise InputError(f"{source} contains no contacts: use a run with snapshots")
+    groups = run.lab.size_groups(GROUPS).assign(love=run.lab.love_stress()).drop_vars(["i", "j"])
+    groups.attrs = {"path": run.attrs["path"], "provenance": provenance_json(command, [source], file)}
     with whole_file(file) as temporary:
-        found.to_netcdf(temporary, encoding={name: {"zlib": True} for name in found.data_vars})
+        groups.to_netcdf(temporary, encoding={name: {"zlib": True} for name in groups.data_vars})
 
 
 def read_size_groups(folder: str | Path) -> xr.Dataset | None:
-    """The Dataset of write_size_groups in a folder, or None if it is not there."""
+    """Dataset written by write_size_groups in a folder, or None without the file."""
     file = Path(folder) / FILE
     return xr.load_dataset(file) if file.exists() else None

@@ -1,34 +1,45 @@
-"""Every table of the paper's numbers, from the thin run files: written by one function."""
+"""All tables of results/paper, written from the reduced run files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.paper import fidelity, model_comparison, sources
+from analysis.paper import fidelity, model_comparison, number_table, sources
 from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
 from analysis.paper.engines import engine_table
 from analysis.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from analysis.paper.sff_errors import sff_errors
+from labkit.dem import Progress
 from labkit.io import make_folder, write_with_provenance
 
 
 def write_tables(
-    runs: Runs, output: str | Path, study: str | Path | None = None, command: str | None = None
+    runs: Runs,
+    output: str | Path,
+    study: str | Path | None = None,
+    command: str | None = None,
+    progress: Progress = lambda fraction, text: None,
 ) -> list[Path]:
     """Writes all tables into the folder `output` and returns their files.
 
-    `runs`: name -> run (labkit.open_run); `study`: the study.nc of ./lab speed-error, whose effects of rate, time
-    step, damping and size are tested causes too. What has no runs is said in the tables.
+    `runs`: name -> run (labkit.open_run); `study`: study.nc of ./lab speed-error, whose effects of rate, time step,
+    damping and size are tested causes too; `progress`: called with (fraction, text). Entries without runs are marked
+    as such in the tables.
     """
-    output = make_folder(output, "--output")
+    folder = Path(make_folder(output, "--output"))
+    progress(0.0, f"reading {len(runs)} runs")
     known = in_memory(runs)
-    numbers, causes = fidelity.fidelity(known, guarded_study(study and Path(study)))
+    progress(0.1, "comparing the paper's numbers with ours")
+    numbers, causes = fidelity.fidelity(known, guarded_study(Path(study) if study else None))
+    progress(0.4, "critical states")
     at_ends = ends(sheared(main(known)))
     at_ends = at_ends.assign(
         Z_off=at_ends["Z"] - critical_Z(at_ends["e"]), Lambda_off=at_ends["Lambda"] - critical_Lambda(at_ends["e"])
     )
+    progress(0.5, "calibrating the model")
     found, other = model_comparison.calibrate(known)
+    progress(0.8, "comparing the model with the simulations")
     errors, data = model_comparison.compare(known, model_comparison.models(found))
     tables = {
         "fidelity.csv": numbers,
@@ -43,11 +54,12 @@ def write_tables(
         "engines.csv": engine_table(known),
     }
     texts = {name: table.to_csv(index=False, float_format="%.6g") for name, table in tables.items()}
-    texts["fidelity.md"] = fidelity.page(numbers) + "\n"
+    texts["fidelity.md"] = number_table.page(numbers) + "\n"
     texts["model_errors.md"] = model_comparison.summary(errors) + "\n"
     if found:
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():
-        write_with_provenance(output / name, text, sources(runs), command)
-    model_comparison.write_model(output / "model.nc", data, command)
-    return [*(output / name for name in texts), output / "model.nc"]
+        write_with_provenance(folder / name, text, sources(runs), command)
+    model_comparison.write_model(folder / "model.nc", data, command)
+    progress(1.0, "tables written")
+    return [*(folder / name for name in texts), folder / "model.nc"]

@@ -1,1 +1,1 @@
-"""The study of speed against error: its design, its runs, their errors, its figures and its page."""
+"""The study of speed against error: design, runs, errors, figures and page."""

@@ -6,12 +6,12 @@ import numpy as np
 
 
 def percent(value: float) -> str:
-    """A share with its sign, in percent; `-` if it is not known."""
+    """Formats a fraction as a percentage with its sign; `-` if it is not finite."""
     return "-" if not np.isfinite(value) else f"{short(100 * value, '+')} %"
 
 
 def with_interval(value: float, within: float) -> str:
-    """An error or change with its 95 % half-width; in brackets if the interval reaches zero."""
+    """Formats an error or change with its 95 % half-width; in brackets if the interval includes zero."""
     if not np.isfinite(value):
         return "-"
     if not np.isfinite(within):
@@ -21,5 +21,5 @@ def with_interval(value: float, within: float) -> str:
 
 
 def short(value: float, sign: str = "") -> str:
-    """Two digits, without an exponent."""
+    """Formats a number with two digits and no exponent."""
     return f"{value:{sign}.0f}" if abs(value) >= 99.5 else f"{value:{sign}.2g}"

@@ -1,46 +1,55 @@
-"""`./lab speed-error`: runs a study, or goes on with it, and writes its data, figures and page."""
+"""`./lab speed-error`: runs or resumes a study and writes its data, figures and page."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import shutil
+import signal
 from collections.abc import Mapping
 from pathlib import Path
+from types import FrameType
 
 import pandas
+import xarray as xr
 
 from analysis.netcdf import characters
 from analysis.places import results_folder
 from analysis.speed_error import figures
-from analysis.speed_error.design import DESIGNS, Design
+from analysis.speed_error.design import DESIGNS
 from analysis.speed_error.errors import errors
 from analysis.speed_error.jobs import run_study
-from analysis.speed_error.measures import measure_others
+from analysis.speed_error.measures import MEASURES, measure_others
 from analysis.speed_error.page import page
 from analysis.speed_error.table import collect, open_study, restore
 from labkit.cli.arguments import positive_int
 from labkit.dem import Progress
 from labkit.engines import find_yade
+from labkit.errors import InputError, Interrupted
 from labkit.io import make_folder, reporter, whole_file, write_provenance, write_with_provenance
 from labkit.visuals import plots
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """The options of `./lab speed-error`."""
+    """Adds the options of `./lab speed-error`."""
     parser.add_argument(
         "--design",
         choices=("full", "small"),
         default="full",
-        help="full: hours; small: the same in a minute (default: full)",
+        help="full takes hours, small a minute with shorter tests of fewer grains (default: full)",
     )
     parser.add_argument(
         "--work",
-        help="folder of specimens and runs, from which an interrupted study goes on "
+        help="folder of specimens and runs, from which an interrupted study resumes "
         "(default: speed_error_full or speed_error_small)",
     )
-    parser.add_argument("--from", dest="earlier", help="study.nc of a study whose tests need not be repeated")
-    parser.add_argument("--jobs", type=positive_int, help="runs at a time (default: as many as cores)")
+    parser.add_argument("--from", dest="earlier", help="study.nc of an earlier study whose tests are not repeated")
+    parser.add_argument("--jobs", type=positive_int, help="number of simultaneous runs (default: number of cores)")
+    parser.add_argument(
+        "--redraw",
+        action="store_true",
+        help="run nothing: draw the figures and write the page again from the data in the output folder",
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -50,12 +59,28 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> None:
-    """Runs the study and names its files."""
-    find_yade()
-    work = options.work or f"speed_error_{options.design}"
-    jobs = options.jobs or os.cpu_count() or 1
-    for file in speed_error(options.design, work, options.output, jobs, reporter("speed-error"), options.earlier):
+    """Runs the study, or redraws a finished one, and prints the names of its files."""
+    if options.redraw:
+        files = redraw(options.output)
+    else:
+        find_yade()
+        work = options.work or f"speed_error_{options.design}"
+        jobs = options.jobs or os.cpu_count() or 1
+        progress = reporter("speed-error")
+        handler = signal.signal(signal.SIGINT, _interrupt_once)
+        try:
+            files = speed_error(options.design, work, options.output, jobs, progress, options.earlier)
+        except (KeyboardInterrupt, Interrupted):
+            raise Interrupted(f"interrupted; the same command resumes the study in {work}", 130) from None
+        signal.signal(signal.SIGINT, handler)
+    for file in files:
         print(file)
+
+
+def _interrupt_once(number: int, frame: FrameType | None) -> None:
+    """Raises KeyboardInterrupt; further signals are ignored while the worker processes end."""
+    signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def speed_error(
@@ -66,35 +91,50 @@ def speed_error(
     progress: Progress,
     earlier: str | Path | None = None,
 ) -> list[Path]:
-    """Runs the design in the folder `work`, writes the folder `output`; returns the files. `earlier`: the study.nc of a
-    study whose tests need not be repeated.
+    """Runs the design in the folder `work` and writes the folder `output`; returns the files in it.
+
+    `earlier`: the study.nc of an earlier study whose tests are not repeated.
     """
     design = DESIGNS[design_name]()
     if earlier:
         with open_study(earlier) as data:
             restore(data, design, work)
-    make_folder(output, "--output")
+    folder = make_folder(output, "--output")
     run_study(design, work, jobs, progress)
     measures = measure_others(design, work, progress)
-    return write(design, work, Path(output), measures, f"./lab speed-error --design {design_name}")
-
-
-def write(
-    design: Design, work: str | Path, output: Path, measures: Mapping[str, pandas.DataFrame], command: str
-) -> list[Path]:
-    """Writes the data set, the tables, the figures and the page of a finished study; their files."""
+    command = f"./lab speed-error --design {design_name}"
     data = collect(design, work)
-    table = errors(data, measures["settings"])
-    with whole_file(output / "study.nc") as temporary:
+    data.attrs["command"] = command
+    with whole_file(folder / "study.nc") as temporary:
         data.to_netcdf(temporary, encoding=characters(data))
-    write_provenance(output / "study.nc", command=command)
-    text = table.to_csv(index=False, float_format="%.5g")
-    write_with_provenance(output / "errors.csv", text, [output / "study.nc"], command)
+    write_provenance(folder / "study.nc", command=command)
     for file in sorted((Path(work) / "measures").iterdir()):
-        if file.name != "model.csv":  # the lines of model_speed.txt
-            shutil.copyfile(file, output / file.name)
-            if file.suffix != ".png":
-                write_provenance(output / file.name, command=command)
+        shutil.copyfile(file, folder / file.name)
+        if file.suffix != ".png":
+            write_provenance(folder / file.name, command=command)
+    return write(data, measures, folder, command)
+
+
+def redraw(output: str | Path) -> list[Path]:
+    """Writes the tables, figures and page of the finished study in a folder again, from its data; returns its files.
+
+    Raises InputError if the folder does not hold a study.
+    """
+    folder = Path(output)
+    with open_study(folder / "study.nc") as data:
+        files = {name: folder / f"{name}.csv" for name in MEASURES}
+        measures = {name: pandas.read_csv(file) for name, file in files.items() if file.exists()}
+        if "settings" not in measures:
+            raise InputError(f"{folder} lacks settings.csv: choose the -o of a finished study")
+        return write(data.load(), measures, folder, data.attrs.get("command", "./lab speed-error"))
+
+
+def write(data: xr.Dataset, measures: Mapping[str, pandas.DataFrame], output: Path, command: str) -> list[Path]:
+    """Writes the table of errors, the figures and the page of a finished study; returns all files of the folder."""
+    table = errors(data, measures["settings"])
+    study = [output / "study.nc"]
+    text = table.to_csv(index=False, float_format="%.5g")
+    write_with_provenance(output / "errors.csv", text, study, command)
     drawn = {
         "pareto_cp.png": figures.pareto(table),
         "pareto_cv.png": figures.pareto(table, "cv"),
@@ -102,7 +142,7 @@ def write(
         "sizes.png": figures.sizes(table),
     }
     for name, figure in drawn.items():
-        plots.save(figure, output / name)
-    made_of = [output / "study.nc", output / "errors.csv"]
-    write_with_provenance(output / "README.md", page(data, table, measures, command), made_of, command)
+        plots.save(figure, output / name, study, command, figures.DPI)
+    sources = [*study, output / "errors.csv"]
+    write_with_provenance(output / "README.md", page(data, table, measures, command), sources, command)
     return sorted(output.iterdir())

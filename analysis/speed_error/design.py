@@ -1,27 +1,32 @@
-"""What is varied: cases as values. A case is a test, run once with each of its seeds.
+"""The cases of a study. A case is a test, run once with each of its seeds.
 
 All cases take specimens of the same kind (e = 0.64, step-1 friction 0.1, at 0.5 MPa) to 30 % strain, most along CP:
-it has a peak, ends near the critical state, and needs the servo; some along CV, where the pressure finds itself. One
-factor is varied at a time from the baseline, which has the standard settings but fewer grains; then pairs of factors
-that could interact.
+it has a peak, ends near the critical state, and needs the servo; some along CV, where the pressure is not controlled.
+One factor at a time is varied from the baseline, which has the standard settings but fewer grains, then pairs of
+factors that could interact.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Any
 
-from labkit.dem import SETTINGS, ConstantMeanStress, Path, Scene, Servo, State, make_path, mean_grain_volume
+from labkit.dem import SETTINGS, STANDARD, Path, Scene, Servo, State, make_path, mean_grain_volume
 
 VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
-RATE = ConstantMeanStress.rate
+RATE = 10.0  # 1/s, the default of the shear tests for the grains of Table 1
 BASELINE, PRESET = "baseline", "settings"
+
+Fields = tuple[tuple[str, Any], ...]  # (name, value) of fields of a Scene
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """`level` of a `factor`. `scene`: fields of the Scene that differ in the test, `material` those that differ when
-    the specimen is made too, both (name, value) pairs. `side` in m goes before `grains`.
+    """A test with one `level` of a `factor`.
+
+    `scene`: fields of the Scene that differ in the test; `material`: fields that differ already when the specimen is
+    made; both (name, value) pairs. `side` (m) takes precedence over `grains`.
     """
 
     factor: str
@@ -30,15 +35,15 @@ class Case:
     grains: int
     path: str = "cp"
     side: float | None = None
-    scene: tuple = ()
-    material: tuple = ()
+    scene: Fields = ()
+    material: Fields = ()
     rate: float = RATE
     strain: float = 0.3
     record_strain: float = 1e-3
     snapshots: int = 2
     engine: str = "fused"
     threads: int = 1
-    servo: Servo = Servo()
+    servo: Servo = STANDARD
     guarded: bool = True
 
     @property
@@ -51,46 +56,47 @@ class Case:
         return specimen.replace(scene=dataclasses.replace(specimen.scene, **dict(self.scene)))
 
     def loading(self, strain: float | None = None) -> Path:
-        """The path, to its own or another axial strain."""
+        """The path, to the axial strain of the case or to another."""
         pressure = {"pressure": PRESSURE} if self.path == "cp" else {}
         return make_path(self.path, {"rate": self.rate, "strain": strain or self.strain, **pressure})
 
     def steps(self, scene: Scene) -> int:
-        """Of the test, for the Scene of its specimen."""
+        """Number of time steps of the test, for the scene of its specimen."""
         return round(self.strain / (self.rate * dataclasses.replace(scene, **dict(self.scene)).time_step))
 
     @property
     def cost(self) -> float:
-        """Steps times grains, YADE's times what they take longer: what to begin with."""
+        """Cost estimate: steps times grains, times 15 on YADE; the most expensive tests start first."""
         scene = Scene(**dict(self.material))
-        grains = self.grains or self.side**3 / (1.0 + VOID_RATIO) / mean_grain_volume(scene)
+        grains = self.side**3 / (1.0 + VOID_RATIO) / mean_grain_volume(scene) if self.side else self.grains
         return self.steps(scene) * grains * (15.0 if self.engine == "yade" else 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """All cases; each path has one of the factor BASELINE and one PRESET of the level "reference". `measures`: which
-    of analysis.speed_error.measures go with them.
+    """All cases of a study, and the names of its additional measurements (analysis.speed_error.measures).
+
+    Each path has one case of the factor BASELINE and one of the factor PRESET with the level "reference".
     """
 
     cases: tuple[Case, ...]
     measures: tuple[str, ...]
 
     def baseline(self, path: str = "cp") -> Case:
-        """What the others of a path are compared with."""
+        """The case with which the others of a path are compared."""
         return next(case for case in self.cases if (case.path, case.factor) == (path, BASELINE))
 
     def of_settings(self, level: str, path: str = "cp") -> Case:
-        """The case of a set of settings."""
+        """The case with a set of settings."""
         return next(case for case in self.cases if (case.path, case.factor, case.level) == (path, PRESET, level))
 
 
-def _with_scene(case, factor, level, **fields):
+def _with_scene(case: Case, factor: str, level: object, **fields: Any) -> Case:
     return dataclasses.replace(case, factor=factor, level=level, scene=tuple(fields.items()))
 
 
 def preset(name: str, seeds: tuple[int, ...], most_grains: int | None = None) -> Case:
-    """The case of a set of settings; `most_grains` makes a small one of it."""
+    """The case with a set of settings; `most_grains` caps its size."""
     chosen = SETTINGS[name]
     case = Case(
         PRESET,
@@ -106,11 +112,11 @@ def preset(name: str, seeds: tuple[int, ...], most_grains: int | None = None) ->
 
 
 def one_factor(base: Case) -> Iterator[Case]:
-    """One factor at a time."""
+    """Varies one factor at a time."""
     yield from (_with_scene(base, "time step", factor, time_step_factor=factor) for factor in (0.05, 0.1, 0.3))
-    for factor in (0.36, 0.5, 0.7, 0.9, 1.2):  # from the limit on; the guard would refuse most of these
+    for factor in (0.36, 0.5, 0.7, 0.9, 1.2):  # at the limit and above; the checks would refuse most of these
         yield dataclasses.replace(_with_scene(base, "time step", factor, time_step_factor=factor), guarded=False)
-    # an inertial number of 1e-5
+    # the inertial number is 1e-5 here
     yield dataclasses.replace(base, factor="rate", level=0.67, rate=0.67, seeds=base.seeds[:2])
     for rate in (2.5, 5.0, 20.0, 50.0, 100.0, 200.0, 670.0):
         yield dataclasses.replace(base, factor="rate", level=rate, rate=rate)
@@ -134,7 +140,7 @@ def one_factor(base: Case) -> Iterator[Case]:
 
 
 def pairs(base: Case) -> Iterator[Case]:
-    """Pairs that could interact: what leaves at a high rate only slowly, what a dashpot does to the time step, ..."""
+    """Pairs of factors that could interact: slowly decaying effects at a high rate, a dashpot and the time step, ..."""
     for rate in (50.0, 200.0):
         fast = dataclasses.replace(base, rate=rate)
         yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.05", local_damping=0.05)
@@ -145,7 +151,7 @@ def pairs(base: Case) -> Iterator[Case]:
         yield dataclasses.replace(fast, factor="rate x servo interval", level=f"{rate:g}, 50", servo=Servo(interval=50))
         soft = dataclasses.replace(fast, factor="rate x Young's modulus", level=f"{rate:g}, 3e7")
         yield dataclasses.replace(soft, material=(("young_modulus", 0.03e9),))
-    for factor in (0.4, 0.6, 0.777):  # the last is 0.41 sqrt(m/kn), the trap
+    for factor in (0.4, 0.6, 0.777):  # with this law, 0.777 gives 0.41 sqrt(m/kn)
         case = _with_scene(base, "time step x law", f"{factor:g}, paper", law="spring_dashpot", time_step_factor=factor)
         yield dataclasses.replace(case, guarded=False)
     for factor, damping in ((0.36, 0.7), (0.7, 0.7), (0.7, 0.0)):
@@ -167,7 +173,7 @@ def engines(base: Case, grains: int, seeds: tuple[int, ...]) -> Iterator[Case]:
 
 
 def constant_volume(base: Case) -> Iterator[Case]:
-    """Along CV: the baseline and the factors that its pressure could depend on."""
+    """CV tests: the baseline and the factors on which the pressure could depend."""
     base = dataclasses.replace(base, path="cv")
     yield base
     yield from (dataclasses.replace(base, factor="rate", level=rate, rate=rate) for rate in (2.5, 50.0, 200.0))
@@ -177,7 +183,7 @@ def constant_volume(base: Case) -> Iterator[Case]:
 
 
 def full() -> Design:
-    """The study of results/speed_error: some five hours of computing."""
+    """The study of results/speed_error: about five hours of computing."""
     seeds = (1, 2, 3)
     base = Case(BASELINE, "standard settings, 1000 grains", seeds, 1000)
     cases = [base, *one_factor(base), *pairs(base), *engines(dataclasses.replace(base, rate=40.0), 500, seeds)]
@@ -193,7 +199,7 @@ def full() -> Design:
 
 
 def small() -> Design:
-    """The same in a minute: a level or two of each factor, tests of 5 % strain. For trying out and for the tests."""
+    """A study of one minute, to try the command: one or two levels of each factor, tests to 6 % strain."""
     seeds = (1, 2)
     base = Case(BASELINE, "standard settings, 150 grains", seeds, 150, rate=100.0, strain=0.06)
     chosen = {

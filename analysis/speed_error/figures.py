@@ -1,87 +1,151 @@
-"""Figures of a study: cost against error, and what each factor changes."""
+"""Figures of a study: cost against error, the effect of each factor, and the effect of the number of grains."""
 
 from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, ParamSpec
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter, NullLocator, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
 from analysis.speed_error.design import BASELINE, PRESET
 from analysis.speed_error.errors import front
-from labkit.visuals import plots
 
-FACTORS = {  # those with numbers: label of the axis, level of the baseline
-    "time step": ("time step over sqrt(m/kn)", 0.2),
-    "rate": ("axial strain rate (1/s)", 10.0),
-    "local damping": ("local damping", 0.2),
-    "servo interval": ("steps between corrections", 5),
-    "servo gain": ("gain of the servo", 2.0),
-    "Young's modulus": ("E (Pa)", 0.15e9),
+WIDTH = 7.2  # inches: the width of a page, so that text is as large there as here
+DPI = 160
+STYLE: dict[Any, Any] = {"font.size": 8.5, "axes.titlesize": 9.5, "axes.labelsize": 8.5, "legend.fontsize": 8.5}
+COLUMNS = 3
+FACTORS = {  # numerical factors: label of the axis, level of the baseline, unit of the axis
+    "time step": ("time step\n/ $\\sqrt{m/k_n}$", 0.2, 1.0),
+    "rate": ("axial rate\n(1/s)", 10.0, 1.0),
+    "local damping": ("local\ndamping", 0.2, 1.0),
+    "servo interval": ("servo interval\n(steps)", 5, 1.0),
+    "servo gain": ("servo\ngain", 2.0, 1.0),
+    "Young's modulus": ("E (MPa)", 0.15e9, 1e6),
 }
 SHOWN = ("ratio_1", "ratio_peak", "ratio_critical", "void_ratio_critical", "Z_critical", "Lambda_critical")
-COSTS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
+WORST = 30.0  # per cent: larger errors are drawn at the top of a panel
 STARS = {"quick": "tab:green", "standard": "tab:blue", "reference": "k", "the paper's": "tab:red"}
+GROUPS = {  # label in the legend -> colour, marker, factors
+    "number of grains": ("#0072b2", "o", (BASELINE, "grains")),
+    "time step": ("#e69f00", "s", ("time step",)),
+    "rate": ("#cc79a7", "D", ("rate",)),
+    "servo, records": ("#009e73", "^", ("servo interval", "servo gain", "record interval")),
+    "contact law, damping, E": ("#56b4e9", "v", ("law", "rolling", "local damping", "Young's modulus")),
+    "engine": ("#d55e00", "P", ("engine",)),
+    "two factors at once": ("0.55", ".", ()),  # all others
+}
 
 
+Arguments = ParamSpec("Arguments")
+
+
+def _styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
+    """Decorates a function to draw with STYLE."""
+
+    @functools.wraps(draw)
+    def styled(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
+        with plt.rc_context(STYLE):
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+@_styled
 def pareto(table: pandas.DataFrame, path: str = "cp") -> Figure:
-    """Cost against the error of one test for every observable, with the front and the sets of settings; a Figure.
+    """Cost against the error of one test for every observable, with the Pareto front and the sets of settings.
 
-    `table`: of analysis.speed_error.errors.errors. Cost is over that of the standard settings.
+    `table`: from analysis.speed_error.errors.errors. Costs are relative to the standard settings.
     """
     table = table[(table["path"] == path) & np.isfinite(table["one_run"]) & (table["one_run"] > 0)]
     names = [name for name in table["observable"].unique() if not _constant(table, name)]
-    rows = -(-len(names) // 4)
-    figure, grid = plt.subplots(rows, 4, figsize=(1.35 * plots.WIDTH, 3.1 * rows), layout="constrained", squeeze=False)
-    factors = [f for f in table["factor"].unique() if f != PRESET]
-    colors = dict(zip(factors, plt.get_cmap("tab20").colors + plt.get_cmap("Dark2").colors, strict=False))
+    rows = max(1, -(-len(names) // COLUMNS))
+    figure, grid = plt.subplots(
+        rows, COLUMNS, figsize=(WIDTH, 2.25 * rows), layout="constrained", squeeze=False, sharex=True
+    )
     for axes, name in zip(grid.ravel(), names, strict=False):
-        some = table[table["observable"] == name]
-        for factor, points in some[some["factor"] != PRESET].groupby("factor"):
-            axes.loglog(points["over_standard"], 100 * points["one_run"], "o", ms=3.5, color=colors[factor])
-        rivals = some[some["level"] != "reference"]
-        best = rivals.iloc[front(rivals["over_standard"].values, rivals["one_run"].values)]
-        axes.loglog(best["over_standard"], 100 * best["one_run"], "-", color="0.6", lw=1, zorder=0)
-        for level, color in STARS.items():
-            star = some[(some["factor"] == PRESET) & (some["level"] == level)]
-            axes.loglog(star["over_standard"], 100 * star["one_run"], "*", ms=13, color=color, mec="w", mew=0.5)
-        relative = "(%)" if name != "sff_error" else "(% of Love)"
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        if np.ptp(np.log10(some["over_standard"])) < 2.0:  # a single decade would be named, or none
-            axes.set_xticks(COSTS, [f"{cost:g}" for cost in COSTS])
-            axes.set_xlim(0.8 * some["over_standard"].min(), 1.25 * some["over_standard"].max())
-        axes.set(title=some["label"].iloc[0], xlabel="cost over standard", ylabel=f"error of one test {relative}")
-        axes.title.set_fontsize(10)
-        axes.grid(alpha=0.25)
+        _cost_against_error(axes, table[table["observable"] == name])
     for axes in grid.ravel()[len(names) :]:
         axes.axis("off")
-    handles = [Line2D([], [], ls="", marker="o", ms=4, color=colors[f], label=f) for f in factors]
-    there = {level: c for level, c in STARS.items() if (table["level"] == level).any()}
-    handles += [Line2D([], [], ls="", marker="*", ms=12, color=c, label=level) for level, c in there.items()]
-    handles.append(Line2D([], [], color="0.6", lw=1, label="front"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=7, frameon=False, fontsize=8)
+    for axes in grid.ravel():
+        axes.tick_params(labelbottom=True)
+    for axes in grid[-1]:
+        axes.set_xlabel("cost relative to standard")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("error of one test (%)")
+    levels = {level: color for level, color in STARS.items() if (table["level"] == level).any()}
+    shown = dict.fromkeys(_group(factor) for factor in table["factor"].unique() if factor != PRESET)
+    handles = [
+        Line2D([], [], ls="", marker=marker, ms=5, color=color, label=label)
+        for label, (color, marker, _) in GROUPS.items()
+        if label in shown
+    ]
+    handles += [Line2D([], [], ls="", marker="*", ms=11, color=c, label=level) for level, c in levels.items()]
+    handles.append(Line2D([], [], color="0.5", lw=1, label="Pareto front"))
+    free = grid.ravel()[len(names) :]
+    if len(free):
+        free[0].legend(handles=handles, loc="center", frameon=False, labelspacing=0.3)
+    else:
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
-def _constant(table, name):
-    """Whether an observable is held by the path."""
+def _cost_against_error(axes: Axes, some: pandas.DataFrame) -> None:
+    """One panel of pareto(): the cases of one observable."""
+    for factor, points in some[some["factor"] != PRESET].groupby("factor"):
+        color, marker, _ = GROUPS[_group(str(factor))]
+        axes.plot(points["over_standard"], _clipped(points), marker, ms=4, color=color, mec="w", mew=0.3)
+    rivals = some[some["level"] != "reference"]
+    best = rivals.iloc[front(rivals["over_standard"].to_numpy(), rivals["one_run"].to_numpy())]
+    axes.plot(best["over_standard"], _clipped(best), "-", color="0.5", lw=1, zorder=0)
+    for level, color in STARS.items():
+        star = some[(some["factor"] == PRESET) & (some["level"] == level)]
+        axes.plot(star["over_standard"], _clipped(star), "*", ms=11, color=color, mec="w", mew=0.5)
+    axes.set(xscale="log", yscale="log", title=some["label"].iloc[0])
+    errors = _clipped(some)
+    axes.set_ylim(0.7 * errors.min(), 1.4 * errors.max())
+    for axis, values in ((axes.xaxis, some["over_standard"].to_numpy()), (axes.yaxis, errors)):
+        few_decades = values.max() < 50.0 * values.min()
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few_decades else (1.0,), numticks=12))
+        axis.set_major_formatter(PLAIN)
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(alpha=0.25)
+
+
+def _group(factor: str) -> str:
+    return next((label for label, (*_, factors) in GROUPS.items() if factor in factors), list(GROUPS)[-1])
+
+
+def _clipped(points: pandas.DataFrame) -> np.ndarray:
+    """The error of one test, %, at most WORST."""
+    return np.minimum(100.0 * points["one_run"].to_numpy(), WORST)
+
+
+def _constant(table: pandas.DataFrame, name: str) -> bool:
+    """True if the path holds the observable constant."""
     values = table.loc[(table["observable"] == name) & (table["factor"] == BASELINE)]
-    return (values["scatter"] < 1e-3).all() and name != "sff_error"
+    return bool((values["scatter"] < 1e-3).all()) and name != "sff_error"
 
 
+@_styled
 def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
-    """What the levels of a factor change against the baseline with the same specimens; a Figure.
+    """Change of the observables with the level of each factor, relative to the baseline with the same specimens.
 
-    A row per observable of SHOWN, a column per factor of FACTORS; bars are 95 % intervals, a hollow point's reaches
-    zero. Cases that are so far off that nothing else could be seen lie on the frame.
+    A row per observable of SHOWN, a column per factor of FACTORS; bars are 95 % intervals, and a hollow point marks an
+    interval that includes zero. Outliers that would hide the other points are drawn at the frame.
     """
     table = table[table["path"] == path]
     figure, grid = plt.subplots(
         len(SHOWN),
         len(FACTORS),
-        figsize=(1.35 * plots.WIDTH, 1.75 * len(SHOWN)),
+        figsize=(WIDTH, 1.2 * len(SHOWN) + 1.2),
         layout="constrained",
         sharex="col",
         sharey="row",
@@ -90,45 +154,47 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
         some = table[(table["observable"] == name) & np.isfinite(table["change"])]
         numeric = some[some["factor"].isin(FACTORS)]
         top = 300 * np.nanquantile(np.abs(numeric["change"]), 0.7) if len(numeric) else 1.0
-        for axes, (factor, (label, base)) in zip(row, FACTORS.items(), strict=True):
+        for axes, (factor, (_label, base, unit)) in zip(row, FACTORS.items(), strict=True):
             points = numeric[numeric["factor"] == factor]
-            x = points["level"].astype(float).values
+            x = points["level"].astype(float).values / unit
             y, within = 100 * points["change"].values, 100 * points["change_within"].values
             axes.axhline(0.0, color="0.5", lw=0.8)
-            axes.axvline(base, color="0.5", lw=0.8, ls=":")
+            axes.axvline(base / unit, color="0.5", lw=0.8, ls=":")
             clear = np.abs(y) > within
             shown = np.clip(y, -0.97 * top, 0.97 * top)
             axes.errorbar(x, shown, yerr=within, fmt="none", ecolor="0.6", lw=1)
-            axes.plot(x[clear], shown[clear], "o", ms=5, color="tab:blue")
-            axes.plot(x[~clear], shown[~clear], "o", ms=5, mfc="w", color="tab:blue")
+            axes.plot(x[clear], shown[clear], "o", ms=3.5, color="tab:blue")
+            axes.plot(x[~clear], shown[~clear], "o", ms=3.5, mfc="w", color="tab:blue")
             axes.set(xscale="log", ylim=(-top, top))
-            axes.xaxis.set_minor_locator(NullLocator())
-            axes.set_xticks([*x, base], [f"{v:.3g}" for v in [*x, base]], rotation=75, fontsize=8)
+            axes.xaxis.set_major_locator(LogLocator(numticks=4))
+            axes.xaxis.set_major_formatter(PLAIN)
+            axes.xaxis.set_minor_formatter(NullFormatter())
             axes.grid(alpha=0.25)
         row[0].set_ylabel(f"{some['label'].iloc[0]}\nchange (%)" if len(some) else name)
-    for axes, (label, _) in zip(grid[-1], FACTORS.values(), strict=True):
+    for axes, (label, *_) in zip(grid[-1], FACTORS.values(), strict=True):
         axes.set_xlabel(label)
     handles = [
         Line2D([], [], ls="", marker="o", color="tab:blue", label="outside its 95 % interval"),
-        Line2D([], [], ls="", marker="o", mfc="w", color="tab:blue", label="inside: not told from zero"),
+        Line2D([], [], ls="", marker="o", mfc="w", color="tab:blue", label="inside: not distinguishable from zero"),
         Line2D([], [], ls=":", color="0.5", label="baseline"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
 
+@_styled
 def sizes(table: pandas.DataFrame) -> Figure:
-    """Scatter between seeds and mean error against the number of grains; a Figure."""
+    """Scatter between specimens and mean error against the number of grains."""
     table = table[(table["path"] == "cp") & (table["factor"].isin(["grains", BASELINE, PRESET]))]
     table = table[table["factor"].ne(PRESET) | table["level"].eq("standard")]
-    figure, panels = plt.subplots(1, 2, figsize=(plots.WIDTH, 4.2), layout="constrained")
+    figure, panels = plt.subplots(1, 2, figsize=(WIDTH, 3.6), layout="constrained")
     for k, name in enumerate(SHOWN):
         some = table[table["observable"] == name].sort_values("number_of_grains")
         x = some["number_of_grains"].values
-        beside = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # so that no interval hides another
+        shifted = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # so that the bars do not overlap
         panels[0].loglog(x, 100 * some["scatter"].values, "o-", ms=4, label=some["label"].iloc[0])
         panels[1].errorbar(
-            beside,
+            shifted,
             100 * some["error"].values,
             yerr=100 * some["error_within"].values,
             fmt="o-",
@@ -144,7 +210,7 @@ def sizes(table: pandas.DataFrame) -> Figure:
         axes.xaxis.set_major_formatter(ScalarFormatter())
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xticks(x)
-        axes.tick_params(axis="x", labelsize=8)
+        axes.tick_params(axis="x", labelsize=7, rotation=45)
         axes.grid(alpha=0.25)
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8)

@@ -1,34 +1,41 @@
-"""The runs of a study: each a process of its own, each kept in a folder, so that a study goes on where it was cut off.
+"""The specimens and runs of a study, made in worker processes and kept in a folder, so that a study can be resumed.
 
-Wall time is compared with a yardstick: steps of the baseline's first specimen, timed just before and after the run
-in the same process. What else the computer does slows down both.
+Wall time is compared with a yardstick: steps of the baseline's first specimen, timed in the same process just before
+and after the run. Other load on the computer slows down both.
 """
 
 from __future__ import annotations
 
-import concurrent.futures
 import json
-import multiprocessing
 import statistics
 import time
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import labkit as lk
-from analysis.speed_error.design import PRESSURE, STEP1_FRICTION, VOID_RATIO, Case, Design
+from analysis.speed_error.design import PRESSURE, RATE, STEP1_FRICTION, VOID_RATIO, Case, Design
 from analysis.speed_error.observables import observables
-from labkit.dem import ConstantVolume, Progress, critical_time_step, read_state, side_for, velocity_gradient
-from labkit.engines import FusedEngine, die_with_parent
+from analysis.speed_error.workers import run_calls
+from labkit.dem import ConstantVolume, Progress, State, critical_time_step, read_state, side_for, velocity_gradient
+from labkit.engines import FusedEngine
 from labkit.errors import PhysicsError
 from labkit.io import write_text
 
-SPECIMEN_COST = 0.05  # of that of a test with the specimen, about
+SPECIMEN_COST = 0.05  # approximate cost of making a specimen, as a fraction of a test on it
 YARDSTICK_STEPS, YARDSTICK_ROUNDS = 1500, 5
+
+Task = tuple[Case, int]  # a case and a seed
+Job = tuple[Callable[..., object], tuple[Any, ...], float]  # a function, its arguments, its cost
 
 
 def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -> None:
-    """Runs what is not there yet, `jobs` processes at a time. Raises PhysicsError if a job itself broke down."""
+    """Makes the specimens and runs that the folder `work` lacks, `jobs` at a time.
+
+    Raises PhysicsError if a worker process fails. KeyboardInterrupt ends the worker processes first.
+    """
     work = Path(work)
     for folder in ("specimens", "runs", "results"):
         (work / folder).mkdir(parents=True, exist_ok=True)
@@ -39,39 +46,18 @@ def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -
     specimens = {specimen_file(work, *task): task for task in tasks}
     missing = [task for file, task in specimens.items() if not file.exists()]
     todo = [task for task in tasks if not result_file(work, *task).exists()]
-    calls = [(make, (work, *task), SPECIMEN_COST * task[0].cost) for task in _longest_first(missing)]
-    tests = [(run_case, (work, *task, yardstick), task[0].cost) for task in _longest_first(todo)]
-    remaining = _Remaining(sum(cost for *_, cost in calls + tests), progress)
-    context = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(jobs, context, die_with_parent) as pool:
-        _all(pool, calls, remaining, "specimens")
-        _all(pool, tests, remaining, "tests")
+    makes: list[Job] = [(make, (work, *task), SPECIMEN_COST * task[0].cost) for task in _longest_first(missing)]
+    tests: list[Job] = [(run_case, (work, *task, yardstick), task[0].cost) for task in _longest_first(todo)]
+    total = sum(cost for *_, cost in makes + tests)
+    done = 0.0
+    for name, batch in (("specimens", makes), ("tests", tests)):
+        for count, index in enumerate(run_calls([job[:2] for job in batch], jobs), 1):
+            done += batch[index][2]
+            progress(done / total, f"{name}, {count} of {len(batch)}")
 
 
-def _longest_first(tasks):
+def _longest_first(tasks: Iterable[Task]) -> Sequence[Task]:
     return sorted(tasks, key=lambda task: -task[0].cost)
-
-
-def _all(pool, calls, remaining, what):
-    costs = {pool.submit(function, *arguments): cost for function, arguments, cost in calls}
-    try:
-        for number, future in enumerate(concurrent.futures.as_completed(costs), 1):
-            future.result()
-            remaining.less(costs[future], f"{what}, {number} of {len(costs)}")
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
-
-
-class _Remaining:
-    """Tells `progress` how much of the cost of all jobs is done."""
-
-    def __init__(self, total, progress):
-        self.total, self.done, self.progress = total, 0.0, progress
-
-    def less(self, cost, text):
-        self.done += cost
-        self.progress(self.done / self.total, text)
 
 
 def specimen_file(work: str | Path, case: Case, seed: int) -> Path:
@@ -82,7 +68,7 @@ def specimen_file(work: str | Path, case: Case, seed: int) -> Path:
 
 
 def result_file(work: str | Path, case: Case, seed: int) -> Path:
-    """The file of what came out of a case."""
+    """The result file of a case."""
     return Path(work) / "results" / f"{case.name}_{seed}.json"
 
 
@@ -92,7 +78,7 @@ def run_file(work: str | Path, case: Case, seed: int) -> Path:
 
 
 def make(work: str | Path, case: Case, seed: int) -> None:
-    """The specimen of a case at rest at the pressure, unless it is there."""
+    """Makes the specimen of a case, at rest at PRESSURE, unless its file exists."""
     file = specimen_file(work, case, seed)
     if file.exists():
         return
@@ -103,7 +89,7 @@ def make(work: str | Path, case: Case, seed: int) -> None:
 
 
 def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
-    """Runs a case with one seed and writes its result: observables, cost, and what a guard said."""
+    """Runs a case with one seed and writes its result: observables, cost, and any error that stopped the run."""
     state = case.state(read_state(specimen_file(work, case, seed)))
     file = run_file(work, case, seed)
     result = {
@@ -116,17 +102,17 @@ def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
     }
     before = measure_yardstick(yardstick)
     try:
-        found = _run(state, case, file)
-        result["values"] = observables(found.data, PRESSURE if case.path == "cp" else None)
-        result |= {"wall_time": found.wall_time, "steps": found.steps}
-    except PhysicsError as error:  # a guard spoke up; anything else stops the study
+        run = _run(state, case, file)
+        result["values"] = observables(run.data, PRESSURE if case.path == "cp" else None)
+        result |= {"wall_time": run.wall_time, "steps": run.steps}
+    except PhysicsError as error:  # a check stopped the run; any other error stops the study
         result["status"] = str(error)
     result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick))
     write_text(result_file(work, case, seed), json.dumps(result, indent=1))
 
 
-def _run(state, case, file):
-    if case.engine == "fused":  # compiles for the scene
+def _run(state: State, case: Case, file: Path) -> lk.Run:
+    if case.engine == "fused":  # compile before the run is timed
         FusedEngine(state.replace(time_step=state.scene.time_step)).advance(1, np.zeros((3, 3)))
     return lk.run(
         state,
@@ -143,13 +129,13 @@ def _run(state, case, file):
 
 
 def measure_yardstick(file: str | Path) -> float:
-    """Seconds of YARDSTICK_STEPS steps of a specimen, the median of some rounds."""
+    """Time of YARDSTICK_STEPS steps of a specimen, s: the median of YARDSTICK_ROUNDS rounds."""
     state = read_state(file)
-    engine, gradient = FusedEngine(state), velocity_gradient(ConstantVolume(), 1.0, state.time_step)
+    engine, gradient = FusedEngine(state), velocity_gradient(ConstantVolume(RATE), 1.0, state.time_step)
     engine.advance(YARDSTICK_STEPS, gradient)
     seconds = []
     for _ in range(YARDSTICK_ROUNDS):
-        begin = time.perf_counter()
+        start = time.perf_counter()
         engine.advance(YARDSTICK_STEPS, gradient)
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.perf_counter() - start)
     return statistics.median(seconds)

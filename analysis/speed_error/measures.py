@@ -1,5 +1,7 @@
-"""What a study measures beside its runs: engines in turn on one scene, the Verlet skin, two grains, the family of
-stress-force-fabric relationships, the integrators of the model. Each is kept as a table in the study's folder.
+"""The measurements of a study in addition to its tests, each kept as a table in the folder of the study.
+
+They are: the engines in turn on one scene, the Verlet skin, collisions of two grains, the family of
+stress-force-fabric relationships, and the integrators of the model.
 """
 
 from __future__ import annotations
@@ -15,29 +17,44 @@ import pandas
 
 import labkit as lk
 from analysis.speed_error.collisions import collision_errors
-from analysis.speed_error.design import BASELINE, PRESET, Design
+from analysis.speed_error.design import BASELINE, PRESET, Case, Design
 from analysis.speed_error.jobs import run_case, run_file, specimen_file
 from analysis.speed_error.lammps import shear_in_lammps
 from analysis.speed_error.observables import strength
 from labkit.bench import bench, measure_all
-from labkit.dem import ConstantVolume, Progress, read_state, velocity_gradient
+from labkit.dem import ConstantVolume, Progress, State, read_state, velocity_gradient
 from labkit.engines import FusedEngine
 from labkit.io import whole_file
 from labkit.micro import deviatoric_stress, mean_stress
+from labkit.model import Adaptive, Model, drive, isotropic_state, model_path
 from labkit.visuals import micro_figures, plots
 
-SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # of the mean diameter; None: what the engine chooses
+SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # in mean diameters; None: chosen by the engine
 SKIN_STEPS, SKIN_ROUNDS = 2000, 5
-COLLISION_STEPS = (0.4, 0.2, 0.1, 0.05, 0.025)  # of sqrt(m/kn) of the mean grain
+COLLISION_STEPS = (0.4, 0.2, 0.1, 0.05, 0.025)  # in sqrt(m/kn) of the mean grain
 LAMMPS_RATE = 40.0  # 1/s
+LAMMPS_COLUMNS = [
+    "program",
+    "seed",
+    "ratio_1",
+    "ratio_peak",
+    "ratio_critical",
+    "pressure_critical",
+    "seconds",
+    "steps",
+]
+MODEL_STRAIN, MODEL_ROUNDS = 0.6, 10
 SETTINGS_STEPS, SETTINGS_ROUNDS = 5000, 3
+
+Times = dict[float | None, list[float]]  # Verlet skin -> seconds of each round
+Positions = dict[float | None, np.ndarray]  # Verlet skin -> positions at the end
 
 
 def measure_others(design: Design, work: str | Path, progress: Progress) -> dict[str, pandas.DataFrame]:
-    """name -> table of the design's measures; those that are in the folder already are read."""
+    """Tables of the additional measurements of the design by name; those already in the folder are read."""
     folder = Path(work) / "measures"
     folder.mkdir(exist_ok=True)
-    found = {}
+    tables = {}
     for number, name in enumerate(design.measures):
         progress(number / len(design.measures), name)
         file = folder / f"{name}.csv"
@@ -45,18 +62,19 @@ def measure_others(design: Design, work: str | Path, progress: Progress) -> dict
             table = MEASURES[name](design, work, folder)
             with whole_file(file) as temporary:
                 table.to_csv(temporary, index=False, float_format="%.6g")
-        found[name] = pandas.read_csv(file)
+        tables[name] = pandas.read_csv(file)
     progress(1.0, "measured")
-    return found
+    return tables
 
 
 def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Time per step of every set of settings and of the baseline, in turn, servo and records included: what a whole
-    test takes, and that over what one with the standard settings takes.
+    """Time of a whole test with each set of settings and with the baseline, and its ratio to the standard settings.
+
+    The cases are timed in turn, servo and records included.
     """
     cases = [case for case in design.cases if case.factor in (PRESET, BASELINE)]
-    seconds = {case: [] for case in cases}
-    for _turn in range(SETTINGS_ROUNDS + 1):  # the first one compiles
+    seconds: dict[Case, list[float]] = {case: [] for case in cases}
+    for _turn in range(SETTINGS_ROUNDS + 1):  # the first turn compiles
         for case in cases:
             state = case.state(read_state(specimen_file(work, case, case.seeds[0])))
             path = case.loading(case.rate * state.scene.time_step * SETTINGS_STEPS)
@@ -81,14 +99,14 @@ def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame
 
 
 def engines(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Steps per second of every engine in turn, on the specimens of the baseline and of the standard settings."""
+    """Steps per second of each engine in turn, on the specimens of the baseline and of the standard settings."""
     rows = []
     for case in (design.baseline(), design.of_settings("standard")):
         file = specimen_file(work, case, case.seeds[0])
         grains = read_state(file).number_of_grains
-        found = bench(str(file), max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
-        base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
-        for name, turns in found.items():
+        timings = bench(str(file), max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
+        base = [turn["steps_per_second"] for turn in next(iter(timings.values()))]
+        for name, turns in timings.items():
             speed = [turn["steps_per_second"] for turn in turns]
             ratio = [a / b for a, b in zip(speed, base, strict=True)]
             rows.append(
@@ -106,7 +124,7 @@ def engines(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
 
 
 def skin(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Time per step and the largest difference of positions, over the mean diameter, with different Verlet skins."""
+    """Time per step, and largest difference of positions in mean diameters, for several Verlet skins."""
     rows = []
     for case in (design.baseline(), design.of_settings("standard")):
         state = read_state(specimen_file(work, case, case.seeds[0]))
@@ -129,14 +147,15 @@ def skin(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def _skins(state, gradient):
-    seconds, ends = {value: [] for value in SKINS}, {}
+def _skins(state: State, gradient: np.ndarray) -> tuple[Times, Positions]:
+    seconds: Times = {value: [] for value in SKINS}
+    ends: Positions = {}
     for _ in range(SKIN_ROUNDS):
         for value in SKINS:
             engine = FusedEngine(state, skin=value)
-            begin = time.perf_counter()
+            start = time.perf_counter()
             engine.advance(SKIN_STEPS, gradient)
-            seconds[value].append(time.perf_counter() - begin)
+            seconds[value].append(time.perf_counter() - start)
             ends[value] = engine.state().position
     return seconds, ends
 
@@ -144,48 +163,61 @@ def _skins(state, gradient):
 def sff_family(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
     case = design.of_settings("standard")
-    if not run_file(work, case, case.seeds[0]).exists():  # its result came from an earlier study
+    if not run_file(work, case, case.seeds[0]).exists():  # the result comes from an earlier study
         run_case(work, case, case.seeds[0], specimen_file(work, design.baseline(), design.baseline().seeds[0]))
-    with lk.open_run(run_file(work, case, case.seeds[0])) as found:
-        figure, table = micro_figures.family(found)
+    with lk.open_run(run_file(work, case, case.seeds[0])) as run:
+        figure, table = micro_figures.family(run)
     plots.save(figure, folder / "sff_family.png")
     return table
 
 
 def model(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Time and error of the integrators of the model; text and figure lie beside the table."""
-    text = measure_all(folder)
-    return pandas.DataFrame({"line": text.splitlines()})
+    """Time and stress error of one CV path of the model with the default tolerance.
+
+    Writes model_speed.txt and model_speed.png, which compare all integrators, into `folder`.
+    """
+    measure_all(folder)
+    material = Model()
+    start = isotropic_state(material, 0.67, 0.5e6)
+    path = model_path("cv", 0.5e6, strain=MODEL_STRAIN)
+    exact = drive(material, path, start, integrator=Adaptive(1e-12)).require().stress
+    seconds = []
+    for _ in range(MODEL_ROUNDS):
+        begin = time.thread_time()
+        stress = drive(material, path, start).require().stress
+        seconds.append(time.thread_time() - begin)
+    error = np.linalg.norm(stress - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max()
+    row = {"strain": MODEL_STRAIN, "records": len(stress), "milliseconds": 1e3 * statistics.median(seconds)}
+    return pandas.DataFrame([row | {"stress_error": error}])
 
 
 def collisions(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Two grains against closed forms, over the time step."""
+    """Collisions of two grains compared with closed forms, for several time steps."""
     return collision_errors(COLLISION_STEPS)
 
 
 def lammps(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """The CV test of the baseline in LAMMPS and on the engine fused, law spring_dashpot: q/p, p and what they take.
+    """Strength, pressure and time of the baseline's CV test in LAMMPS and on `fused` with the `spring_dashpot` law.
 
-    One row per seed and program; none where LAMMPS is not installed. `seconds`: of the loop alone, in turn.
+    One row per seed and program, no rows if LAMMPS is not installed. `seconds`: time of the loop only.
     """
     program, rows = shutil.which("lmp"), []
     base = design.baseline("cv")
-    for seed in base.seeds if program else ():
+    if program is None:
+        return pandas.DataFrame(columns=LAMMPS_COLUMNS)
+    for seed in base.seeds:
         state = read_state(specimen_file(work, base, seed))
         state = state.replace(scene=dataclasses.replace(state.scene, law="spring_dashpot"))
         state = state.replace(time_step=state.scene.time_step)
-        found = shear_in_lammps(program, state, LAMMPS_RATE, base.strain, round(base.strain / base.record_strain))
-        told = strength(found.axial_strain, mean_stress(found.stress), deviatoric_stress(found.stress))
-        rows.append({"program": "LAMMPS", "seed": seed, **told, "seconds": found.seconds, "steps": found.steps})
+        test = shear_in_lammps(program, state, LAMMPS_RATE, base.strain, round(base.strain / base.record_strain))
+        values = strength(test.axial_strain, mean_stress(test.stress), deviatoric_stress(test.stress))
+        rows.append({"program": "LAMMPS", "seed": seed, **values, "seconds": test.seconds, "steps": test.steps})
         FusedEngine(state).advance(1, np.zeros((3, 3)))
         run = lk.run(state, ConstantVolume(LAMMPS_RATE, base.strain), progress=False, snapshots=0)
         p, q = run.data.lab.mean_stress().values, run.data.lab.deviatoric_stress().values
-        took = {"seconds": run.wall_time, "steps": run.steps}
-        rows.append({"program": "fused", "seed": seed, **strength(run.data["axial_strain"].values, p, q), **took})
-    return pandas.DataFrame(
-        rows,
-        columns=["program", "seed", "ratio_1", "ratio_peak", "ratio_critical", "pressure_critical", "seconds", "steps"],
-    )
+        values = strength(run.data["axial_strain"].values, p, q)
+        rows.append({"program": "fused", "seed": seed, **values, "seconds": run.wall_time, "steps": run.steps})
+    return pandas.DataFrame(rows, columns=LAMMPS_COLUMNS)
 
 
 MEASURES = {

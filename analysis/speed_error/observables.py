@@ -1,4 +1,4 @@
-"""What is compared: numbers of a shear test."""
+"""The observables of a shear test that a study compares."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import xarray as xr
 
 from labkit.runs import SFF_PRESSURE, WINDOW
 
-# name -> (label, unit, whether its error is relative); those of the critical state are means over the last quarter
+# name -> (label, unit, True if its error is relative); critical: mean over the last quarter of the strain
 OBSERVABLES = {
     "ratio_1": ("q/p at 1 %", "", True),
     "ratio_5": ("q/p at 5 %", "", True),
@@ -22,29 +22,30 @@ OBSERVABLES = {
     "Ft_critical": ("F^t_zz, critical", "", True),
     "sff_error": ("error of C0", "", False),
 }
-# what tells whether a test can be believed, beside the observables
+# name -> (label, unit) of quantities that show whether a test is valid
 CHECKS = {
-    "energy_balance_error": ("energy balance, at worst", ""),
+    "energy_balance_error": ("largest error of the energy balance", ""),
     "held_error": ("held stress, RMS error", ""),
     "inertial_number": ("inertial number, mean", ""),
     "overlap_ratio": ("mean overlap over D", ""),
 }
-AROUND = 0.0025  # axial strain on each side that a value at a strain is the mean of
-PEAK = 0.01  # axial strain that the peak is a mean over
+AROUND = 0.0025  # a value at a strain is the mean over this axial strain on each side
+PEAK = 0.01  # axial strain over which the peak is averaged
 
 
 def observables(run: xr.Dataset, held: float | None) -> dict[str, float]:
-    """The numbers of OBSERVABLES and CHECKS of a complete shear test, name -> value; `held`: mean stress held,
-    Pa, or None.
+    """Values of OBSERVABLES and CHECKS of a complete shear test, by name.
+
+    `held`: the mean stress that the path holds (Pa), or None.
     """
     strain, end = run["axial_strain"].values, critical(run["axial_strain"].values)
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     sff = run.lab.sff_error().values[p > SFF_PRESSURE]
 
-    def mean(name):
+    def mean(name: str) -> float:
         return float(np.mean(run[name].values[end]))
 
-    def zz(name):
+    def zz(name: str) -> float:
         return float(np.mean(run[name].values[end, 2, 2]))
 
     return {
@@ -64,15 +65,15 @@ def observables(run: xr.Dataset, held: float | None) -> dict[str, float]:
 
 
 def critical(strain: np.ndarray) -> np.ndarray:
-    """Which records belong to the critical state, those of the last quarter of the strain."""
+    """Mask (record,) of the critical state: the last quarter of the strain."""
     return strain >= (1.0 - WINDOW) * strain[-1]
 
 
 def strength(strain: np.ndarray, p: np.ndarray, q: np.ndarray) -> dict[str, float]:
-    """The observables that axial strain and stresses (record,) alone decide, name -> value."""
+    """The observables that depend only on axial strain and stresses (record,), by name."""
     ratio, end = q / p, critical(strain)
 
-    def at(x):
+    def at(x: float) -> float:
         near = np.abs(strain - x) <= AROUND
         return float(ratio[near].mean()) if near.any() else np.nan
 
@@ -86,7 +87,7 @@ def strength(strain: np.ndarray, p: np.ndarray, q: np.ndarray) -> dict[str, floa
 
 
 def max_of_means(strain: np.ndarray, values: np.ndarray) -> float:
-    """The largest mean over PEAK of strain: the peak of a curve that scatters."""
+    """Largest mean over a window of strain of width PEAK: the peak of a noisy curve."""
     first = np.searchsorted(strain, strain - PEAK)
     sums = np.concatenate([[0.0], np.cumsum(values)])
     means = (sums[1:] - sums[first]) / (np.arange(len(values)) + 1 - first)

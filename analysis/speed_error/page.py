@@ -1,4 +1,4 @@
-"""The page of a study: Markdown with tables made of its data set. No number is written by hand."""
+"""The page of a study, in Markdown. All numbers come from its data set."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from analysis import markdown
 from analysis.speed_error import others, settings
 from analysis.speed_error.cells import percent, short
 from analysis.speed_error.design import BASELINE, PRESET, RATE
+from analysis.speed_error.figures import WORST
 from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from analysis.speed_error.table import cost
 from labkit.dem import STANDARD, ConstantVolume
@@ -28,8 +29,9 @@ OTHERS = {
 
 
 def page(data: xr.Dataset, table: pandas.DataFrame, measures: Mapping[str, pandas.DataFrame], command: str) -> str:
-    """The text of results/speed_error/README.md. `table`: of errors(), `measures`: of measure_others(), `command`: what
-    wrote it.
+    """Text of results/speed_error/README.md.
+
+    `table`: from errors(), `measures`: from measure_others(), `command`: the command that wrote the study.
     """
     sections = [
         _head(data, command),
@@ -46,53 +48,62 @@ def page(data: xr.Dataset, table: pandas.DataFrame, measures: Mapping[str, panda
     return "\n\n".join(section for section in [*sections, _failed(data)] if section) + "\n"
 
 
-def _head(data, command):
+def _head(data: xr.Dataset, command: str) -> str:
     tests = int(((data["status"] == "") & (data["seed"] > 0)).sum())
     whole = float(data["wall_time"].sum()) / 3600.0
     return f"""# Speed against error
 
 How fast can a test run, and what does that cost in accuracy? {data.sizes["case"]} cases, {tests} tests,
-{whole:.1f} hours of computing, made by one command, which goes on where it was cut off:
+{whole:.1f} hours of computing, run by one command, which resumes an interrupted study:
 
     {command}
 
-The data: `study.nc` (every observable of every test), `errors.csv` (what the tables here are made of), and a table for
-each of the other measurements. [The hard cases](../hard_cases/README.md) have a page of their own."""
+The data are in `study.nc` (every observable of every test), `errors.csv` (the source of the tables below), and one
+table for each of the other measurements; `./lab speed-error --redraw` writes this page and its figures again from
+them. The [hard cases](../hard_cases/README.md) have a separate page."""
 
 
-def _paper(table):
+def _paper(table: pandas.DataFrame) -> str:
     some = table[(table["factor"] == PRESET) & (table["level"] == "the paper's")]
     if some.empty:
         return ""
     clear = some[(np.abs(some["error"]) > some["error_within"]) & (some["observable"] != "pressure_critical")]
-    told = ", ".join(f"{row.label} ({percent(row.error)})" for row in clear.itertuples()) or "none"
+    different = ", ".join(f"{row.label} ({percent(row.error)})" for row in clear.itertuples()) or "none"
     return f"""## The paper's own settings
 
-A cube of 4 mm with 14,000 grains, 10 1/s, dashpots of 0.2: the red star below, the last column above. Its contact
-law is the paper's (Eqs. 1-3), the other columns have YADE's. Observables that differ from the reference by more
-than their interval: {told}. The paper does not say its time step.
+A 4 mm cube with 14,000 grains, a rate of 10 1/s and dashpot ratios of 0.2: this is the red star in the figures below
+and the last column of the first table. Its contact law is the paper's (Eqs. 1-3); the other columns have YADE's
+rolling-resistance law. Observables that differ from the reference by more than their interval: {different}.
+The paper does not state its time step.
+
+In the figures, each point is a case: the error of a single test against its cost. Errors above {WORST:g} % are drawn at
+the top of a panel.
 
 ![cost against error, CP](pareto_cp.png)
 
 ![cost against error, CV](pareto_cv.png)"""
 
 
-def _how_to_read():
+def _how_to_read() -> str:
     return """## How to read this
 
-**error**: mean over the specimens less that of the reference, with its 95 % interval (pair by pair where these are
-the reference's own specimens, else Welch's); in brackets where the interval reaches zero: such a difference is not told
-from the scatter. **one test**: what a single test is off by, sqrt(error² + scatter²). **change**: mean difference to
-the baseline (standard settings, 1,000 grains) with the same specimens, which takes most of the scatter out. About one
-in twenty intervals misses zero by chance. Critical: means over the last quarter of the strain. **cost**: wall time over
-that of a yardstick (the same steps of the same specimen, timed just before and after in the same process), median over
-the specimens: what else the machine does cancels in part, a fifth or so is left. The times of the sets of settings were
-measured in turn instead. All changes are against the same three tests of the baseline: what these are off by, by
-chance, is in every row alike. The first row of a table of changes, the median of all, shows it, and the comparison of
-the defaults takes it out."""
+- **error**: mean over the specimens minus that of the reference, with its 95 % interval (paired if the specimens are
+  those of the reference, otherwise Welch's). It is in brackets if the interval includes zero: such a difference cannot
+  be distinguished from scatter.
+- **one test**: expected error of a single test, sqrt(error² + scatter²).
+- **change**: mean difference from the baseline (standard settings, 1,000 grains) for the same specimens, which removes
+  most of the scatter. About one interval in twenty misses zero by chance.
+- **critical**: mean over the last quarter of the strain.
+- **cost**: wall time relative to a yardstick (the same steps of the same specimen, timed in the same process just
+  before and after the test), median over the specimens. The effect of other load on the computer partly cancels; an
+  error of about a fifth remains. The times of the sets of settings were instead measured in turn.
+
+All changes are relative to the same three baseline tests, so their random error enters every row equally. The first
+row of a table of changes, the median over all cases, shows this error; it is subtracted in the comparison of the
+defaults."""
 
 
-def _factors(data, table):
+def _factors(data: xr.Dataset, table: pandas.DataFrame) -> str:
     costs = cost(data)
     text = ["## One factor at a time, and pairs", "![what each factor changes](changes.png)"]
     for path, held in (("cp", "pressure_critical"), ("cv", "void_ratio_critical")):
@@ -102,27 +113,27 @@ def _factors(data, table):
             continue
         names = [name for name in OBSERVABLES if name != held]
         typical = common(some)
-        rows = [["median of all", "", "", *(f"{100 * typical[name]:+.2g}" for name in names)]]
+        rows = [["median over all cases", "", "", *(f"{100 * typical[name]:+.2g}" for name in names)]]
         for case, lines in some.groupby("case", sort=False):
             lines = lines.set_index("observable")
             ratio = float(costs.sel(case=case) / costs.sel(case=base[0]))
             cells = [_change(lines.loc[name]) for name in names]
-            factor, level = lines["factor"].iloc[0], _number(lines["level"].iloc[0])
+            factor, level = lines["factor"].iloc[0], level_text(lines["level"].iloc[0])
             rows.append([factor, level, f"{ratio:.2g}" if np.isfinite(ratio) else "-", *cells])
         text.append(
-            f"Changes along {path.upper()} against the baseline, %. A bold one is outside its 95 % interval; where "
-            "there is only an interval, the change lies inside it and is not told from zero."
+            f"Changes in {path.upper()} tests relative to the baseline, %. Changes in bold lie outside their 95 % "
+            "interval; where only an interval is given, the change is not distinguishable from zero."
         )
         text.append(markdown.table(["factor", "level", "cost", *(OBSERVABLES[name][0] for name in names)], rows))
     return "\n\n".join(text)
 
 
 def common(table: pandas.DataFrame) -> pandas.Series:
-    """observable -> median of the changes of all cases of a path: what the baseline's own tests are off by."""
+    """Median change of each observable over all cases of a path: the random error of the baseline's tests."""
     return table.groupby("observable")["change"].median()
 
 
-def _change(row):
+def _change(row: pandas.Series) -> str:
     change, within = 100 * row["change"], 100 * row["change_within"]
     if not np.isfinite(change):
         return "-"
@@ -131,26 +142,36 @@ def _change(row):
     return f"**{short(change, '+')}** ± {short(within)}" if abs(change) > within else f"± {short(within)}"
 
 
-def _number(text):
-    """A level as short as it can be written."""
+LEVELS = {  # level in the data -> text on the page
+    "paper": "the paper's law",
+    "paper, no tangential dashpot": "the paper's law, no tangential dashpot",
+    "paper, beta 0.05": "the paper's law, dashpot ratios of 0.05",
+    "yade, mean rolling limit right": "YADE's law, mean rolling limit corrected",
+    "off, law yade": "off, YADE's law",
+    "off, law paper": "off, the paper's law",
+}
+
+
+def level_text(level: str) -> str:
+    """Text of a level on the page, as short as possible."""
     try:
-        return f"{float(text):g}" if float(text) < 1e6 else f"{float(text) / 1e9:g} GPa"
+        return f"{float(level):g}" if float(level) < 1e6 else f"{float(level) / 1e9:g} GPa"
     except ValueError:
-        return text
+        return LEVELS.get(level, level.replace(", paper", ", the paper's law"))
 
 
-DEFAULTS = {  # factor -> what the default is, where it lives
+DEFAULTS = {  # factor -> its default, and where it is defined
     "time step": (lk.Scene.time_step_factor, "`--time-step-factor`, Scene.time_step_factor"),
-    "rate": (RATE, "`--rate`, paths.ConstantVolume.rate"),
-    "servo interval": (STANDARD.interval, "servo.Servo.interval"),
-    "servo gain": (STANDARD.gain, "servo.Servo.gain"),
+    "rate": (RATE, "`--rate`, `rate` of a path"),
+    "servo interval": (STANDARD.interval, "Servo.interval"),
+    "servo gain": (STANDARD.gain, "Servo.gain"),
     "record interval": (ConstantVolume.record_strain, "`--record-strain`"),
     "local damping": (lk.Scene.local_damping, "Scene.local_damping"),
 }
 
 
-def _defaults(data, table):
-    """Every default beside the next lower and the next higher level that was measured."""
+def _defaults(data: xr.Dataset, table: pandas.DataFrame) -> str:
+    """Section that compares every default with the next lower and the next higher level."""
     rows = []
     along = table[(table["path"] == "cp") & ~table["factor"].isin([PRESET, BASELINE, "grains", "engine"])]
     typical = common(along)
@@ -162,25 +183,26 @@ def _defaults(data, table):
         for level in (*levels[levels < value][-1:], *levels[levels > value][:1]):
             lines = some[(some["level"].astype(float) == level) & (some["observable"] != "pressure_critical")]
             clear = lines[np.abs(lines["change"]) > lines["change_within"]]
-            told = f"cost {lines['cost'].iloc[0]:.2g}, {len(clear)} of {len(lines)} changed"
+            text = f"cost {lines['cost'].iloc[0]:.2g}, {len(clear)} of {len(lines)} changed"
             if len(clear):
                 largest = clear.loc[clear["change"].abs().idxmax()]
-                told += f", most {largest['label']} ({percent(largest['change'])})"
+                text += f", the most {largest['label']} ({percent(largest['change'])})"
             held = float(data["check"].sel(case=lines["case"].iloc[0], check_name="held_error").mean())
-            cells.append(f"{level:g}: {told}; held stress off by {100 * held:.2g} %")
+            cells.append(f"{level:g}: {text}; error of the held stress {100 * held:.2g} %")
         rows.append([f"{factor}: **{value:g}**", where, *(cells + ["-"] * (2 - len(cells)))])
     return (
-        "## Every default beside its neighbours\n\nBaseline of 1,000 grains along CP. Cost is over that of the "
-        "default; observables that changed are those outside their 95 % interval, the median of all cases "
-        "taken out.\n\n"
+        "## Every default and its neighbours\n\nCP tests of the baseline's 1,000 grains. Cost is relative to the "
+        "default; an observable counts as changed if its change, minus the median over all cases, lies outside its "
+        "95 % interval.\n\n"
         + markdown.table(["default", "where", "next lower", "next higher"], rows)
-        + "\n\nWhat is cheaper and does not show here is kept as a margin. A longer step comes near the limit of law "
-        "paper (the table of time steps), and a denser or more widely graded specimen has a lower limit; a higher rate "
-        "leaves the paper's bound of the inertial number, 3e-4, at low pressure. `quick` takes both."
+        + "\n\nCheaper settings that make no difference here were not adopted as defaults, to keep a safety margin. "
+        "A longer time step approaches the stability limit of the paper's contact law (see the table of time steps), "
+        "and a denser or more widely graded specimen has a lower limit; a higher rate exceeds the paper's limit on the "
+        "inertial number, 3e-4, at low pressure. The `quick` settings give up both margins."
     )
 
 
-def _time_step(data):
+def _time_step(data: xr.Dataset) -> str:
     rows = []
     at = np.flatnonzero(
         [("time step" in f) and p == "cp" for f, p in zip(data["factor"].values, data["path"].values, strict=True)]
@@ -191,39 +213,39 @@ def _time_step(data):
         limit, limits = float(np.nanmean(limits)), limits[np.isfinite(limits)]
         energy = float(case["check"].sel(check_name="energy_balance_error").max())
         held = float(case["check"].sel(check_name="held_error").mean())
-        said = [s for s in np.unique(case["status"].values.astype(str)) if s]
+        errors = [s for s in np.unique(case["status"].values.astype(str)) if s]
         refused = int((limits > 1.0).sum())
-        guard = f"refuses {refused} of {len(limits)} at the start"
+        effect = f"refuses {refused} of {len(limits)} at the start"
         if not refused:
-            guard = "stops the run" if energy > 0.05 else "silent"
-        balance = f"{100 * energy:.2g} %" if np.isfinite(energy) else f"ends: {said[0][:60]}"
-        names = case["factor"].item(), case["level"].item()
+            effect = "stops the run" if energy > 0.05 else "none"
+        balance = f"{100 * energy:.2g} %" if np.isfinite(energy) else f"stopped: {errors[0][:60]}"
+        names = case["factor"].item(), level_text(case["level"].item())
         over = f"{limit:.2f} ({limits.min():.2f} to {limits.max():.2f})"
-        rows.append([*names, over, balance, f"{100 * held:.2g} %", guard])
-    return """## The time step, through the limit and past it
+        rows.append([*names, over, balance, f"{100 * held:.2g} %", effect])
+    return """## The time step below and above the stability limit
 
-The guards were off here but for the pairs with the rate, to see what comes. The limit is that of
-`labkit.dem.time_step`, a bound that is on the safe side; it is the mean over the specimens, the range beside it decides
-what the guard says.
+The checks of the time step and of the energy balance were disabled here, except in the cases combined with the rate, to
+see what happens. The limit is that of `labkit.dem.time_step`, a conservative bound; the table gives the mean over the
+specimens, and in brackets the range, which shows how many of them the check would refuse.
 
 """ + markdown.table(
         [
             "factor",
             "level",
-            "step over limit",
+            "time step / limit",
             CHECKS["energy_balance_error"][0],
             CHECKS["held_error"][0],
-            "what the guards say",
+            "effect of the checks",
         ],
         rows,
     )
 
 
-def _sizes():
-    return "## How many grains\n\n![scatter and error over the number of grains](sizes.png)"
+def _sizes() -> str:
+    return "## Number of grains\n\n![scatter and error against the number of grains](sizes.png)"
 
 
-def _same_on_both(table):
+def _same_on_both(table: pandas.DataFrame) -> str:
     same = table[table["factor"] == "engine"]
     both = same.pivot_table(index="observable", columns="level", values="mean", sort=False)
     if not {"yade", "fused"} <= set(both):
@@ -233,18 +255,19 @@ def _same_on_both(table):
         for name, yade, fused in zip(both.index, both["yade"], both["fused"], strict=True)
     ]
     return (
-        "## YADE and fused\n\nThe same specimens on both engines, law yade, one thread; means over "
-        f"{same['replicates'].max()}. More threads give the same bits on `fused`; on YADE they change the order of "
-        "sums.\n\n" + markdown.table(["", "YADE", "fused", "difference"], rows)
+        "## YADE and fused\n\nThe same specimens on both engines with YADE's contact law, on one thread; means over "
+        f"{same['replicates'].max()} specimens. The number of threads does not change any bit of the results of "
+        "`fused`; on YADE it changes the order of summation.\n\n"
+        + markdown.table(["", "YADE", "fused", "difference"], rows)
     )
 
 
-def _failed(data):
-    said = {}
+def _failed(data: xr.Dataset) -> str:
+    errors: dict[str, str] = {}
     for case, statuses in zip(data["case"].values, data["status"].values.astype(str), strict=True):
         for status in filter(None, statuses):
-            said.setdefault(str(case), status)
-    if not said:
+            errors.setdefault(str(case), status)
+    if not errors:
         return ""
-    rows = [[case, status] for case, status in said.items()]
-    return "## Tests that ended with an error\n\n" + markdown.table(["case", "what was said"], rows)
+    rows = [[case, status] for case, status in errors.items()]
+    return "## Tests that ended with an error\n\n" + markdown.table(["case", "error"], rows)

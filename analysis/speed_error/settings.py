@@ -1,4 +1,4 @@
-"""The section of the page about the sets of settings."""
+"""The section of the page on the sets of settings."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from analysis.speed_error.design import PRESET, PRESSURE, VOID_RATIO
 from analysis.speed_error.observables import OBSERVABLES
 
 NAMES = {"quick": "quick look", "standard": "standard", "reference": "reference", "the paper's": "the paper's"}
-TITLES = {"cp": "## Recommended settings", "cv": "## The same settings along CV"}
+TITLES = {"cp": "## Recommended settings", "cv": "## The same settings in CV tests"}
 
 
 def section(data: xr.Dataset, table: pandas.DataFrame, measured: pandas.DataFrame, path: str) -> str:
-    """The section of a path, Markdown; empty if it has no tests with sets of settings."""
+    """The section for a path, in Markdown; empty if it has no tests with sets of settings."""
     if not levels_of(table, path):
         return ""
-    words, header, rows = settings(data, table, measured, path)
-    return f"{TITLES[path]}\n\n{words}\n\n" + markdown.table(header, rows)
+    text, header, rows = settings(data, table, measured, path)
+    return f"{TITLES[path]}\n\n{text}\n\n" + markdown.table(header, rows)
 
 
 def levels_of(table: pandas.DataFrame, path: str) -> list[str]:
-    """The sets of settings that were tested along a path, in the order of NAMES."""
+    """The sets of settings tested along a path, in the order of NAMES."""
     some = table[(table["path"] == path) & (table["factor"] == PRESET)]
     return [level for level in NAMES if (some["level"] == level).any()]
 
@@ -32,19 +32,19 @@ def levels_of(table: pandas.DataFrame, path: str) -> list[str]:
 def settings(
     data: xr.Dataset, table: pandas.DataFrame, measured: pandas.DataFrame, path: str
 ) -> tuple[str, list[str], list[list[str]]]:
-    """(words, header, rows of text): what each set of settings is, what it costs, and how far it is off along a path.
+    """Introduction, header and rows of a table of the sets of settings: their values, costs and errors.
 
-    `data`: of collect(); `table`: of errors(); `measured`: of measures.settings.
+    `data`: from collect(); `table`: from errors(); `measured`: from measures.settings.
     """
     some = table[(table["path"] == path) & (table["factor"] == PRESET)]
     levels = levels_of(table, path)
     cases = {level: some.loc[some["level"] == level, "case"].iloc[0] for level in levels}
     measured = measured.set_index("case")
 
-    def of(level, name):
+    def of(level: str, name: str) -> pandas.Series:
         return some[(some["level"] == level) & (some["observable"] == name)].iloc[0]
 
-    def cell(level, name):
+    def cell(level: str, name: str) -> str:
         row = of(level, name)
         if level == "reference":
             return f"{row['mean']:.4g}, scatter {100 * row['scatter']:.2g} %"
@@ -63,7 +63,9 @@ def settings(
     rows.append(["contact law", *laws])
     rows.append(["axial rate, 1/s"] + [f"{rate:g}" for rate in rates])
     rows.append(["`--time-step-factor`"] + [f"{factor:.3g}" for factor in factors])
-    rows.append(["**time over standard**"] + [f"**{measured.loc[c, 'over_standard']:.3g}**" for c in cases.values()])
+    rows.append(
+        ["**time relative to standard**"] + [f"**{measured.loc[c, 'over_standard']:.3g}**" for c in cases.values()]
+    )
     rows.append(["minutes, one core, `fused`"] + [f"{measured.loc[c, 'minutes']:.2g}" for c in cases.values()])
     rows.append(["10^9 grain-steps"] + [f"{float(steps.sel(case=cases[x])) * grains[x] / 1e9:.3g}" for x in levels])
     inertial = data["check"].sel(check_name="inertial_number").mean("replicate")
@@ -73,10 +75,11 @@ def settings(
     for name, (label, unit, _) in OBSERVABLES.items():
         if name != held:
             rows.append([f"{label}{f', {unit}' if unit else ''}"] + [cell(level, name) for level in levels])
-    words = {
-        "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; standard is what they do without the "
-        f"option. CP at {PRESSURE / 1e6:g} MPa from e = {VOID_RATIO:g} to {100 * strain:g} % axial strain:",
-        "cv": "At constant volume, where the pressure finds itself; rates and time steps of the settings, but all with "
-        "the same fewer grains: the scatter of specimens is that of this size.",
+    introduction = {
+        "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; `standard` is the default. "
+        f"CP tests at {PRESSURE / 1e6:g} MPa from e = {VOID_RATIO:g} to {100 * strain:g} % axial strain:",
+        "cv": "At constant volume, where the pressure is not controlled. The rates and time steps are those of the "
+        "settings, but all tests use the same smaller number of grains, so the scatter between specimens is that of "
+        "this size.",
     }
-    return words[path], ["", *(NAMES[level] for level in levels)], rows
+    return introduction[path], ["", *(NAMES[level] for level in levels)], rows

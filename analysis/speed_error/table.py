@@ -1,15 +1,16 @@
-"""The results of a study as one labelled data set, the netCDF file that everything else is made of."""
+"""The results of a study as one labelled data set: the netCDF file from which tables, figures and page are made."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 import labkit as lk
-from analysis.speed_error.design import Design
+from analysis.speed_error.design import Case, Design
 from analysis.speed_error.jobs import result_file
 from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from labkit.errors import InputError
@@ -17,22 +18,22 @@ from labkit.io import write_text
 
 ABOUT = {
     "value": "observable of a test",
-    "check": "what tells whether a test can be believed",
-    "seed": "seed of the specimen, 0 where there is no such replicate",
+    "check": "quantity that shows whether a test is valid",
+    "seed": "seed of the specimen, 0 if the case has fewer replicates",
     "grains": "number of grains",
     "steps": "number of time steps",
-    "wall_time": "wall time of the test, consolidation left out",
+    "wall_time": "wall time of the test, without the consolidation",
     "yardstick": "time of a fixed number of steps of a fixed specimen, just before and after the test",
-    "time_step_over_limit": "time step over the stability limit of the specimen",
-    "status": "why there are no values",
+    "time_step_over_limit": "ratio of the time step to the stability limit of the specimen",
+    "status": "error that stopped the test, empty if it is complete",
 }
 UNITS = {"wall_time": "s", "yardstick": "s"}
 
 
 def collect(design: Design, work: str | Path) -> xr.Dataset:
-    """An xarray.Dataset (case, replicate, observable or check) of all results in the folder `work`.
+    """All results in the folder `work`, an xarray.Dataset (case, replicate, observable or check).
 
-    Units of values are those of OBSERVABLES and CHECKS. What is not there yet is NaN, with the status "not run".
+    Units are those of OBSERVABLES and CHECKS. Results of tests not yet run are NaN, with the status "not run".
     """
     replicates = max(len(case.seeds) for case in design.cases)
     shape = len(design.cases), replicates
@@ -44,12 +45,14 @@ def collect(design: Design, work: str | Path) -> xr.Dataset:
     for i, case in enumerate(design.cases):
         for k, seed in enumerate(case.seeds):
             file = result_file(work, case, seed)
-            found = json.loads(file.read_text()) if file.exists() else {"status": "not run", "values": {}}
-            seeds[i, k], status[i, k] = seed, found["status"]
+            result: dict[str, Any] = {"status": "not run", "values": {}}
+            if file.exists():
+                result = json.loads(file.read_text())
+            seeds[i, k], status[i, k] = seed, result["status"]
             for name, column in columns.items():
-                column[i, k] = found.get(name, np.nan)
-            value[i, k] = [found["values"].get(name, np.nan) for name in OBSERVABLES]
-            check[i, k] = [found["values"].get(name, np.nan) for name in CHECKS]
+                column[i, k] = result.get(name, np.nan)
+            value[i, k] = [result["values"].get(name, np.nan) for name in OBSERVABLES]
+            check[i, k] = [result["values"].get(name, np.nan) for name in CHECKS]
     cells = ("case", "replicate")
     data = xr.Dataset(
         {
@@ -77,25 +80,27 @@ def collect(design: Design, work: str | Path) -> xr.Dataset:
             "title": "speed against error of labkit's settings",
         },
     )
-    for name, words in ABOUT.items():
-        data[name].attrs |= {"long_name": words, "units": UNITS.get(name, "1")}
+    for name, description in ABOUT.items():
+        data[name].attrs |= {"long_name": description, "units": UNITS.get(name, "1")}
     return data
 
 
 def open_study(file: str | Path) -> xr.Dataset:
-    """The data set of an earlier study. Raises InputError for anything else."""
+    """The data set of an earlier study. Raises InputError if the file is not one."""
     try:
         data = xr.open_dataset(file)
     except (OSError, ValueError) as error:
-        raise InputError(f"{file} cannot be read as a study ({error}): give the study.nc of one") from None
+        raise InputError(f"{file} cannot be read as a study file ({error}): choose the study.nc of a study") from None
     if not {"value", "check", "status", "yardstick"} <= set(data):
-        raise InputError(f"{file} is not a study: give the study.nc of one")
+        raise InputError(f"{file} is not a study file: choose the study.nc of a study")
     return data
 
 
 def restore(data: xr.Dataset, design: Design, work: str | Path) -> int:
-    """Writes the results that `data`, of collect(), has for cases of the design into the folder `work`, where there is
-    none yet: a study with further cases, or on another computer, then need not repeat them. Returns how many.
+    """Writes the results of an earlier study into the folder `work`, and returns their number.
+
+    A study with further cases, or on another computer, then need not repeat these tests. `data`: from collect(); only
+    cases of the design without a result in `work` are written.
     """
     restored = 0
     for case in design.cases:
@@ -112,8 +117,8 @@ def restore(data: xr.Dataset, design: Design, work: str | Path) -> int:
     return restored
 
 
-def _result(case, row):
-    """What analysis.speed_error.jobs.run_case writes, of one case and replicate of the data set."""
+def _result(case: Case, row: xr.Dataset) -> dict[str, Any]:
+    """Result of one case and replicate of the data set, as analysis.speed_error.jobs.run_case writes it."""
     values = dict(zip(row["observable"].values.tolist(), row["value"].values.tolist(), strict=True))
     values |= dict(zip(row["check_name"].values.tolist(), row["check"].values.tolist(), strict=True))
     status = str(row["status"].item())
@@ -123,5 +128,5 @@ def _result(case, row):
 
 
 def cost(data: xr.Dataset) -> xr.DataArray:
-    """Wall time over the yardstick, median of replicates, (case,): seconds of a computer on which it takes a second."""
+    """Cost (case,): wall time divided by the yardstick, median over replicates."""
     return (data["wall_time"] / data["yardstick"]).median("replicate")

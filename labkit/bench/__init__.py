@@ -1,4 +1,4 @@
-"""Speed on one scene: engines and LAMMPS in turn, the kernel taken apart, statistics, the model's integrators."""
+"""Benchmarks: engines and LAMMPS on one specimen, cost of the kernel, threads, statistics, the model's integrators."""
 
 from labkit.lazy import attach
 

@@ -1,4 +1,7 @@
-"""Speed on one scene, measured in turn: ratios of one run are compared, not times of different ones."""
+"""Speed of engines on one specimen, measured alternately.
+
+Compare the ratios within one benchmark, not the times of different benchmarks.
+"""
 
 from __future__ import annotations
 
@@ -19,52 +22,54 @@ Variant = Callable[[str, int], dict[str, float]]
 
 
 def variants(scene: Scene) -> dict[str, Variant]:
-    """Name -> function (specimen file, steps) -> {quantity: value}, in the order of turns: what this computer has and
-    what knows the contact law of the scene.
+    """Map names to functions (specimen file, steps) -> {quantity: value}, in the order of measurement.
+
+    Contains the engines that are installed on this computer and support the contact law of the scene.
     """
-    found: dict[str, Variant] = {}
+    result: dict[str, Variant] = {}
     if shutil.which("yade") and scene.law == "rolling_resistance":
-        found["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
-        found["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)
-        found["labkit on YADE, 2 threads"] = lambda file, steps: speed("yade", file, steps, 2)
-    if shutil.which("lmp"):
-        found["LAMMPS, 1 process"] = _in_lammps
-    found["fused, 1 thread"] = lambda file, steps: speed("fused", file, FASTER * steps, 1)
-    found["fused, 2 threads"] = lambda file, steps: speed("fused", file, FASTER * steps, 2)
-    return found
+        result["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
+        result["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)
+        result["labkit on YADE, 2 threads"] = lambda file, steps: speed("yade", file, steps, 2)
+    lammps = shutil.which("lmp")
+    if lammps:
+        result["LAMMPS, 1 process"] = lambda file, steps: _in_lammps(lammps, file, steps)
+    result["fused, 1 thread"] = lambda file, steps: speed("fused", file, FASTER * steps, 1)
+    result["fused, 2 threads"] = lambda file, steps: speed("fused", file, FASTER * steps, 2)
+    return result
 
 
-FASTER = 10  # the engine fused takes so many times more steps, so that a measurement lasts
+FASTER = 10  # factor on the number of steps of the fused engine, so that its measurements last long enough
 
 
 def bench(specimen: str, steps: int, rounds: int, progress: Progress) -> dict[str, list[dict[str, float]]]:
-    """Runs every variant `rounds` times in turn; variant -> list of {quantity: value}."""
+    """Run every variant `rounds` times, alternately; return variant -> list of {quantity: value}."""
     measured = variants(read_state(specimen).scene)
-    found: dict[str, list[dict[str, float]]] = {name: [] for name in measured}
+    results: dict[str, list[dict[str, float]]] = {name: [] for name in measured}
     for turn in range(rounds):
         for number, (name, run) in enumerate(measured.items()):
             progress((turn * len(measured) + number) / (rounds * len(measured)), name)
-            found[name].append(run(os.path.abspath(specimen), steps))
+            results[name].append(run(os.path.abspath(specimen), steps))
     progress(1.0, "done")
-    return found
+    return results
 
 
-def _in_lammps(specimen: str, steps: int) -> dict[str, float]:
+def _in_lammps(program: str, specimen: str, steps: int) -> dict[str, float]:
     state = read_state(specimen)
-    rates = velocity_gradient(ConstantVolume(), None, 1.0, state.time_step).diagonal()
-    return {"steps_per_second": bench_lammps.steps_per_second(shutil.which("lmp"), state, rates, steps)}
+    rates = velocity_gradient(ConstantVolume().for_scene(state.scene), None, 1.0, state.time_step).diagonal()
+    return {"steps_per_second": bench_lammps.steps_per_second(program, state, rates, steps)}
 
 
-def table(found: Mapping[str, Sequence[Mapping[str, float]]], grains: int, time_step: float, rate: float) -> str:
-    """Medians, ratios to the first variant (median and range over the rounds), cost of records and of the servo.
+def table(results: Mapping[str, Sequence[Mapping[str, float]]], grains: int, time_step: float, rate: float) -> str:
+    """Tabulate medians, ratios to the first variant (median and range of the rounds), cost of records and servo.
 
-    found: of `bench`; time_step: s; rate: of axial strain, 1/s.
+    results: the result of `bench`; time_step: s; rate: axial strain rate, 1/s.
     """
-    base = [turn["steps_per_second"] for turn in next(iter(found.values()))]
+    base = [turn["steps_per_second"] for turn in next(iter(results.values()))]
     between = ConstantVolume.record_strain / (rate * time_step)
     heading = ("", "steps/s", "grain-steps/s", "ratio", "range", "records, %", "servo, %")
     lines = ["{:<30} {:>9} {:>14} {:>7} {:>13} {:>11} {:>9}".format(*heading)]
-    for name, turns in found.items():
+    for name, turns in results.items():
         speed = [turn["steps_per_second"] for turn in turns]
         ratio = [a / b for a, b in zip(speed, base, strict=True)]
         record = [turn["steps_per_record"] / between for turn in turns if "steps_per_record" in turn]

@@ -1,19 +1,19 @@
 """A specimen in LAMMPS: pair style granular with the same grains, stiffness, friction, dashpots and rolling.
 
-LAMMPS has one set of coefficients for each pair of atom types, where labkit has one for each pair of grains: grains
-are sorted into `classes` of equal width in radius, and a pair has the coefficients of the middles of its classes. In
-the terms of LAMMPS (k the index of a pair of classes, r* = Ra Rb/(Ra + Rb), which it takes of the very grains):
+LAMMPS has one set of coefficients per pair of atom types, labkit one per pair of grains. The grains are therefore
+sorted into `classes` of equal width in radius, and a pair gets the coefficients computed from its class midpoints. In
+LAMMPS terms (k is the index of a pair of classes; r* = Ra Rb/(Ra + Rb), computed from the actual radii):
 
     hooke kn eta, damping velocity      fn = kn delta + eta ddelta/dt               eta = 2 beta_n sqrt(m* kn)
     linear_history kt xgammat mu        |kt xi + xgammat eta dxi/dt| <= mu |fn|     xgammat = ct/cn
     rolling sds k gamma mu              M = k r*^2 theta, |M| <= mu r* |fn|         k = kr/r*^2, gamma = 0, mu = mu_r
 
-so that k is kt and xgammat is sqrt(kt/kn) beta_t/beta_n. Dashpot `tsuji` would take m* of the very grains, but knows
-the restitution alone, through a polynomial fitted for Hertz's law.
+Thus k is kt, and xgammat is sqrt(kt/kn) beta_t/beta_n. The `tsuji` dashpot would use m* of the actual grains, but it
+accepts only the restitution coefficient, through a polynomial fitted for Hertz's law.
 
-What differs from the law spring_dashpot: the limits of friction and of rolling bound springs and dashpots together, and
-fn in them counts the dashpot; histories do not turn about the normal; the forces of a State's history are not taken
-over.
+Differences from the contact law `spring_dashpot`: the friction and rolling limits cap the sum of spring and dashpot,
+and their fn includes the dashpot; the history vectors are not rotated with the normal; the contact forces stored in
+the State are not transferred.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
 
-SKIN = 0.05  # of the mean diameter: the fastest of 0.02 to 0.2 on the full specimen
+SKIN = 0.05  # fraction of the mean diameter: the fastest of 0.02 to 0.2 for the full specimen
 
-# remap v: grains keep their places and their own velocity, and an image moves with the cell. The velocity of the mean
-# field is given to them at the start, because no fix does it.
+# remap v: grains keep their positions and velocities, and images move with the cell. No fix adds the velocity of the
+# mean field, so the input adds it once at the start.
 INPUT = """\
 units si
 atom_style sphere
@@ -67,8 +67,10 @@ run {steps}
 
 @dataclasses.dataclass(frozen=True)
 class LammpsRun:
-    """What LAMMPS writes while the cell deforms: `size` (record, 3) of the cell, m, `stress` (record, 3, 3) of all
-    contact forces, Pa, compression positive, and the seconds of its loop over `steps` steps.
+    """Records of LAMMPS while the cell deforms.
+
+    size (record, 3): cell, m; stress (record, 3, 3): sum over all contact forces, Pa, compression positive;
+    seconds: wall time of the loop over `steps` steps.
     """
 
     size: np.ndarray
@@ -80,14 +82,15 @@ class LammpsRun:
 def write_input(
     folder: str | os.PathLike[str], state: State, rates: np.ndarray, steps: int, settle: int, every: int, classes: int
 ) -> Path:
-    """Writes data and input file of a State into a folder; returns the input file.
+    """Write the LAMMPS data and input files for a State into a folder; return the input file.
 
-    rates (3,): logarithmic rates of the cell, 1/s, expansion positive. settle: steps at rest before. every: steps
-    between two records. classes: of grain size. Raises InputError for a cell that is no box.
+    rates (3,): logarithmic strain rates of the cell, 1/s, expansion positive. settle: number of steps at rest before
+    the deformation. every: number of steps between records. classes: number of grain-size classes. Raises InputError
+    if the cell is not a rectangular box.
     """
     cell = state.cell
     if np.abs(cell - np.diag(np.diag(cell))).max() > 1e-12 * cell.max():
-        raise InputError("the specimen's cell is not rectangular: give a specimen, not a sheared state")
+        raise InputError("the cell of the specimen is not rectangular: use a specimen that has not been sheared")
     size, rates = np.diag(cell), np.asarray(rates, dtype=float)
     kind, middle = size_classes(state.radius, classes)
     data = Path(folder) / "grains.data"
@@ -112,7 +115,7 @@ def write_input(
 
 
 def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Class of each grain (grain,), from 0, and the middle radius of each class (classes,), m."""
+    """Return the class of each grain (grain,), from 0, and the midpoint radius of each class (classes,), m."""
     low, high = radius.min(), radius.max()
     width = (high - low) / classes
     kind = np.minimum(((radius - low) / width).astype(int), classes - 1) if width > 0.0 else np.zeros(len(radius), int)
@@ -120,7 +123,7 @@ def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarr
 
 
 def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> str:
-    """The data file: cell and grains."""
+    """Text of the data file: cell and grains."""
     lines = [f"grains\n\n{state.number_of_grains} atoms\n{classes} atom types\n"]
     lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist(), strict=True)]
     lines += ["\nAtoms # sphere\n"]
@@ -133,7 +136,7 @@ def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> s
 
 
 def _coefficients(scene: Scene, middle: np.ndarray) -> str:
-    """A pair_coeff for each pair of classes with the radii `middle` (classes,), m."""
+    """Write a pair_coeff line for each pair of classes with the midpoint radii `middle` (classes,), m."""
     lines = []
     for first, a in enumerate(middle):
         for second, b in enumerate(middle[first:], first):
@@ -141,9 +144,9 @@ def _coefficients(scene: Scene, middle: np.ndarray) -> str:
                 stiffness(a, b)
                 for stiffness in (scene.normal_stiffness, scene.tangential_stiffness, scene.rolling_stiffness)
             )
-            cn, ct = SpringDashpot().dashpots(scene, a, b)  # whatever the law: LAMMPS has no other damping
+            cn, ct = SpringDashpot().dashpots(scene, a, b)  # for every contact law, because LAMMPS has no other damping
             if cn == 0.0 < ct:
-                raise InputError("beta_t without beta_n is nothing that LAMMPS has: give beta_n above 0 or beta_t = 0")
+                raise InputError("LAMMPS does not support beta_t without beta_n: set beta_n above 0, or beta_t = 0")
             share = ct / cn if cn > 0.0 else 0.0
             rolling = kr / (a * b / (a + b)) ** 2
             lines.append(
@@ -157,7 +160,7 @@ def _coefficients(scene: Scene, middle: np.ndarray) -> str:
 def deform(
     program: str, state: State, rates: np.ndarray, steps: int, settle: int, every: int, classes: int
 ) -> LammpsRun:
-    """A LammpsRun on one core; arguments as in write_input. Raises PhysicsError with its message if LAMMPS fails."""
+    """Run LAMMPS on one core; arguments as in write_input. Raises PhysicsError with LAMMPS's message if it fails."""
     with tempfile.TemporaryDirectory() as folder:
         file = write_input(folder, state, rates, steps, settle, every, classes)
         command = [program, "-in", str(file), "-log", "none"]
@@ -173,6 +176,6 @@ def deform(
 
 
 def steps_per_second(program: str, state: State, rates: np.ndarray, steps: int) -> float:
-    """Speed of LAMMPS on one core, one class of grains. Raises PhysicsError with its message if it fails."""
+    """Measure the speed of LAMMPS on one core with one class of grains. Raises PhysicsError as `deform` does."""
     run = deform(program, state, rates, steps, settle=max(1, steps // 5), every=steps, classes=1)
     return run.steps / run.seconds

@@ -1,7 +1,8 @@
-"""Speed against error of the integrators, and of the finite-element interface; on one core."""
+"""Speed and error of the model's integrators, and speed of its finite-element interface, on one core."""
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path as File
@@ -19,19 +20,19 @@ from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.visuals import plots
 
-RECORD = 0.01  # axial strain between two records, at which the error is taken
+RECORD = 0.01  # axial strain between records, at which the error is evaluated
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 SCIPY = ("RK45", "DOP853", "LSODA", "Radau")
 REPEATS = 3
-BUDGET = 1.0  # s: a run that takes longer is not repeated, and no finer one is tried
+BUDGET = 1.0  # s: a slower run is not repeated, and no finer setting is tried
 POINTS = 20_000
 
-Point = tuple[float, float, float | None]  # setting, seconds, error: None where the integrator gave up
+Point = tuple[float, float, float | None]  # setting, seconds, error or None if the integrator failed
 
 
 def tests(model: Model) -> dict[str, tuple[Path, ModelState]]:
-    """title -> (path, start): smooth, with reversals, and stiff."""
+    """Define a smooth path, one with reversals and a stiff one: title -> (path, start)."""
     start = isotropic_state(model, 0.67, 0.5e6)
     return {
         "CV to 40 %, smooth": (model_path("cv", 0.5e6, strain=0.4), start),
@@ -41,22 +42,23 @@ def tests(model: Model) -> dict[str, tuple[Path, ModelState]]:
 
 
 def measure_all(folder: File) -> str:
-    """Writes model_speed.txt and model_speed.png into the folder; the text."""
+    """Write model_speed.txt and model_speed.png into the folder; return the text."""
     model = Model()
-    found = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
-    text = table(found) + "\n\n" + one_path(model) + "\n\n" + material_points(model) + "\n"
+    results = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
+    text = table(results) + "\n\n" + one_path(model) + "\n\n" + material_points(model) + "\n"
     write_text(folder / "model_speed.txt", text)
-    plots.save(plots.work_precision(found), folder / "model_speed.png")
+    plots.save(plots.work_precision(results), folder / "model_speed.png")
     return text
 
 
 def work(model: Model, path: Path, start: ModelState) -> dict[str, list[Point]]:
-    """label -> list of Points, one for each setting of the integrator."""
+    """Measure every integrator at each of its settings: label -> Points."""
     exact = drive(model, path, start, RECORD, Adaptive(1e-12)).require().stress
+    kinds: dict[str, tuple[Callable[[float], Integrator], Sequence[float]]]
     kinds = {kind.__name__: (kind, STEPS) for kind in FIXED}
     kinds["Adaptive (Dormand-Prince)"] = (Adaptive, TOLERANCES)
     for method in SCIPY:
-        kinds[f"scipy {method}"] = (lambda tolerance, method=method: Scipy(method, tolerance), TOLERANCES)
+        kinds[f"scipy {method}"] = (functools.partial(Scipy, method), TOLERANCES)
     drive(model, model_path("cv", 1.0, strain=1e-3), start, integrator=BackwardEuler(1e-3)).require()  # compiles
     return {label: _curve(model, path, start, make, settings, exact) for label, (make, settings) in kinds.items()}
 
@@ -90,20 +92,20 @@ def _curve(
 
 
 def _error(stress: np.ndarray, exact: np.ndarray) -> float | None:
-    """Largest error of the stress over the largest stress, Frobenius norms; None if it is none."""
+    """Largest stress error divided by the largest stress, Frobenius norms; None if the result is unusable."""
     if stress.shape != exact.shape:
         return None
     norm = np.linalg.norm(stress - exact, axis=(1, 2)).max() / np.linalg.norm(exact, axis=(1, 2)).max()
     return float(norm) if np.isfinite(norm) and norm < 1.0 else None
 
 
-def table(found: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
-    """Time and error of every integrator at every setting, as text. found: title -> label -> Points."""
+def table(results: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
+    """Tabulate time and error of every integrator at every setting. results: title -> label -> Points."""
     lines = [
-        f"Stress error (largest over records, relative) and time; best of {REPEATS}. Fixed steps: strain; others: "
-        "tolerance."
+        f"Relative stress error (maximum over the records) and time (best of {REPEATS}), for each strain step of the "
+        "fixed-step integrators and each tolerance of the others."
     ]
-    for title, curves in found.items():
+    for title, curves in results.items():
         lines += ["", title]
         for label, points in curves.items():
             cells = (f"{s:g}: {t * 1e3:.3g} ms {'failed' if e is None else f'{e:.1e}'}" for s, t, e in points)
@@ -112,7 +114,7 @@ def table(found: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
 
 
 def one_path(model: Model) -> str:
-    """The time of a CV path to 60 % with 601 records whose error is below 1e-6."""
+    """Measure the time of a CV path to 60 % with 601 records at the default tolerance."""
     start = isotropic_state(model, 0.67, 0.5e6)
     path = model_path("cv", 0.5e6, strain=0.6)
     exact = drive(model, path, start, integrator=Adaptive(1e-12)).stress
@@ -128,11 +130,11 @@ def one_path(model: Model) -> str:
 
 
 def material_points(model: Model) -> str:
-    """Updates per second of the finite-element interface, with and without tangent."""
+    """Measure the updates per second of the finite-element interface, with and without the tangent."""
     path = model_path("cv", 0.5e6, strain=0.05)
     y = states(drive(model, path, isotropic_state(model, 0.67, 0.5e6)).state(), POINTS)
     rng = np.random.default_rng(0)
-    lines = [f"material points, {POINTS} at once, tolerance 1e-4; million updates per second:"]
+    lines = [f"updates of {POINTS} material points at once, tolerance 1e-4, in millions per second:"]
     for size in (1e-5, 3e-5, 1e-4, 1e-3):
         d = rng.normal(size=(POINTS, 6))
         d *= size / np.linalg.norm(d, axis=1)[:, None]
@@ -141,12 +143,12 @@ def material_points(model: Model) -> str:
             times = []
             for _ in range(5):
                 begin = time.thread_time()
-                found = update(model, y, d, tangent).require()
+                result = update(model, y, d, tangent).require()
                 times.append(time.thread_time() - begin)
             rates.append(POINTS / min(times) / 1e6)
-        substeps = found.substeps.mean()
+        substeps = result.substeps.mean()
         lines.append(
-            f"  |strain increment| {size:g}: {rates[0]:.2f} state and stress, {rates[1]:.2f} with consistent "
-            f"tangent; {substeps:.2f} substeps"
+            f"  |strain increment| {size:g}: {rates[0]:.2f} for state and stress, {rates[1]:.2f} with the "
+            f"consistent tangent; {substeps:.2f} substeps on average"
         )
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Speed and memory of the statistics of a run: per snapshot in memory, and over the whole file with reading."""
+"""Speed and memory of the statistics of a run: for one snapshot in memory, and for the whole file read anew."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import statistics
 import time
 import tracemalloc
+from collections.abc import Callable
 
 import pandas
 
@@ -20,13 +21,15 @@ WHOLE_RUN = ("statistics", "love_stress", "sff_stress", "size_groups", "strong_n
 
 
 def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFrame:
-    """A pandas.DataFrame: milliseconds of each computation for the last snapshot (median of `rounds`), and seconds and
-    peak memory (MB) of each over the whole run, opened anew.
+    """Tabulate the cost of the statistics of a run file.
+
+    The pandas.DataFrame has the milliseconds of each computation for the last snapshot (median of `rounds`), and the
+    milliseconds and peak memory (MB) of each computation over the whole run, which is opened again for each.
     """
     run = labkit.open_run(file)
     snapshot = run.lab.snapshot(-1)
     group = groups_by_diameter(snapshot, diameter_edges(snapshot, 5))
-    of_one = {
+    computations: dict[str, Callable[[], object]] = {
         "Z, A, Lambda, F, F^t": lambda: fabric(snapshot),
         "Love's stress": lambda: love_stress(snapshot),
         "five size groups": lambda: group_stresses(snapshot, group, 5),
@@ -36,8 +39,11 @@ def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFr
         "reading the snapshot": lambda: run.lab.snapshot(-1),
     }
     size = f"one snapshot of {len(snapshot.contacts)} contacts"
-    rows = [{"what": f"{name}, {size}", "milliseconds": 1e3 * _median(of, rounds)} for name, of in of_one.items()]
-    held = sum(run[name].nbytes for name, variable in run.variables.items() if "contact" in variable.dims) / 1e6
+    rows: list[dict[str, str | float]] = [
+        {"what": f"{name}, {size}", "milliseconds": 1e3 * _median(compute, rounds)}
+        for name, compute in computations.items()
+    ]
+    contact_size = sum(run[name].nbytes for name, variable in run.variables.items() if "contact" in variable.dims) / 1e6
     for name in WHOLE_RUN:
         seconds, peak = _whole(file, name)
         rows.append(
@@ -45,23 +51,24 @@ def bench_statistics(file: str | os.PathLike, rounds: int = 15) -> pandas.DataFr
                 "what": f"{name}, {run.sizes['snapshot']} snapshots",
                 "milliseconds": 1e3 * seconds,
                 "peak_MB": peak,
-                "all_contacts_MB": held,
+                "all_contacts_MB": contact_size,
             }
         )
     return pandas.DataFrame(rows)
 
 
-def _median(of, rounds):
-    taken = []
+def _median(compute: Callable[[], object], rounds: int) -> float:
+    """Return the median time of a computation, s."""
+    seconds = []
     for _ in range(rounds):
         begin = time.perf_counter()
-        of()
-        taken.append(time.perf_counter() - begin)
-    return statistics.median(taken)
+        compute()
+        seconds.append(time.perf_counter() - begin)
+    return statistics.median(seconds)
 
 
-def _whole(file, name):
-    """(seconds, peak MB of Python's and numpy's memory) of a method of the accessor; the memory in a second pass."""
+def _whole(file: str | os.PathLike, name: str) -> tuple[float, float]:
+    """Return the seconds, and in a second pass the peak MB of Python and numpy, of a method of the accessor."""
     begin = time.perf_counter()
     getattr(labkit.open_run(file).lab, name)()
     seconds = time.perf_counter() - begin

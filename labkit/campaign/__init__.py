@@ -1,16 +1,16 @@
-"""A campaign: specimens and runs that a person writes down in one file and a workflow engine carries out.
+"""A campaign: specimens and runs that are defined in one file and carried out by a workflow engine.
 
-document      YAML with lines: fields of a mapping, and every mistake
-keys          the keys that an entry may have, from the one table of parameters
-items         what a campaign holds, as values
+document      YAML with line numbers: the fields of a mapping, and every error
+keys          keys allowed in an entry, from the central parameter table
+items         contents of a campaign as value objects
 file          reads a campaign file; specimens, runs: its two sections
-own_files     the user's own paths, laws and statistics (`use:`), copied into the folder
-plan          jobs, each a command of labkit with its files
-cost          what they take
-workflow      starts Snakemake (Snakefile, profiles/) and says what failed
-products      statistics of each run, and the report
-tables        the same for yade-batch
-collection    all runs as one object
+own_files     user-supplied paths, laws and statistics (`use:`), copied into the campaign folder
+plan          jobs: commands of labkit, with the files that they read and write
+cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
+workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
+products      statistics of each run; report: the page on all runs
+tables        the same campaign as tables for yade-batch
+collection    all runs as one lazy object
 quick.yaml    a campaign that comes with labkit
 """
 

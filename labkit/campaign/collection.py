@@ -1,10 +1,10 @@
-"""All runs of a campaign as one labelled object that reads nothing before it is asked.
+"""All runs of a campaign as one labelled object that is loaded lazily.
 
 runs = labkit.open_campaign("quick")                     # an xarray.Dataset, dimensions run and time
 runs["stress"].sel(run="cp-dense-fused")                 # reads one file
 runs.isel(run=(runs["path"] == "cp").values)             # still lazy: the parameters are in memory
 runs.runs.summary().to_dataframe()                       # one row per run; one run in memory at a time
-runs.runs.open("cp-dense-fused").lab.contacts(3)         # the contacts of one run, see labkit.open_run
+runs.runs.open("cp-dense-fused").lab.contacts(3)         # contacts of one run, see labkit.open_run
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from labkit.io.schema import RECORD, SIZES, Variable
 from labkit.parameters import Parameter, parameters_of
 from labkit.runs.dataset import open_run
 
-OF_FILES = {  # coordinate -> long name; what else is a coordinate is a parameter of path, scene or recipe
+OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
     "path": "loading path",
     "engine": "engine",
-    "specimen": "state file that the run started from",
+    "specimen": "state file from which the run started",
     "seed": "seed of the specimen",
     "grains": "number of grains",
-    "records": "number of records; beyond it the arrays are NaN",
-    "complete": "whether the run is finished",
+    "records": "number of records; later elements of the arrays are NaN",
+    "complete": "True if the run is finished",
     "file": "run file",
 }
-PREFIX = {"path": "target_", "recipe": "specimen_"}  # of a parameter that is also the name of a record
+PREFIX = {"path": "target_", "recipe": "specimen_"}  # for parameters with the name of a recorded variable
 
 
 class _File(NamedTuple):
@@ -53,12 +53,13 @@ class _File(NamedTuple):
 
 
 def open_campaign(*places: str | Path) -> xr.Dataset:
-    """The runs of campaigns, of folders or run files, as one lazy xarray.Dataset.
+    """The runs of campaign folders, or run files, as one lazy xarray.Dataset.
 
-    Dimensions `run` (coordinate: the name) and `time` (records; shorter runs end in NaN), `i`, `j`. Variables are those
-    of labkit.io.schema.RECORD that any run has, and own statistics. Coordinates along `run` are the parameters of the
-    paths, scenes and specimens. One whose name is that of a record has a prefix: `target_strain` is the strain to
-    reach, `specimen_void_ratio` that of the recipe. Raises InputError for a place without run files.
+    Dimensions: `run` (coordinate: the name), `time` (records; shorter runs are padded with NaN), `i`, `j`. Variables:
+    those of labkit.io.schema.RECORD present in at least one run, and user-defined statistics. Coordinates along `run`:
+    parameters of the paths, scenes and specimens. A parameter whose name clashes with a recorded variable gets a
+    prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the recipe. Raises
+    InputError for a path that does not exist or contains no run files.
     """
     files = run_files(places)
     known = [_read(file) for file in files]
@@ -72,23 +73,25 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
 
 
 def run_files(places: Sequence[str | Path]) -> list[Path]:
-    """The run files of folders of campaigns, of folders of run files, and those that are named."""
+    """Run files in campaign folders and in folders of run files, and any given by name."""
     if not places:
-        raise InputError("open_campaign() needs a place: give the folder of a campaign, or run files")
+        raise InputError("open_campaign() needs a path: give a campaign folder or run files")
     files: list[Path] = []
     for place in map(Path, places):
+        if not place.exists():
+            raise InputError(f"{place} does not exist: give a campaign folder or run files")
         folder = place / "runs" if (place / "runs").is_dir() else place
-        found = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
+        in_place = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
         if (place / RECIPES).is_dir():
-            found = [file for file in found if (place / recipe_of(file)).exists()]  # not of earlier campaign files
-        if not found:
-            raise InputError(f"{place} holds no run files: give the folder of a campaign, or run files")
-        files += found
+            in_place = [file for file in in_place if (place / recipe_of(file)).exists()]  # of the current campaign file
+        if not in_place:
+            raise InputError(f"{place} contains no run files: give a campaign folder or run files")
+        files += in_place
     return files
 
 
 def recipe_of(file: Path) -> str:
-    """The recipe of a run file, relative to the folder of its campaign."""
+    """Path of the recipe of a run file, relative to the campaign folder."""
     return f"{RECIPES}/run.{file.name.removesuffix('.run.nc')}.json"
 
 
@@ -102,7 +105,7 @@ def _attributes(units: str, long_name: str) -> dict[str, str]:
 
 
 def _column(cells: Sequence[tuple[Any, dict[str, str]] | None]) -> tuple[str, list[Any], dict[str, str]]:
-    """A coordinate along `run`; a run that lacks it has NaN, or an empty text."""
+    """A coordinate along `run`; NaN or an empty string for a run that lacks it."""
     first = next(cell for cell in cells if cell is not None)
     is_text = any(isinstance(cell[0], str) for cell in cells if cell is not None)
     values = [("" if is_text else np.nan) if cell is None or cell[0] is None else cell[0] for cell in cells]
@@ -139,32 +142,30 @@ def _read(file: Path) -> _File:
 def _parameters(
     of: str, values: Mapping[str, Any], known: Mapping[str, Parameter]
 ) -> dict[str, tuple[Any, dict[str, str]]]:
-    """Coordinates of the parameters of a path, a scene or a recipe: all that the file has, told what they are if they
-    are known here.
-    """
-    found = {}
+    """Coordinates for all parameters of a path, scene or recipe in a file; those that are known have units and help."""
+    coordinates = {}
     for name, value in values.items():
         if isinstance(value, (list, tuple)):
             value = ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in value)
         units, help = (known[name].unit, known[name].help) if name in known else ("", name)
-        found[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
-    return found
+        coordinates[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
+    return coordinates
 
 
 def _described(variable: netCDF4.Variable) -> Variable:
-    """A recorded variable as labkit knows it, or as the file does."""
+    """A recorded variable as labkit defines it, or else as the file describes it."""
     attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
     own = Variable(variable.name, variable.dimensions, "f8", *attributes)
     return RECORD.get(variable.name, own)
 
 
 def _specimen_of(inputs: list[dict[str, Any]]) -> str:
-    """The state file among what a run was made of; files of the user's own stand beside it."""
+    """Name of the state file among the inputs of a run, which may include user-supplied files."""
     return next((Path(one["file"]).name for one in inputs if str(one["file"]).endswith(".state.nc")), "")
 
 
 class _Records(BackendArray):
-    """A recorded variable of all runs, (run, time, ...); reads the files of the runs that are asked for."""
+    """A recorded variable of all runs, (run, time, ...); reads only the files of the selected runs."""
 
     def __init__(self, name: str, files: Sequence[Path], records: Sequence[int], shape: tuple[int, ...]) -> None:
         self.name, self.files, self.records = name, files, records
@@ -195,21 +196,21 @@ def _variable(known: Variable, files: Sequence[Path], records: Sequence[int]) ->
 
 @xr.register_dataset_accessor("runs")
 class Runs:
-    """What can be done with a campaign, or with a selection of its runs, as `campaign.runs`."""
+    """Operations on a campaign, or on a selection of its runs, as `campaign.runs`."""
 
     def __init__(self, campaign: xr.Dataset) -> None:
-        """`campaign`: what labkit.open_campaign gives, or a part of it."""
+        """`campaign`: Dataset from labkit.open_campaign, or a selection of it."""
         self._campaign = campaign
 
     def open(self, name: str) -> xr.Dataset:
-        """One run with its contacts, as labkit.open_run gives it."""
+        """Opens one run with its contacts, as labkit.open_run does."""
         return open_run(str(self._campaign["file"].sel(run=name).values))
 
     def over(self, function: Callable[[xr.Dataset], Numbers]) -> xr.Dataset:
-        """`function(records)` of every run, a Dataset along `run` with the parameters. One run in memory at a time.
+        """Applies `function(records)` to every run, one run in memory at a time; a Dataset along `run`.
 
-        `records`: the records of one run as a Dataset along `time`, with the accessor `.lab` but without contacts;
-        the function returns name -> (value, units, long name).
+        `records`: records of one run as a Dataset along `time`, with the accessor `.lab` but without contacts. The
+        function returns name -> (value, units, long name). The result keeps the parameters as coordinates.
         """
         files = np.atleast_1d(self._campaign["file"].values)
         rows = []
@@ -229,5 +230,5 @@ class Runs:
         return xr.Dataset(columns, coords={name: c for name, c in self._campaign.coords.items() if c.dims == ("run",)})
 
     def summary(self) -> xr.Dataset:
-        """The numbers that the report has of every run: ends, peaks, the critical state, the error of C0."""
+        """The numbers reported for every run: end values, peaks, the critical state, the error of C0."""
         return self.over(numbers)

@@ -1,4 +1,4 @@
-"""What a campaign holds, as values: specimens to make, specimens to consolidate, and runs."""
+"""Contents of a campaign as value objects: specimens to make, specimens to consolidate, and runs."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 from labkit.dem.paths import Path
 from labkit.dem.scene import Scene
-from labkit.dem.simulation import Options, Schedule
+from labkit.dem.schedule import Options, Schedule
 from labkit.dem.specimen import Recipe
 
-USUAL_PRESSURE = 0.5e6  # Pa, stands for the pressure of a specimen that is not made yet
+TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not known before it is made
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,19 +20,19 @@ class Specimen:
 
     name: str
     recipe: Recipe
-    scene: Scene = Scene()
+    scene: Scene = dataclasses.field(default_factory=Scene)
     engine: str = "yade"
     threads: int = 1
 
     @property
     def expected_grains(self) -> int:
-        """Number of grains, about."""
+        """Approximate number of grains."""
         return self.recipe.expected_grains(self.scene)
 
 
 @dataclasses.dataclass(frozen=True)
 class Consolidated:
-    """The specimen `source` brought to `pressure`, Pa, in all directions."""
+    """The specimen `source`, consolidated isotropically to `pressure`, Pa."""
 
     name: str
     source: str
@@ -43,25 +43,26 @@ class Consolidated:
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """A loading path of a specimen. changes: (parameter of the Scene, value) of those that the specimen need not
-    share.
+    """A loading path applied to a specimen.
+
+    changes: (parameter, value) pairs of the Scene that may differ from the specimen's.
     """
 
     name: str
     specimen: str
     path: Path
-    options: Options = Options()
+    options: Options = dataclasses.field(default_factory=Options)
     changes: tuple[tuple[str, Any], ...] = ()
     engine: str = "yade"
     threads: int = 1
 
     def scene(self, specimen: Specimen) -> Scene:
-        """The Scene of the run of a Specimen."""
+        """The Scene of the run, for the Specimen that it starts from."""
         return dataclasses.replace(specimen.scene, **dict(self.changes))
 
-    def loading(self) -> Path:
-        """The path; where its pressure is the specimen's own, which is not known yet, a usual one stands."""
-        return self.path.starting_at(USUAL_PRESSURE)
+    def loading(self, specimen: Specimen) -> Path:
+        """The path with its rate; a typical value replaces a pressure that the specimen will only have when made."""
+        return self.path.for_scene(self.scene(specimen)).starting_at(TYPICAL_PRESSURE)
 
 
 Item = Specimen | Consolidated | Run
@@ -69,9 +70,9 @@ Item = Specimen | Consolidated | Run
 
 @dataclasses.dataclass(frozen=True)
 class Campaign:
-    """What a file asks for, lists multiplied out; names are unique among specimens and among runs.
+    """Contents of a campaign file with its lists expanded; specimens have unique names, and so have runs.
 
-    use: Python files of the user's own that it needs, see labkit.extensions.
+    use: user-supplied Python files that it needs, see labkit.extensions.
     """
 
     name: str
@@ -81,26 +82,30 @@ class Campaign:
     use: tuple[File, ...] = ()
 
     def origin(self, name: str) -> Specimen:
-        """The Specimen that a specimen's name goes back to."""
+        """The Specimen from which the named specimen is derived, or that specimen itself."""
         sources = {item.name: item.source for item in self.consolidated}
         while name in sources:
             name = sources[name]
         return next(item for item in self.specimens if item.name == name)
 
     def consolidation(self, run: Run) -> str | None:
-        """The name of the consolidation that labkit adds before a run, where the run holds a stress that its specimen
-        was not brought to; None for any other run.
+        """Name of the consolidation that labkit inserts before a run, or None.
+
+        It is inserted if the run holds a stress to which its specimen was not consolidated.
         """
         at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
         pressure = run.path.start_pressure()
-        return None if pressure in (None, at) else consolidation_name(run.specimen, pressure, run.engine)
+        return None if pressure is None or pressure == at else consolidation_name(run.specimen, pressure, run.engine)
 
 
 def consolidation_name(specimen: str, pressure: float, engine: str) -> str:
-    """How labkit calls a specimen that it brings to a pressure, Pa, before a run."""
+    """Name of a specimen that labkit consolidates to a pressure, Pa, before a run."""
     return f"{specimen}-at-p{pressure / 1e3:.10g}kPa-{engine}"
 
 
 def schedule_of(run: Run, specimen: Specimen) -> Schedule:
-    """The Schedule of a Run of a Specimen: how many steps and records. Raises InputError when they do not fit."""
-    return Schedule.of(run.loading(), run.scene(specimen).time_step, specimen.expected_grains, run.options)
+    """The Schedule (steps and records) of a Run of a Specimen.
+
+    Raises InputError if rate, strain and time step are incompatible.
+    """
+    return Schedule.of(run.loading(specimen), run.scene(specimen).time_step, specimen.expected_grains, run.options)

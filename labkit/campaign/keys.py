@@ -1,4 +1,4 @@
-"""The keys of a campaign file, name -> Parameter: made of the one table of parameters (labkit.parameters)."""
+"""Keys of a campaign file, name -> Parameter, built from the central parameter table (labkit.parameters)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 from labkit.dem.paths import PATHS, Consolidation, Path
 from labkit.dem.scene import MADE_WITH, Scene
+from labkit.dem.schedule import Options
 from labkit.dem.settings import SETTINGS
-from labkit.dem.simulation import Options
 from labkit.dem.specimen import Recipe
 from labkit.engines import ENGINES
 from labkit.parameters import Parameter, parameter, parameters_of
 
-MOST_GRAINS = 100_000  # of one specimen: hours on one core already
+MOST_GRAINS = 100_000  # per specimen: this many already take hours on one core
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
 
 Keys = dict[str, Parameter]
@@ -23,11 +23,11 @@ Keys = dict[str, Parameter]
 
 @dataclasses.dataclass(frozen=True)
 class Common:
-    """What any entry may say, or the file for all that say nothing."""
+    """Keys allowed in any entry, or at the top of the file as the default for all entries."""
 
-    settings: str = parameter("standard", choices=SETTINGS, help="how fast and how accurate")
-    engine: str = parameter("yade", choices=ENGINES, help="what moves the grains")
-    threads: int = parameter(1, low=1, high=256, help="threads of the engine")
+    settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
+    engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
+    threads: int = parameter(1, low=1, high=256, help="number of threads")
 
 
 def _word(name: str, help: str, choices: object = None) -> Parameter:
@@ -41,18 +41,18 @@ FROM = _word("from", "specimen to consolidate")
 
 
 def options_of(kind: type) -> Keys:
-    """The parameters of a dataclass that a user may set."""
+    """Parameters of a dataclass that a user may set."""
     return {name: known for name, known in parameters_of(kind).items() if known.option}
 
 
 def given(values: Mapping[str, Any], kind: type) -> dict[str, Any]:
-    """The parameters of a dataclass among some values."""
+    """Those of the values that are parameters of a dataclass."""
     known = options_of(kind)
     return {name: value for name, value in values.items() if name in known}
 
 
 def file_keys() -> Keys:
-    """Keys of the file itself, for all entries that say nothing: `Scene` for specimens, `Options` for runs."""
+    """Keys at the top of the file, used as defaults: those of Scene for specimens, those of Options for runs."""
     return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
 
 
@@ -63,23 +63,26 @@ def specimen_keys() -> Keys:
 
 
 def consolidated_keys() -> Keys:
-    """Keys of a specimen that is made of another one."""
+    """Keys of a specimen that is consolidated from another."""
     common = options_of(Common)
     pressure = parameters_of(Consolidation)["pressure"]
     return {FROM.name: FROM, "pressure": pressure, "engine": common["engine"], "threads": common["threads"]}
 
 
 def changes_of_runs() -> Keys:
-    """The parameters of the Scene that a run may change."""
+    """Parameters of the Scene that a run may change."""
     return {name: known for name, known in options_of(Scene).items() if name not in MADE_WITH}
 
 
 def any_run_keys() -> Keys:
-    """Keys of a run, whatever its path is."""
+    """Keys that every run accepts, whatever its path."""
     return {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **options_of(Common)}
 
 
 def run_keys(path: type[Path] | None) -> Keys:
-    """Keys of a run along a path, None for one that is unknown; with those of all other paths, to say more of them."""
+    """Keys of a run along a path, or along an unknown path (None).
+
+    They include the parameters of all other paths, so that messages can name the path a parameter belongs to.
+    """
     others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
     return {**others, **any_run_keys(), **({} if path is None else options_of(path))}

@@ -1,7 +1,8 @@
-"""The user's own Python files of a campaign (`use:`): their hashes, and their copies in the folder of the campaign.
+"""User-supplied Python files of a campaign (`use:`): their copies in the campaign folder.
 
-The folder has all that the campaign needs: its copy of the campaign file names the copies in `extensions/`. So a file
-that is edited while jobs run changes none of them, and the folder can be moved. A file must not need others beside it.
+The folder contains everything that the campaign needs: its copy of the campaign file names the copies in `extensions/`.
+Editing the original files while jobs run has no effect, and the folder can be moved. A file must not depend on other
+files in its folder.
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from labkit.campaign.document import Mistakes, compose, read_text
+from labkit.campaign.document import Errors, compose, is_list, read_text
 from labkit.campaign.file import USE, read_campaign
 from labkit.campaign.items import Campaign
 from labkit.extensions import VARIABLE
 from labkit.io.files import write_text
 
 FOLDER = "extensions"
-CAMPAIGN = "campaign.yaml"  # a copy of the file
+CAMPAIGN = "campaign.yaml"  # copy of the campaign file
 
 
 def copied_names(files: Sequence[Path]) -> list[str]:
-    """Names of the copies, relative to the folder of the campaign: those of the files, told apart where need be."""
+    """Names of the copies, relative to the campaign folder: the original names, made unique where necessary."""
     names: list[str] = []
     for file in files:
         tries = (f"{FOLDER}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
@@ -31,7 +32,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
 
 
 def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
-    """Puts the campaign file of that text and the files that it uses into the folder, where they are not there yet."""
+    """Writes the campaign file with this text and the files that it uses to the folder, unless they are up to date."""
     names = copied_names(campaign.use)
     texts = dict(zip(names, map(read_text, campaign.use), strict=True))
     if campaign.use:
@@ -42,14 +43,14 @@ def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
 
 
 def with_use(text: str, names: Sequence[str]) -> str:
-    """The text of a campaign file with `use:` of these files, in place of what it says; nothing else is changed."""
-    root = compose(text, Mistakes())
+    """Text of a campaign file with its `use:` replaced by these files; nothing else is changed."""
+    root = compose(text, Errors())
     if root is None or not names:
         return text
     use = f"{USE}: {json.dumps(list(names))}"
     for key, value in root.value:
         if key.value == USE:
-            ending = "\n" * (value.id == "sequence" and not value.flow_style)  # it ends where the next key begins
+            ending = "\n" * (is_list(value) and not value.flow_style)  # a block list ends where the next key begins
             return f"{text[: key.start_mark.index]}{use}{ending}{text[value.end_mark.index :]}"
     begin = root.start_mark.index
     if root.flow_style:
@@ -58,6 +59,6 @@ def with_use(text: str, names: Sequence[str]) -> str:
 
 
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """The Campaign of a folder from the copies there alone, whatever LABKIT_USE says; for processes of their own."""
+    """The Campaign of a folder, read only from the copies stored there; ignores LABKIT_USE. For separate processes."""
     os.environ[VARIABLE] = ""
     return read_campaign(Path(folder) / CAMPAIGN)

@@ -1,12 +1,12 @@
-"""The jobs of a campaign: commands of labkit with the files that they read and write, in folders of the campaign.
+"""The jobs of a campaign: commands of labkit with the files that they read and write, in the campaign folder.
 
-    specimens/    state files, made or consolidated     runs/         run files, finished ones only
-    unfinished/   what a run has so far                  statistics/   a netCDF file with a row per run
-    figures/      of each run                            recipes/      a JSON file per job: what decides its result
-    logs/         what each job said                     report.md     all runs in one page, with provenance
-    extensions/   the user's own files (own_files.py)
+    specimens/    state files, made or consolidated     runs/         run files of finished runs
+    unfinished/   state and run files in progress       statistics/   a netCDF file per run
+    figures/      a figure per run                      recipes/      a JSON file per job: what determines its result
+    logs/         the output of each job                report.md     all runs on one page, with provenance
+    extensions/   user-supplied files (own_files.py)    outdated/     results of earlier parameters
 
-A recipe is written only when it changes, so that whoever compares times of files repeats what depends on it alone.
+A recipe is rewritten only if it changes, so that tools that compare file times rerun only the jobs that depend on it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 from labkit.campaign.items import Campaign, Consolidated, Item, Run, Specimen
 from labkit.campaign.keys import changes_of_runs, options_of
 from labkit.dem.scene import Scene
-from labkit.dem.simulation import Options
+from labkit.dem.schedule import Options
 from labkit.dem.specimen import Recipe
 from labkit.engines import ENGINES
 from labkit.errors import option_name
@@ -30,16 +30,18 @@ from labkit.io.provenance import file_sha256
 from labkit.parameters import Parameter, with_unit
 
 STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
-OUTDATED = "outdated"  # what was made with other parameters
-RECIPES, LOGS, REPORT = "recipes", "logs", "report.md"
+OUTDATED = "outdated"  # results of earlier parameters
+RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Job:
-    """One command. kind: specimen, consolidation or run; arguments: of the command, without its files; source: the
-    state file that it starts from; extensions: hashes of the user's own files that its result depends on; digest: of
-    all that decides its result, the jobs before it among them. Files are relative to the folder of the campaign.
+    """One command of labkit; its files are relative to the campaign folder.
+
+    kind: specimen, consolidation or run; arguments: those of the command, without its files; source: the state file
+    that it starts from; extensions: hashes of the user-supplied files that its result depends on; digest: hash of
+    everything that determines its result, including the jobs that it depends on.
     """
 
     kind: str
@@ -54,27 +56,27 @@ class Job:
 
     @property
     def recipe(self) -> str:
-        """Where it is written down."""
+        """Path of the recipe file."""
         return f"{RECIPES}/{self.kind}.{self.name}.json"
 
     @property
     def log(self) -> str:
-        """Where its messages are."""
+        """Path of the log file."""
         return f"{LOGS}/{self.kind}.{self.name}.log"
 
     @property
     def unfinished(self) -> str:
-        """Where it writes until it is finished: a name of its own for other parameters."""
+        """Path written to until the job is finished; it differs for different parameters."""
         return f"{UNFINISHED}/{self.name}.{self.digest[:12]}.{self.ending}"
 
     @property
     def ending(self) -> str:
-        """Of the file that it makes."""
+        """Ending of the name of the file that the job produces."""
         return "run.nc" if self.kind == "run" else "state.nc"
 
     @property
     def command(self) -> list[str]:
-        """The command line after `labkit`, as a person would type it in the folder."""
+        """The command line after `labkit`, as typed in the campaign folder."""
         first, *rest = self.arguments
         if self.kind == "run":
             return [first, rest[0], str(self.source), *rest[1:], "-o", self.unfinished]
@@ -83,7 +85,7 @@ class Job:
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """The jobs of a campaign in an order in which they could be done."""
+    """The jobs of a campaign, each after the jobs that it depends on."""
 
     campaign: Campaign
     specimens: tuple[Job, ...]
@@ -92,17 +94,17 @@ class Plan:
 
     @property
     def jobs(self) -> tuple[Job, ...]:
-        """All of them."""
+        """All jobs."""
         return (*self.specimens, *self.consolidations, *self.runs)
 
     @property
     def engines(self) -> list[str]:
-        """Names of the engines that it needs."""
+        """Names of the engines that the jobs need."""
         return sorted({job.item.engine for job in self.jobs})
 
 
 def plan_of(campaign: Campaign) -> Plan:
-    """The Plan of a Campaign. Runs that hold the same stress share one consolidation of their specimen."""
+    """The Plan of a Campaign. Runs of a specimen that hold the same stress share one consolidation."""
     hashes = tuple(map(file_sha256, campaign.use))
     made = {item.name: _specimen_job(item, hashes) for item in campaign.specimens}
     consolidated: dict[str, Job] = {}
@@ -140,26 +142,26 @@ def _run_job(item: Run, source: Job, origin: Specimen, hashes: tuple[str, ...]) 
         *_options(options_of(Options), vars(item.options)),
         *_options(changes_of_runs(), vars(item.scene(origin)), vars(origin.scene)),
     ]
-    return _job("run", item, arguments, source, hashes)  # statistics of one's own are recorded by all runs
+    return _job("run", item, arguments, source, hashes)  # every run records user-defined statistics
 
 
 def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]) -> tuple[str, ...]:
-    """The hashes of the user's own files, if a contact law or an engine is the user's own."""
+    """Hashes of the user-supplied files, if the contact law or the engine is user-defined."""
     kinds = (type(scene.contact_law), ENGINES[item.engine])
     return () if all(kind.__module__.startswith("labkit.") for kind in kinds) else hashes
 
 
-def _options(known: Mapping[str, Parameter], values: Mapping[str, Any], usual: Mapping[str, Any] = {}) -> list:
-    """Options of the command line for the values that are not the usual ones, nor None."""
+def _options(known: Mapping[str, Parameter], values: Mapping[str, Any], defaults: Mapping[str, Any] = {}) -> list[str]:
+    """Command-line options for the values that are not None and differ from the defaults."""
     return [
         f"{option_name(name)}={_text(values[name], one.unit)}"
         for name, one in known.items()
-        if values[name] is not None and (name not in usual or values[name] != usual[name])
+        if values[name] is not None and (name not in defaults or values[name] != defaults[name])
     ]
 
 
 def _text(value: Any, unit: str) -> str:
-    """A value as an option says it, to the last digit, in a form that labkit.parameters takes without a question."""
+    """A value as the text of an option, to the last digit; a pressure has its unit."""
     if isinstance(value, tuple):
         return ",".join(_text(one, unit) for one in value)
     if unit == "Pa" and isinstance(value, float):
@@ -169,20 +171,20 @@ def _text(value: Any, unit: str) -> str:
 
 def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extensions: tuple[str, ...]) -> Job:
     arguments = [*arguments, f"--engine={item.engine}", f"--threads={item.threads}"]
-    decides = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
-    digest = hashlib.sha256(json.dumps(decides).encode()).hexdigest()
+    determining = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
+    digest = hashlib.sha256(json.dumps(determining).encode()).hexdigest()
     output = f"{RUNS}/{item.name}.run.nc" if kind == "run" else f"{STATES}/{item.name}.state.nc"
     before = source.output if source else None
     return Job(kind, item.name, tuple(arguments), output, before, item.threads, item, extensions, digest)
 
 
 def deciding(arguments: list[str], engine: str) -> list[str]:
-    """The arguments that decide the result: the engine fused gives the same bits on any number of threads."""
+    """Arguments that determine the result: the fused engine gives the same bits on any number of threads."""
     return [one for one in arguments if engine != "fused" or not one.startswith("--threads=")]
 
 
 def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
-    """Makes the folders and writes the recipes that are not there or differ; removes those of jobs that are gone."""
+    """Makes the folders, writes new and changed recipes, and removes recipes of jobs that are no longer planned."""
     folder = Path(folder)
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -198,7 +200,7 @@ def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
 
 
 def _set_aside(folder: Path, job: Job) -> None:
-    """Moves what a job of that name made with other parameters into the folder OUTDATED: it is no result any more."""
+    """Moves the results of a job with earlier parameters into the folder OUTDATED."""
     products = [f"{STATISTICS}/{job.name}.nc", f"{FIGURES}/{job.name}.png"] if job.kind == "run" else []
     for name in [job.output, *products]:
         if (folder / name).exists():
@@ -207,8 +209,8 @@ def _set_aside(folder: Path, job: Job) -> None:
 
 
 def recipe_text(job: Job) -> str:
-    """What decides the result of a job, as JSON."""
-    known: dict[str, Any] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
+    """Everything that determines the result of a job, as JSON."""
+    recipe: dict[str, Any] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
     if job.extensions:
-        known["extensions"] = list(job.extensions)
-    return json.dumps(known, indent=1) + "\n"
+        recipe["extensions"] = list(job.extensions)
+    return json.dumps(recipe, indent=1) + "\n"

@@ -1,13 +1,14 @@
-"""The section `specimens` of a campaign file: specimens to make, and specimens that are made of others."""
+"""The section `specimens` of a campaign file: specimens to make, and specimens consolidated from others."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from labkit.campaign.document import Entry, Fields, Mistakes, read_fields, similar
+from labkit.campaign.document import Entry, Errors, Fields, is_mapping, read_fields, similar
 from labkit.campaign.items import Consolidated, Specimen
 from labkit.campaign.keys import (
     FROM,
@@ -29,8 +30,10 @@ from labkit.parameters import restored
 
 @dataclasses.dataclass(frozen=True)
 class Specimens:
-    """What the section says. groups: name in the file -> names of the specimens that it makes, none after a mistake;
-    origins: name of any specimen -> the Specimen that it goes back to.
+    """The parsed contents of the section.
+
+    groups: name in the file -> names of its specimens, empty if the entry is invalid; origins: name of any specimen ->
+    the Specimen from which it is derived.
     """
 
     made: tuple[Specimen, ...]
@@ -39,45 +42,46 @@ class Specimens:
     origins: Mapping[str, Specimen]
 
 
-def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], mistakes: Mistakes) -> Specimens:
-    """The Specimens of the section; `top`: what the file says for all that say nothing."""
+def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], errors: Errors) -> Specimens:
+    """Reads the section. `top`: the defaults at the top of the file."""
     groups: dict[str, list[str]] = {}
     made: list[Specimen] = []
-    lines, others = {}, {}
+    lines: dict[str, int] = {}
+    others: dict[str, Fields] = {}
     for name, line, node in section:
         groups[name], lines[name] = [], line
         where = f"specimen {name}"
-        if node.id == "mapping" and any(key.value == FROM.name for key, _ in node.value):
-            others[name] = read_fields(node, consolidated_keys(), where, mistakes, line=line)
+        if is_mapping(node) and any(key.value == FROM.name for key, _ in node.value):
+            others[name] = read_fields(node, consolidated_keys(), where, errors, line=line)
             continue
-        fields = read_fields(node, specimen_keys(), where, mistakes, MULTIPLIED["specimens"], line=line)
+        fields = read_fields(node, specimen_keys(), where, errors, MULTIPLIED["specimens"], line=line)
         items = _made(name, fields, top)
         groups[name] = [item.name for item in items]
         made += items
     origins = {item.name: item for item in made}
-    consolidated = _all_consolidated(others, groups, origins, lines, top, mistakes)
+    consolidated = _all_consolidated(others, groups, origins, lines, top, errors)
     named = [(one, lines[name]) for name, ones in groups.items() for one in ones]
     reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({'|'.join(map(re.escape, ENGINES))})")  # Campaign.consolidation
     for one, line in named:
         if reserved.fullmatch(one):
-            mistakes.add(line, f"specimen {one}: labkit names consolidations of its own so: give another name")
-    require_unique(named, "specimen", mistakes)
+            errors.add(line, f"specimen {one}: labkit reserves this name for its own consolidations: choose another")
+    require_unique(named, "specimen", errors)
     return Specimens(tuple(made), tuple(consolidated), groups, origins)
 
 
 def chosen_settings(values: Mapping[str, Any], top: Mapping[str, Any]) -> Settings:
-    """The Settings of an entry, or else of the file."""
+    """The Settings of an entry, or else those at the top of the file."""
     return settings(values.get("settings", top.get("settings", Common.settings)))
 
 
 def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    """Engine and threads of an entry, or else of the file."""
+    """Engine and threads of an entry, or else those at the top of the file."""
     return {name: value for name in ("engine", "threads") if (value := values.get(name, top.get(name))) is not None}
 
 
 def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
-    """The Specimens of one entry, one for each seed; none when something is wrong with it."""
-    before = fields.mistakes.count
+    """The Specimens of one entry, one per seed; empty if the entry has errors."""
+    errors_before = fields.errors.count
     chosen = chosen_settings(fields.values, top)
     fields.require(known for known in specimen_keys().values() if known.default is dataclasses.MISSING)
     size, material = given(fields.values, Recipe), {**given(top, Scene), **given(fields.values, Scene)}
@@ -92,8 +96,9 @@ def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
     fields.attempt(lambda: require_engine(specimen.engine, scene))
     if fields.attempt(lambda: recipe.side_of(scene)) and specimen.expected_grains > MOST_GRAINS:
         most = side_for(MOST_GRAINS, recipe.void_ratio, scene) * 1e3
-        fields.mistake(f"side for {specimen.expected_grains} grains: give at most {most:.2g} mm, or grains", "side")
-    if fields.mistakes.count > before:
+        problem = f"side makes about {specimen.expected_grains} grains: give at most {most:.2g} mm, or `grains`"
+        fields.error(problem, "side")
+    if fields.errors.count > errors_before:
         return []
     several = isinstance(seeds, list)
     named = [(f"{name}-s{seed}" if several else name, seed) for seed in (seeds if several else [seeds])]
@@ -108,36 +113,36 @@ def _all_consolidated(
     origins: dict[str, Specimen],
     lines: Mapping[str, int],
     top: Mapping[str, Any],
-    mistakes: Mistakes,
+    errors: Errors,
 ) -> list[Consolidated]:
-    """The Consolidated of these entries, a source before what is made of it; adds to the groups and the origins."""
+    """The Consolidated of these entries, each after its source; adds them to the groups and the origins."""
     for fields in others.values():
         fields.require([consolidated_keys()["pressure"]])
         source = fields.values.get(FROM.name)
         if source is not None and source not in groups:
-            fields.mistake(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
+            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
     sources = {name: fields.values.get(FROM.name) for name, fields in others.items()}
-    cyclic = _cycles(sources, lines, mistakes)
+    cyclic = _cycles(sources, lines, errors)
     waiting = [name for name in sources if name not in cyclic]
-    found = []
+    consolidated = []
     while waiting:
         name = next(one for one in waiting if sources[one] not in waiting)
         waiting.remove(name)
         fields = others[name]
         for item in _consolidated(name, fields, groups, top):
             origins[item.name] = origin = origins[item.source]
-            fields.attempt(lambda: require_engine(item.engine, origin.scene))
+            fields.attempt(functools.partial(require_engine, item.engine, origin.scene))
             path = restored(Consolidation, {"pressure": item.pressure})
-            fields.attempt(lambda: require_pressure(path, origin.scene))
+            fields.attempt(functools.partial(require_pressure, path, origin.scene))
             groups[name].append(item.name)
-            found.append(item)
-    return found
+            consolidated.append(item)
+    return consolidated
 
 
 def _consolidated(
     name: str, fields: Fields, groups: Mapping[str, Sequence[str]], top: Mapping[str, Any]
 ) -> list[Consolidated]:
-    """The Consolidated of one entry: as many as its source has names; none when something is wrong with it."""
+    """The Consolidated of one entry, one per specimen of its source; empty if the entry has errors."""
     source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
     if fields.broken or pressure is None or source is None:
         return []
@@ -146,27 +151,27 @@ def _consolidated(
     return [Consolidated(made, one, pressure, **chosen) for made, one in zip(names, ones, strict=True)]
 
 
-def _cycles(sources: Mapping[str, str | None], lines: Mapping[str, int], mistakes: Mistakes) -> set[str]:
-    """Names of specimens that are made of themselves, or of such. `sources`: name -> name."""
+def _cycles(sources: Mapping[str, str | None], lines: Mapping[str, int], errors: Errors) -> set[str]:
+    """Names of specimens that are derived from themselves, or from such a specimen. `sources`: name -> source."""
     cyclic = set()
     for name in sources:
-        way, before = [name], sources[name]
-        while before is not None and before in sources and before not in way:
-            way.append(before)
-            before = sources[before]
-        if before in way:
+        chain, source = [name], sources[name]
+        while source is not None and source in sources and source not in chain:
+            chain.append(source)
+            source = sources[source]
+        if source in chain:
             cyclic.add(name)
-            loop = way[way.index(before) :]
+            loop = chain[chain.index(source) :]
             if name == min(loop, key=lambda one: lines[one]):
-                said = " from ".join([*loop, loop[0]])
-                mistakes.add(lines[name], f"specimen {name} is made of itself ({said}): begin with a void ratio")
+                problem = f"specimen {name} is derived from itself ({' from '.join([*loop, loop[0]])})"
+                errors.add(lines[name], f"{problem}: start from a specimen with a void ratio")
     return cyclic
 
 
-def require_unique(named: Iterable[tuple[str, int]], what: str, mistakes: Mistakes) -> None:
-    """Names that are made twice are mistakes; `named`: (name, line)."""
+def require_unique(named: Iterable[tuple[str, int]], what: str, errors: Errors) -> None:
+    """Adds an error for each name that occurs twice. `named`: (name, line) pairs."""
     first: dict[str, int] = {}
     for name, line in named:
         if name in first:
-            mistakes.add(line, f"{what} {name} is made twice, also in line {first[name]}: give another name")
+            errors.add(line, f"{what} {name} is defined twice, first in line {first[name]}: choose another name")
         first.setdefault(name, line)

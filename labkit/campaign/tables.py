@@ -1,4 +1,4 @@
-"""The same campaign as tables for yade-batch, for those who work so: specimens, consolidations and paths on YADE."""
+"""A campaign as tables for yade-batch: specimens, consolidations and loading paths on YADE."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": 
 
 
 def write_tables(plan: Plan, folder: Path) -> list[Path]:
-    """Writes a table per kind of job into the folder; returns the files. Raises InputError for a job on another engine
-    than yade, which yade-batch cannot start.
+    """Writes a table per kind of job into the folder; returns the files.
+
+    Raises InputError if a job needs another engine than yade, which yade-batch cannot start.
     """
     others = [job for job in plan.jobs if job.item.engine != "yade"]
     if others:
-        has = f"{others[0].name} has the engine {others[0].item.engine}"
-        raise InputError(f"yade-batch runs the engine yade alone, {has}: give `engine: yade`")
+        problem = f"yade-batch runs only the engine yade, and {others[0].name} has the engine {others[0].item.engine}"
+        raise InputError(f"{problem}: give `engine: yade`")
     folder.mkdir(parents=True, exist_ok=True)
     groups = {"specimen": plan.specimens, "consolidation": plan.consolidations, "run": plan.runs}
     written = []
@@ -34,7 +35,7 @@ def write_tables(plan: Plan, folder: Path) -> list[Path]:
 
 
 def table_text(kind: str, jobs: Sequence[Job]) -> str:
-    """A table: a line of columns, a row per job. `*` is the default of an option."""
+    """Text of a table: a line with the columns, then a row per job. `*` stands for the default of an option."""
     rows = [_row(job) for job in jobs]
     columns = list(dict.fromkeys(name for row in rows for name in row))
     script = f"yade_scripts/{SCRIPTS[kind]}"

@@ -1,10 +1,13 @@
-"""Starts Snakemake on a campaign and says at the end what failed and why."""
+"""Runs Snakemake on a campaign and reports at the end what failed and why."""
 
 from __future__ import annotations
 
 import contextlib
 import importlib.util
+import os
 import re
+import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -15,6 +18,7 @@ from labkit.campaign.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, write_
 from labkit.dem.engine import Progress, silent
 from labkit.engines import die_with_parent
 from labkit.errors import InputError, Interrupted
+from labkit.io.extras import install_command
 from labkit.io.interruption import only_writer
 
 HERE = Path(__file__).resolve().parent
@@ -24,28 +28,31 @@ LOG = f"{LOGS}/snakemake.log"
 
 
 def require_snakemake(profile: str | None = None) -> None:
-    """Raises InputError with the way to get Snakemake, and SLURM's executor, unless they are there."""
-    needed = ["snakemake"] + ["snakemake_executor_plugin_slurm"] * (profile == "slurm")
+    """Raises InputError if Snakemake, or anything else that the profile needs, is not installed."""
+    slurm = profile is not None and uses_slurm(profile)
+    needed = ["snakemake"] + ["snakemake_executor_plugin_slurm"] * slurm
     if any(importlib.util.find_spec(name) is None for name in needed):
-        raise InputError("Snakemake is not installed here: pip install 'labkit[campaign]' brings it")
-    if profile is not None:
-        profile_folder(profile)
+        raise InputError(f"Snakemake is not installed: install it with {install_command('campaign')}")
+    if slurm and shutil.which("sbatch") is None:
+        problem = "needs SLURM, but its command sbatch is not on the PATH of this computer"
+        allowed = "it on a login node of the cluster, or leave it out to run the jobs here"
+        raise InputError(problem, field="profile", value=profile, allowed=allowed)
 
 
 def run_workflow(
     plan: Plan, text: str, folder: Path, cores: int, profile: str | None = None, progress: Progress = silent
 ) -> int:
-    """Brings the campaign of that text up to date in its folder; returns Snakemake's exit code.
+    """Brings the campaign described by the text up to date in its folder; returns Snakemake's exit code.
 
-    `profile`: None for this computer, `slurm`, or the folder of a profile of Snakemake. Raises InputError when another
-    process works in the folder.
+    profile: None for this computer, `slurm`, or the folder of a Snakemake profile. Raises InputError if another
+    process is running a campaign in the folder, Interrupted after Ctrl-C.
     """
     require_snakemake(profile)
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
         write_recipes(plan, folder)
         copy_campaign(plan.campaign, text, folder)
-        for job in plan.jobs:  # what is said of a failure must be of this time
+        for job in plan.jobs:  # so that the reason of a failure comes from this attempt
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
         return _watched(command(cores, profile), folder, progress)
@@ -53,23 +60,27 @@ def run_workflow(
 
 @contextlib.contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Raises InputError when another campaign is under way in the folder."""
+    """Context that keeps other campaigns out of the folder. Raises InputError if one is running there."""
     with contextlib.ExitStack() as held:
         try:
             held.enter_context(only_writer(folder / "campaign"))
         except InputError:
-            said = f"another campaign is under way in {folder}: wait for it, or give another --folder"
-            raise InputError(said) from None
+            problem = f"another campaign is running in {folder}: wait for it, or give another --folder"
+            raise InputError(problem) from None
         yield
 
 
-def _watched(words: Sequence[str], folder: Path, progress: Progress) -> int:
-    """Runs Snakemake, tells `progress` how far it is and keeps what it says in its log; its exit code."""
+def _watched(command_line: Sequence[str], folder: Path, progress: Progress) -> int:
+    """Runs Snakemake, reports its progress and writes its output to the log; returns its exit code.
+
+    Snakemake and its jobs form a process group, so that Ctrl-C reaches each of them exactly once.
+    """
     with open(folder / LOG, "w") as log:
         child = subprocess.Popen(
-            words,
+            command_line,
             cwd=folder,
             preexec_fn=die_with_parent,
+            process_group=0,
             text=True,
             errors="replace",
             stdin=subprocess.DEVNULL,
@@ -84,16 +95,19 @@ def _watched(words: Sequence[str], folder: Path, progress: Progress) -> int:
                 if done:
                     progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
             return child.wait()
-        except KeyboardInterrupt:  # the terminal sent it to the jobs too: they write their checkpoints
-            child.wait()
-            raise Interrupted(f"interrupted; the same command goes on from there ({folder})", 130) from None
+        except KeyboardInterrupt:
+            print("labkit: stopping; running jobs write their checkpoints", file=sys.stderr, flush=True)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
+            child.communicate()
+            raise Interrupted(f"interrupted; repeat the same command to resume ({folder})", 130) from None
 
 
 def command(cores: int, profile: str | None) -> list[str]:
-    """Snakemake's command line, for the folder of the campaign.
+    """Snakemake's command line, to be run in the campaign folder.
 
-    Our own lock keeps a second one out and is gone with a killed process, as Snakemake's is not. A job moves its output
-    into place as a whole, so that what Snakemake takes for incomplete after a kill is not.
+    labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
+    move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
     """
     arguments = [
         "--snakefile",
@@ -113,33 +127,44 @@ def command(cores: int, profile: str | None) -> list[str]:
     return [sys.executable, "-m", "snakemake", *arguments]
 
 
+def uses_slurm(profile: str) -> bool:
+    """True if a profile submits its jobs to SLURM. Raises InputError if there is no such profile."""
+    text = (profile_folder(profile) / "config.yaml").read_text(encoding="utf-8", errors="replace")
+    return re.search(r"""^executor:\s*["']?slurm\b""", text, re.MULTILINE) is not None
+
+
 def profile_folder(profile: str) -> Path:
-    """The folder of a profile of Snakemake: one of labkit's by its name, or the user's own. Raises InputError."""
+    """Folder of a Snakemake profile: one of labkit's, by its name, or a user's. Raises InputError for any other."""
     for folder in (PROFILES / profile, Path(profile).resolve()):
         if (folder / "config.yaml").is_file():
             return folder
     known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
-    raise InputError("is not a folder with a config.yaml", field="profile", value=profile, allowed=f"one, or {known}")
+    raise InputError(
+        "is not a folder with a config.yaml", field="profile", value=profile, allowed=f"such a folder, or {known}"
+    )
 
 
 def tell(plan: Plan, folder: Path, code: int) -> int:
-    """Says how the campaign stands after Snakemake's exit code; the exit code of the command."""
+    """Reports the status of the campaign after Snakemake ended with `code`; returns the exit code of the command."""
     failed, waiting = failures(plan, folder)
     for kind, name, reason in failed:
         print(f"labkit: {kind} {name} failed: {reason}", file=sys.stderr)
     if waiting:
-        print(f"labkit: not begun{' because of these' * bool(failed)}: {', '.join(waiting)}", file=sys.stderr)
-    there = sum((folder / job.output).exists() for job in plan.runs)
-    print(f"{folder}: {there} of {len(plan.runs)} runs are finished; see {folder / REPORT}")
+        print(
+            f"labkit: not started{' because of these failures' * bool(failed)}: {', '.join(waiting)}", file=sys.stderr
+        )
+    finished = sum((folder / job.output).exists() for job in plan.runs)
+    print(f"{folder}: {finished} of {len(plan.runs)} runs are finished; see {folder / REPORT}")
     if code and not failed:
         print(f"labkit: Snakemake ended with exit status {code}: see {folder / LOG}", file=sys.stderr)
     return 1 if failed or code else 0
 
 
 def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """What is not there: (kind, name, reason) of the jobs that failed, names of those that were not begun."""
+    """Missing results: (kind, name, reason) of the jobs that failed, and names of those that were not started."""
     folder = Path(folder)
-    failed, waiting = [], []
+    failed: list[tuple[str, str, str]] = []
+    waiting: list[str] = []
     for job in plan.jobs:
         if (folder / job.output).exists():
             continue
@@ -155,9 +180,9 @@ def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]]
 
 
 def reason(log: Path) -> str:
-    """What a job said last, without labkit's name."""
+    """The last message of a job, without the prefix `labkit: `."""
     lines = log.read_text(errors="replace").strip().splitlines()
-    said = [line for line in lines if line.startswith("labkit: ")]
-    if said:
-        return said[-1].removeprefix("labkit: ")
-    return f"ended without a message, killed perhaps: see {log.name} in {LOGS}/"
+    messages = [line for line in lines if line.startswith("labkit: ")]
+    if messages:
+        return messages[-1].removeprefix("labkit: ")
+    return f"ended without a message, perhaps killed: see {log.name} in {LOGS}/"

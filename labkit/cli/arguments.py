@@ -1,85 +1,107 @@
-"""Options of the command line, made of the table of parameters; the same for `labkit`, `yade -n -x` and yade-batch."""
+"""Command-line options, built from the parameter table; the same for `labkit`, `yade -n -x` and yade-batch."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
-from labkit.cli.parser import Parser
+from labkit.cli.parser import Options, Parser
+from labkit.dem.paths import Path
 from labkit.dem.settings import SETTINGS
 from labkit.engines import ENGINES
 from labkit.errors import InputError, option_name
 from labkit.parameters import Parameter, help_of, parameters_of
 
 
-def add_parameters(
-    parser: argparse.ArgumentParser, kind: type, leave_out: Iterable[str] = (), unset: bool = False
-) -> None:
-    """An option for every parameter of a dataclass; its value is text, which `given` reads.
+def add_parameters(parser: Options, kind: type, leave_out: Iterable[str] = (), unset: bool = False) -> None:
+    """Adds an option for every parameter of a dataclass; its value is text, which `given` collects.
 
-    unset: the defaults are not the class's but something that the help cannot know.
+    unset: True if the defaults are not those of the class but are determined at run time, so that the help omits them.
     """
     for known in parameters_of(kind).values():
         if known.option and known.name not in leave_out:
             _add(parser, known, help_of(known, None if unset else known.default))
 
 
-def add_path_parameters(parser: argparse.ArgumentParser, kinds: Iterable[type], leave_out: Iterable[str] = ()) -> None:
-    """An option for every parameter that any of these paths has; the help says what it is for which path."""
-    options: dict[str, dict[str, list[str]]] = {}
+def add_path_parameters(
+    parser: Options,
+    kinds: Iterable[type[Path]],
+    leave_out: Iterable[str] = (),
+    shown: Collection[type[Path]] | None = None,
+) -> None:
+    """Adds an option for every parameter of these paths; its help gives the meaning for each path.
+
+    shown: the paths whose parameters appear in the help (default: all).
+    """
+    helps: dict[str, dict[str, list[str]]] = {}
     first: dict[str, Parameter] = {}
     for kind in kinds:
         for known in parameters_of(kind).values():
             if known.name in leave_out:
                 continue
             first.setdefault(known.name, known)
-            options.setdefault(known.name, {}).setdefault(help_of(known), []).append(kind.name)  # type: ignore[attr-defined]
-    for name, helps in options.items():
-        said = [f"{text}, of {', '.join(paths)}" if len(helps) > 1 else text for text, paths in helps.items()]
-        _add(parser, first[name], "; ".join(said))
+            meanings = helps.setdefault(known.name, {})
+            if shown is None or kind in shown:
+                meanings.setdefault(help_of(known), []).append(kind.name)
+    for name, meanings in helps.items():
+        several = len(meanings) > 1
+        texts = [f"{', '.join(paths)}: {text}" if several else text for text, paths in meanings.items()]
+        _add(parser, first[name], "; ".join(texts) if texts else argparse.SUPPRESS)
 
 
-def _add(parser: argparse.ArgumentParser, known: Parameter, help: str) -> None:
+def _add(parser: Options, known: Parameter, help: str) -> None:
     choices = f"; one of {', '.join(known.choices)}" if known.choices is not None else ""
-    parser.add_argument(option_name(known.name), metavar=known.name.upper(), help=help + choices)
+    help = help if help == argparse.SUPPRESS else help + choices
+    parser.add_argument(option_name(known.name), metavar=known.name.upper(), help=help)
 
 
-def given(options: argparse.Namespace, kind: type) -> dict[str, str]:
-    """The parameters of a dataclass that the command line gives, as text."""
-    found = {name: getattr(options, name, None) for name in parameters_of(kind)}
-    return {name: text for name, text in found.items() if text is not None}
+def given(options: argparse.Namespace, kind: type) -> dict[str, Any]:
+    """Parameters of a dataclass that are given on the command line, as text."""
+    values = {name: getattr(options, name, None) for name in parameters_of(kind)}
+    return {name: text for name, text in values.items() if text is not None}
 
 
-def add_engine_options(parser: argparse.ArgumentParser) -> None:
-    """--engine and --threads."""
-    engines = tuple(ENGINES)
-    parser.add_argument("--engine", choices=engines, default="yade", help="what moves the grains (default: yade)")
-    parser.add_argument("--threads", type=threads, default=1, help="threads of the engine (default: 1)")
+def add_engine_options(parser: Options) -> None:
+    """Adds --engine and --threads."""
+    engine = f"simulation engine, one of {', '.join(ENGINES)} (default: yade)"
+    parser.add_argument("--engine", type=one_of(ENGINES), default="yade", help=engine)
+    parser.add_argument("--threads", type=threads, default=1, metavar="N", help="number of threads (default: 1)")
 
 
-def add_settings_option(parser: argparse.ArgumentParser) -> None:
-    """--settings, of labkit.dem.settings."""
+def add_settings_option(parser: Options) -> None:
+    """Adds --settings, a choice from labkit.dem.settings."""
     parser.add_argument(
         "--settings",
-        choices=SETTINGS,
-        help="how fast and how accurate, see results/speed_error: size "
-        "of a specimen, rate of a run, time step of both (default: standard)",
+        type=one_of(SETTINGS),
+        help=f"trade-off between speed and accuracy, one of {', '.join(SETTINGS)}: chooses the size of a specimen, the "
+        "rate of a run and the time step of both (default: standard)",
     )
 
 
+def one_of(choices: Collection[str]) -> Callable[[str], str]:
+    """Type of an option that accepts these values; for a registry, the message mentions --use."""
+
+    def read(text: str) -> str:
+        if text not in choices:
+            allowed = getattr(choices, "allowed", None) or f"one of {', '.join(choices)}"
+            raise argparse.ArgumentTypeError(f"{text!r} is unknown: give {allowed}")
+        return text
+
+    return read
+
+
 def positive_int(text: str) -> int:
-    """A whole number from 1."""
-    value = int(text)
-    if value < 1:
-        raise ValueError(text)
-    return value
+    """A positive integer."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
 
 
 def threads(text: str) -> int:
-    """A number of threads that this computer can bear."""
+    """A number of threads that this computer can support."""
     value, most = positive_int(text), 4 * (os.cpu_count() or 1)
     if value > most:
         raise argparse.ArgumentTypeError(f"{value} threads are too many for this computer: give at most {most}")
@@ -87,9 +109,9 @@ def threads(text: str) -> int:
 
 
 def parse_in_yade(parser: Parser) -> argparse.Namespace:
-    """The options of a script inside YADE: of a yade-batch table where there is one, else of the command line.
+    """Options of a script inside YADE: those of a row of the yade-batch table if there is one, else the command line.
 
-    A column of the table is the name of an option with `_` for `-`; strings stand in quotes.
+    A column of the table has the name of an option with `_` for `-`; strings are quoted.
     """
     if not os.environ.get("YADE_BATCH"):
         return parser.parse_args(sys.argv[1:])
@@ -101,7 +123,7 @@ def parse_in_yade(parser: Parser) -> argparse.Namespace:
     columns = {name: text for name, text in row.items() if name != "description" and not name.startswith("!")}
     unknown = sorted(set(columns) - known)
     if unknown:
-        raise InputError(f"{table} has a column {unknown[0]!r}: use {', '.join(sorted(known))}")
+        raise InputError(f"{table} has an unknown column {unknown[0]!r}: use {', '.join(sorted(known))}")
     positional = [action.dest for action in parser._actions if not action.option_strings]
     values = {name: text.strip("'\"") for name, text in columns.items() if text != "*"}
     argv = [values.pop(name) for name in positional if name in values]
@@ -110,8 +132,8 @@ def parse_in_yade(parser: Parser) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def require(value: Any, field: str, instead: str | None = None) -> Any:
-    """Raises InputError if something without a default was not given."""
+def require(value: Any, field: str, example: str | None = None) -> Any:
+    """Returns the value. Raises InputError if it was not given. example: what to give."""
     if value is None:
-        raise InputError(f"is missing: give it{' ' * bool(instead)}{instead or ''} (see --help)", field=field)
+        raise InputError(f"is missing: give {example or 'it'} (see --help)", field=field)
     return value

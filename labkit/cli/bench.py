@@ -1,4 +1,4 @@
-"""`labkit bench` and `bench-statistics`: speed on one scene, engine beside engine."""
+"""`labkit bench` and `bench-statistics`: speed of engines and of statistics on one scene."""
 
 from __future__ import annotations
 
@@ -11,15 +11,20 @@ from labkit.io.progress import reporter
 
 def bench_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit bench`."""
-    parser.add_argument("specimen", help="state file")
+    parser.add_argument("specimen", metavar="SPECIMEN", help="state file")
     parser.add_argument(
         "--what",
-        choices=("engines", "features", "sizes"),
+        choices=("engines", "features", "sizes", "threads"),
         default="engines",
-        help="compare engines (default), what each feature of the engine fused costs, or sizes of specimens",
+        help="compare engines (default), features of the fused engine by their cost, specimens of several sizes, or "
+        "threads of the fused engine on free and busy cores",
     )
-    parser.add_argument("--steps", type=positive_int, default=500, help="steps of one measurement")
-    parser.add_argument("--rounds", type=positive_int, default=5, help="measurements of each, in turn")
+    parser.add_argument(
+        "--steps", type=positive_int, default=500, metavar="N", help="steps per measurement (default: 500)"
+    )
+    parser.add_argument(
+        "--rounds", type=positive_int, default=5, metavar="N", help="measurements of each, in turn (default: 5)"
+    )
 
 
 @command("bench", bench_options)
@@ -33,8 +38,13 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
         from labkit.bench.engines import bench, table
         from labkit.dem.paths import ConstantVolume
 
-        found = bench(options.specimen, options.steps, options.rounds, progress)
-        print(table(found, state.number_of_grains, state.time_step, ConstantVolume().rate))
+        results = bench(options.specimen, options.steps, options.rounds, progress)
+        print(table(results, state.number_of_grains, state.time_step, ConstantVolume.default_rate(state.scene)))
+        return
+    if options.what == "threads":
+        from labkit.bench.threads import threads
+
+        print(threads(options.specimen, 10 * options.steps, options.rounds, progress))
         return
     from labkit.bench import kernel
 
@@ -46,7 +56,7 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
 
 def statistics_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit bench-statistics`."""
-    parser.add_argument("run", help="run file")
+    parser.add_argument("run", metavar="RUN", help="run file")
 
 
 @command("bench-statistics", statistics_options)

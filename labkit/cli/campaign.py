@@ -1,4 +1,4 @@
-"""`labkit campaign FILE`: validates, estimates, runs."""
+"""`labkit campaign FILE`: validates a campaign, estimates its cost and carries it out."""
 
 from __future__ import annotations
 
@@ -17,28 +17,39 @@ if TYPE_CHECKING:
 
 
 def campaign_options(parser: argparse.ArgumentParser) -> None:
-    """Options of a campaign."""
-    parser.add_argument("file", nargs="?", help="campaign file, or `quick`, which comes with labkit")
-    parser.add_argument("--folder", help="where the results go (default: the campaign's name, here)")
+    """Options of `labkit campaign`."""
+    parser.add_argument(
+        "file", metavar="FILE", nargs="?", help="campaign file (YAML), or `quick`, an example that comes with labkit"
+    )
+    parser.add_argument("--folder", help="folder for the results (default: named after the campaign, in this folder)")
     parser.add_argument(
         "--cores",
         type=positive_int,
         default=os.cpu_count() or 1,
-        help="of this computer, to be filled with jobs (default: all)",
+        metavar="N",
+        help="number of cores to use for jobs (default: all)",
     )
     parser.add_argument(
-        "--profile", help="slurm, or the folder of a profile of Snakemake: where the jobs run (default: here)"
+        "--profile", help="where the jobs run: slurm, or a Snakemake profile folder (default: this computer)"
     )
-    parser.add_argument("--dry-run", action="store_true", help="only say what would run, how long, and how large")
-    parser.add_argument("--measure", action="store_true", help="measure the speed of this computer again first")
-    parser.add_argument("--tables", metavar="FOLDER", help="only write the tables for yade-batch there")
-    parser.add_argument("--snakefile", action="store_true", help="only say where the Snakefile is")
+    parser.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="only print what would run, how long it would take and how much disk space it needs",
+    )
+    parser.add_argument(
+        "--measure", action="store_true", help="measure the speed of this computer again, for the estimate"
+    )
+    parser.add_argument("--tables", metavar="FOLDER", help="only write the tables for yade-batch to this folder")
+    parser.add_argument(
+        "--snakefile", action="store_true", help="only print the path of the Snakefile, for use with snakemake itself"
+    )
 
 
 @command("campaign", campaign_options)
 def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
-    """Returns 1 when something failed."""
-    from labkit.campaign import cost, tables, workflow
+    """Returns 1 if a job failed."""
+    from labkit.campaign import cost, speeds, tables, workflow
     from labkit.campaign.file import campaign_file, read_campaign
     from labkit.campaign.plan import plan_of
 
@@ -55,10 +66,10 @@ def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
     folder = Path(options.folder or campaign.name)
     require_possible(plan, folder, options)
     if options.dry_run or options.measure:
-        known = None if options.measure else cost.known_speeds(plan.engines)
-        speeds = known or cost.measure_speeds(plan.engines, reporter("measuring"))
+        known = None if options.measure else speeds.known_speeds(plan.engines)
+        measured = known or speeds.measure_speeds(plan.engines, reporter("measuring"))
         if options.dry_run:
-            print(cost.summary(plan, speeds, options.cores))
+            print(cost.summary(plan, measured, options.cores))
             return 0
     text = file.read_text(encoding="utf-8")
     code = workflow.run_workflow(plan, text, folder, options.cores, options.profile, reporter(campaign.name))
@@ -66,7 +77,7 @@ def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
 
 
 def require_possible(plan: Plan, folder: Path, options: argparse.Namespace) -> None:
-    """Raises InputError unless this computer has what the plan needs, and the folder can be written."""
+    """Raises InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
     from labkit.campaign import workflow
     from labkit.engines import find_yade
 

@@ -1,4 +1,4 @@
-"""Reads a command line, runs its command, and says in one line what went wrong."""
+"""Parses a command line, runs its command and reports an error in one line."""
 
 from __future__ import annotations
 
@@ -8,70 +8,82 @@ import sys
 
 import labkit
 from labkit import extensions
+from labkit.cli.descriptions import description_of, examples_of
 from labkit.cli.parser import Parser, named
 from labkit.cli.registry import Command, find, helps
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 
+COMMANDS_EPILOG = """\
+`labkit COMMAND --help` explains a command and gives an example.
+
+exit codes: 0 done; 1 the simulation or a check failed; 2 invalid input; 130 or 143 stopped by a signal"""
+
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs a command; returns 0 done, 1 the physics or a check failed, 2 bad input, 128 + the number of a signal."""
+    """Runs a command line and reports an error in one line.
+
+    Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
+    """
     argv = sys.argv[1:] if argv is None else argv
     try:
         return call(argv)
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, named), exit_code(error))
-    except BrokenPipeError:  # whoever read the output has seen enough
+    except BrokenPipeError:  # the reader of the output closed it, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
         return fail(sentence(error), 1)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
-    except Exception as error:  # of a path, law, statistic, engine or figure of the user's own
-        said = extensions.blamed(error)
-        if said is None:
+    except Exception as error:  # from a user-defined path, law, statistic, engine or figure
+        blamed = extensions.blamed(error)
+        if blamed is None:
             raise
-        return fail(said, 2)
+        return fail(blamed, 2)
 
 
 def call(argv: list[str]) -> int:
-    """Runs a command and returns its exit code. Raises InputError, PhysicsError or Interrupted where it gives up."""
+    """Runs a command line and returns its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
     os.environ.setdefault("MPLBACKEND", "Agg")  # commands draw into files
     for file in files_to_use(argv):
         extensions.use(file)
     command = find(argv[0]) if argv else None
-    options, unknown = parser_for(command).parse_known_args(argv)
+    options, unknown = parser_for(command, argv).parse_known_args(argv)
     if unknown:
-        raise InputError(f"{unknown[0]} is not an option of {_told(command)}")
-    if command is None:  # --help and --version have ended, and what is unknown was refused
+        name = "labkit" if command is None else f"labkit {command.name}"
+        raise InputError(f"{unknown[0]} is not an option of {name} (see {name} --help)")
+    if command is None:  # --help, --version and unknown commands were handled by the parser
         raise InputError("a command is missing: give one (see labkit --help)")
     return command.execute(options, argv) or 0
 
 
 def files_to_use(argv: list[str]) -> list[str]:
-    """What the command line names with --use: the options of a command may depend on it."""
-    after = [value for option, value in itertools.pairwise(argv) if option == "--use"]
-    return after + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]
+    """Files named with --use; they are loaded first, because the options of a command may depend on them."""
+    separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
+    return separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]
 
 
-def parser_for(command: Command | None) -> Parser:
-    """The parser, with the options of this command; of all others it knows the names."""
-    parser = Parser(prog="labkit", description="A virtual laboratory for granular soil.")
+def parser_for(command: Command | None, argv: list[str]) -> Parser:
+    """The parser with the options of this command; other commands are listed by name only."""
+    parser = Parser(
+        prog="labkit",
+        description="A virtual laboratory for granular soil: specimens of grains, tests on them, and what they show.",
+        epilog=COMMANDS_EPILOG,
+    )
     parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for name, said in helps().items():
-        one = commands.add_parser(name, help=said, description=f"{said[0].upper()}{said[1:]}.")
+    for name, summary in helps().items():
+        one: Parser = commands.add_parser(name, help=summary, description=description_of(name, summary))
         if command is not None and name == command.name:
+            one.command_line = argv[1:]
             command.options(one)
             one.add_argument(
                 "--use",
                 action="append",
                 metavar="FILE",
-                help="Python file of your own that registers paths, contact laws, statistics, engines or figures",
+                help="Python file that registers paths, contact laws, statistics, engines or figures",
             )
+            one.epilog = "\n\n".join(text for text in (one.epilog, examples_of(name)) if text)
+            one.shorten_usage()
     return parser
-
-
-def _told(command: Command | None) -> str:
-    name = "labkit" if command is None else f"labkit {command.name}"
-    return f"{name} (see {name} --help)"

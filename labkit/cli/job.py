@@ -1,8 +1,8 @@
 """One job of a workflow: `python -m labkit.cli.job KIND [NAME]`, in the folder of a campaign.
 
-A specimen, a consolidation or a run is the command of its recipe into the file for unfinished work, which is moved to
-its place when it is finished. So an engine that removes the outputs of a broken job does not lose a checkpoint. What it
-says goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
+For a specimen, a consolidation or a run, the job runs the command of its recipe. It writes to a temporary file that is
+moved into place when finished, so that a workflow engine that removes the outputs of a failed job does not delete its
+checkpoint. Its output goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
 """
 
 from __future__ import annotations
@@ -11,19 +11,21 @@ import contextlib
 import os
 import sys
 from collections.abc import Callable
+from os.path import exists
 from pathlib import Path
 
+from labkit.campaign.items import Run
 from labkit.campaign.own_files import read_copy
-from labkit.campaign.plan import FIGURES, RUNS, Job, Plan, plan_of
+from labkit.campaign.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
 from labkit.cli.dispatch import main as run_command
 from labkit.engines import die_with_parent
 from labkit.errors import InputError, PhysicsError, exit_code, fail, sentence
 
 
 def main(kind: str, *name: str) -> int:
-    """Does the job; returns the exit code of its command."""
+    """Carries out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
-    die_with_parent()  # a workflow that is killed leaves nobody who writes its files
+    die_with_parent()  # after a kill of the workflow, no job continues to write files
     plan = plan_of(read_copy())
     products: dict[str, Callable[..., None]] = {"statistics": statistics, "figure": figure, "report": report}
     if kind not in products:
@@ -36,37 +38,38 @@ def main(kind: str, *name: str) -> int:
 
 
 def simulate(job: Job) -> int:
-    """Runs the command of a job with its log; returns its exit code."""
+    """Runs the command of a job, with its output in the log; returns its exit code."""
     with open(job.log, "w") as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
-        code = _to_its_place(job)
+        code = _run_and_move(job)
     if code:
-        last = Path(job.log).read_text().strip().splitlines()[-1:] or ["it said nothing"]
+        last = Path(job.log).read_text().strip().splitlines()[-1:] or ["no output"]
         print(f"{job.kind} {job.name}: {last[0]}", file=sys.stderr)
     return code
 
 
-def _to_its_place(job: Job) -> int:
+def _run_and_move(job: Job) -> int:
+    """Runs the command of a job and moves its output into place; returns its exit code."""
     try:
         code = run_command(job.command)
-    except Exception as error:  # the log tells the rest
+    except Exception as error:  # the traceback follows in the log
         fail(f"{type(error).__name__}: {error}", 1)
         raise
     if code == 0:
         os.replace(job.unfinished, job.output)
         for other in Path(job.unfinished).parent.glob(f"{job.name}.{'?' * 12}.{job.ending}"):
-            other.unlink()  # of earlier parameters
+            other.unlink()  # written with earlier parameters
     return code
 
 
 def statistics(plan: Plan, name: str) -> None:
-    """Writes the numbers of a run."""
+    """Writes the statistics of a run."""
     from labkit.campaign import products
 
     products.write_statistics(name)
 
 
 def figure(plan: Plan, name: str) -> None:
-    """Draws Love's stress and C0 along a run."""
+    """Draws Love's stress and C0 during a run."""
     from labkit.runs.dataset import open_run
     from labkit.visuals import plots
 
@@ -75,10 +78,15 @@ def figure(plan: Plan, name: str) -> None:
 
 
 def report(plan: Plan) -> None:
-    """Writes the page of the campaign."""
-    from labkit.campaign import products
+    """Draws the overview of all finished runs and writes the report."""
+    from labkit.campaign.report import write_report
+    from labkit.visuals import plots
+    from labkit.visuals.campaign_figure import overview
 
-    products.write_report(plan)
+    finished = [(item, job.output) for job in plan.runs if isinstance(item := job.item, Run) and exists(job.output)]
+    if finished:
+        plots.save(overview(finished), OVERVIEW, [file for _, file in finished])
+    write_report(plan)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""`labkit verify`, `critical`, `figure`, `picture`, `paraview`, `watch` and `info`: to look at runs and specimens."""
+"""`labkit verify`, `critical`, `figure`, `picture`, `paraview`, `watch` and `info`: views of runs and specimens."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from labkit.cli.arguments import positive_int
+from labkit.cli.arguments import one_of, positive_int
+from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import layer_options, stratified
 from labkit.errors import InputError
 from labkit.io.files import labkit_kind, make_folder, require_writable
-from labkit.io.provenance import write_told
+from labkit.io.provenance import write_with_provenance
 from labkit.runs.figures import FIGURES
 
 if TYPE_CHECKING:
@@ -22,15 +23,17 @@ if TYPE_CHECKING:
 
 def verify_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit verify`."""
-    parser.add_argument("run", nargs="+", help="run files")
-    parser.add_argument("-o", "--output", help="figure (default: beside the first run file)")
-    parser.add_argument("--rows", type=positive_int, default=20, help="rows of the table (default: 20)")
-    parser.add_argument("--csv", help="file for the checks and limits as CSV")
+    parser.add_argument("run", metavar="RUN", nargs="+", help="run file")
+    _add_figure_output(parser, "next to the first run file")
+    parser.add_argument(
+        "--rows", type=positive_int, metavar="N", default=20, help="number of rows of the table (default: 20)"
+    )
+    _add_csv(parser, "the checks and limits")
 
 
 @command("verify", verify_options)
 def do_verify(options: argparse.Namespace, argv: list[str]) -> int:
-    """Returns 1 when a check fails."""
+    """Prints the checks of each run and draws them; returns 1 if a check fails."""
     from labkit.runs import verify
     from labkit.visuals import plots
 
@@ -38,63 +41,87 @@ def do_verify(options: argparse.Namespace, argv: list[str]) -> int:
     verify.require_contacts(runs)
     figure = options.output or figure_name(options.run[0], "verify")
     require_outputs(figure, options.csv)
-    found = {name: verify.findings(run) for name, run in runs.items()}
+    findings = {name: verify.findings(run) for name, run in runs.items()}
     for name, run in runs.items():
         print(
             f"{name}: path {run.attrs['path']}, {run.sizes['grain']} grains, {run.sizes['time']} records"
             + ("" if run.attrs["complete"] else ", not complete yet")
         )
         print(verify.table(run, options.rows))
-        print(*found[name], sep="\n")
+        print(*findings[name], sep="\n")
     plots.save(plots.sff_against_love(runs), figure, options.run)
     print(f"figure: {figure}")
     if options.csv:
-        write_told(options.csv, verify.findings_csv(found), options.run)
-    return 0 if all(f.holds for lines in found.values() for f in lines if f.decides) else 1
+        write_with_provenance(options.csv, verify.findings_csv(findings), options.run)
+    return 0 if all(f.holds for lines in findings.values() for f in lines if f.decides) else 1
+
+
+def _add_figure_output(parser: argparse.ArgumentParser, place: str, default: str | None = None) -> None:
+    parser.add_argument("-o", "--output", metavar="FILE", default=default, help=f"figure to write (default: {place})")
+
+
+def _add_csv(parser: argparse.ArgumentParser, content: str = "the table") -> None:
+    parser.add_argument("--csv", metavar="FILE", help=f"also write {content} as CSV, to this file")
 
 
 def critical_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit critical`."""
-    parser.add_argument("run", nargs="+", help="run files")
-    parser.add_argument("-o", "--output", default="critical.png", help="figure (default: critical.png)")
-    parser.add_argument("--csv", help="file for the table as CSV")
+    parser.add_argument("run", metavar="RUN", nargs="+", help="run file")
+    parser.add_argument(
+        "--min-strain",
+        type=float,
+        metavar="STRAIN",
+        help="axial strain that a test must reach to be included (default: 0.15)",
+    )
+    _add_figure_output(parser, "critical.png", "critical.png")
+    _add_csv(parser)
 
 
 @command("critical", critical_options)
 def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
-    """Prints the table of critical states and draws the e-p paths."""
-    from labkit.runs.critical import critical_states, is_shear
+    """Prints the table of critical states and draws the e-p and q-p paths."""
+    from labkit.runs.critical import ENOUGH_STRAIN, critical_states, require_critical
     from labkit.visuals import plots
 
-    runs = open_runs(options.run)
+    opened, min_strain = open_runs(options.run), ENOUGH_STRAIN if options.min_strain is None else options.min_strain
+    runs, left_out = require_critical(opened, min_strain)
+    files = [file for file, name in zip(options.run, opened, strict=True) if name in runs]
     require_outputs(options.output, options.csv)
-    runs = {name: run for name, run in runs.items() if is_shear(run)}
-    if not runs:
-        raise InputError("none of these runs is a shear test: give runs of cv, cr, cp, or of another path of shear")
+    print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
     scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
     print(f"M of all: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
-    plots.save(plots.e_p_paths(runs), options.output, options.run)
+    plots.save(plots.e_p_paths(runs), options.output, files)
     print(f"figure: {options.output}")
     if options.csv:
-        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), options.run)
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), files)
 
 
 def figure_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit figure`."""
-    parser.add_argument("figure", metavar="FIGURE", choices=tuple(FIGURES), help=", ".join(FIGURES))
-    parser.add_argument("run", help="run file")
-    parser.add_argument("--variable", help="of the figure `records`: which recorded variable")
-    parser.add_argument("--groups", type=positive_int, default=5, help="size groups (default: 5)")
-    parser.add_argument("--snapshot", type=int, default=-1, help="which one, from the end if negative (default: -1)")
-    parser.add_argument("-o", "--output", help="figure (default: beside the run file)")
-    parser.add_argument("--csv", help="file for the table as CSV")
+    parser.add_argument("figure", metavar="FIGURE", type=one_of(FIGURES), help=f"one of {', '.join(FIGURES)}")
+    parser.add_argument("run", metavar="RUN", help="run file")
+    parser.add_argument("--variable", help="recorded variable to draw (figure `records` only)")
+    parser.add_argument(
+        "--groups", type=positive_int, metavar="N", default=5, help="number of grain-size groups (default: 5)"
+    )
+    parser.add_argument(
+        "--snapshot",
+        type=int,
+        metavar="N",
+        default=-1,
+        help="number of the snapshot; a negative number counts from the end (default: -1)",
+    )
+    _add_figure_output(parser, "next to the run file")
+    _add_csv(parser)
+    if isinstance(parser, Parser) and {"-h", "--help"} & set(parser.command_line):  # needs matplotlib
+        parser.epilog = listed("figure", {name: summary_of(FIGURES[name]) for name in FIGURES})
 
 
 @command("figure", figure_options)
 def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
-    """Draws a figure of a run; its table goes to a CSV file or is printed."""
+    """Draws a figure of a run, and prints its table or writes it as CSV."""
     import labkit
     from labkit.runs.dataset import require_snapshots
     from labkit.visuals import plots
@@ -105,33 +132,34 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
     output = options.output or figure_name(options.run, options.variable or options.figure)
     require_outputs(output, options.csv)
     if not of_records:
-        require_snapshots(run, options.run, [options.snapshot], ", or draw its shares")
-    more = {"variable": options.variable} if options.variable is not None else {}
-    if more and "variable" not in inspect.signature(draw).parameters:
+        require_snapshots(run, options.run, [options.snapshot], ", or draw the figure shares")
+    keywords = {"variable": options.variable} if options.variable is not None else {}
+    if keywords and "variable" not in inspect.signature(draw).parameters:
         raise InputError(
-            f"is for the figure records, not for {options.figure}: leave it out",
+            f"applies only to the figure records, not to {options.figure}: leave it out",
             field="variable",
             value=options.variable,
         )
-    figure, table = draw(run, options.groups, options.snapshot, **more)
+    figure, table = draw(run, options.groups, options.snapshot, **keywords)
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
-        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
     else:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
 
 def picture_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit picture`."""
-    parser.add_argument("file", help="state or run file")
+    parser.add_argument("file", metavar="FILE", help="state or run file")
     parser.add_argument(
         "--snapshot",
         type=int,
+        metavar="N",
         nargs="+",
-        help="of a run: which ones, one below the other, from the end if negative (default: -1)",
+        help="snapshots of a run to draw, one below the other; negative numbers count from the end (default: -1)",
     )
-    parser.add_argument("-o", "--output", help="picture (default: beside the file)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="picture to write (default: next to the file)")
 
 
 @command("picture", picture_options)
@@ -150,35 +178,39 @@ def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
 
 def paraview_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit paraview`."""
-    parser.add_argument("file", help="state or run file")
+    parser.add_argument("file", metavar="FILE", help="state or run file")
     parser.add_argument(
-        "--snapshot", type=int, nargs="+", help="of a run: which ones, from the end if negative (default: all)"
+        "--snapshot",
+        type=int,
+        metavar="N",
+        nargs="+",
+        help="snapshots of a run to write; negative numbers count from the end (default: all)",
     )
-    parser.add_argument("-o", "--output", help="folder (default: beside the file)")
+    parser.add_argument("-o", "--output", metavar="FOLDER", help="folder to write to (default: next to the file)")
 
 
 @command("paraview", paraview_options)
 def do_paraview(options: argparse.Namespace, argv: list[str]) -> None:
-    """Writes the files of snapshots that ParaView opens."""
+    """Writes snapshots as files for ParaView."""
     from labkit.runs.dataset import snapshots
     from labkit.visuals import paraview
 
     paraview.require_meshio()
-    found = snapshots(options.file, options.snapshot or ())
+    chosen = snapshots(options.file, options.snapshot or ())
     folder = make_folder(options.output or str(Path(figure_name(options.file, "paraview")).with_suffix("")), "-o")
-    print(*paraview.write_series(found, folder), paraview.HINT, sep="\n")
+    print(*paraview.write_series(chosen, folder), paraview.HINT, sep="\n")
 
 
 def stratified_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit stratified`."""
     layer_options(parser)
-    parser.add_argument("--figure", help="figure (default: beside the state file)")
-    parser.add_argument("--csv", help="file for the table as CSV")
+    parser.add_argument("--figure", metavar="FILE", help="figure to write (default: next to the state file)")
+    _add_csv(parser)
 
 
 @command("stratified", stratified_options)
 def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
-    """Makes the layer, draws it and prints its strata."""
+    """Makes the layer, draws it and prints a table of its strata."""
     import dataclasses
 
     import pandas
@@ -197,19 +229,21 @@ def do_stratified(options: argparse.Namespace, argv: list[str]) -> None:
     print(table.T.to_string(header=False))
     print(f"figure: {figure}")
     if options.csv:
-        write_told(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.output])
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.output])
 
 
 def watch_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit watch`."""
-    parser.add_argument("run", nargs="+", help="run files")
-    parser.add_argument("--interval", type=positive_int, default=5, help="seconds between two drawings")
-    parser.add_argument("--once", action="store_true", help="draw once")
+    parser.add_argument("run", metavar="RUN", nargs="+", help="run file, complete or not")
+    parser.add_argument(
+        "--interval", type=positive_int, metavar="SECONDS", default=5, help="time between two plots in s (default: 5)"
+    )
+    parser.add_argument("--once", action="store_true", help="plot once and stop")
 
 
 @command("watch", watch_options)
 def do_watch(options: argparse.Namespace, argv: list[str]) -> None:
-    """Draws runs in the terminal."""
+    """Plots runs in the terminal."""
     from labkit.visuals.watch import watch
 
     watch(options.run, options.interval, options.once)
@@ -217,13 +251,13 @@ def do_watch(options: argparse.Namespace, argv: list[str]) -> None:
 
 def info_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit info`."""
-    parser.add_argument("file")
-    parser.add_argument("--check", action="store_true", help="recompute the hashes of its data and of its inputs")
+    parser.add_argument("file", metavar="FILE", help="state file, run file, or any other file that labkit wrote")
+    parser.add_argument("--check", action="store_true", help="recompute the hashes of its data and of its input files")
 
 
 @command("info", info_options)
 def do_info(options: argparse.Namespace, argv: list[str]) -> int:
-    """Returns 1 when a hash is not that of the data."""
+    """Prints the contents and origin of a file; returns 1 if a hash does not match."""
     from labkit.runs.info import check_file, describe_file
 
     print(describe_file(options.file))
@@ -235,7 +269,7 @@ def do_info(options: argparse.Namespace, argv: list[str]) -> int:
 
 
 def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
-    """Name -> run, in the order of the command line; the name is as short as tells the files apart."""
+    """Name -> run, in command-line order. Names are file names, or full paths where two file names are the same."""
     import labkit
 
     short = [Path(file).name.removesuffix(".run.nc") for file in files]
@@ -244,19 +278,19 @@ def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
 
 
 def require_outputs(figure: str, csv: str | None) -> None:
-    """Raises InputError unless the figure and the CSV file, if one is wanted, can be written."""
+    """Raises InputError if the figure, or the CSV file that was asked for, cannot be written."""
     from labkit.visuals.plots import FORMATS
 
     if Path(figure).suffix.lower() not in FORMATS:
-        raise InputError(f"{figure} has no ending of a figure: use one of {', '.join(FORMATS)}")
+        raise InputError(f"{figure} has no figure file extension: use one of {', '.join(FORMATS)}")
     require_writable(figure)
     if csv:
         require_writable(csv)
         if Path(csv).resolve() == Path(figure).resolve():
-            raise InputError(f"{csv} is named for the figure and for the CSV: give two names")
+            raise InputError(f"{csv} is given as both the figure and the CSV file: use two different names")
 
 
 def figure_name(run: str, what: str) -> str:
-    """A name beside a run or state file."""
+    """Name of a figure in the folder of a run or state file."""
     name = Path(run).name.removesuffix(".run.nc").removesuffix(".state.nc")
     return str(Path(run).with_name(f"{name}.{what}.png"))

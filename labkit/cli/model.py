@@ -9,6 +9,8 @@ import time
 from pathlib import Path
 
 from labkit.cli.arguments import add_parameters, add_path_parameters, given, require
+from labkit.cli.naming import model_name
+from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import history_of
 from labkit.dem.paths import PATHS
@@ -16,34 +18,39 @@ from labkit.errors import InputError, PhysicsError
 from labkit.io.files import labkit_kind, open_netcdf, require_writable
 from labkit.parameters import check_parameters, parameter, parameters_of
 
-BEYOND = ("error", "flat")  # readings of labkit.model.parameters, which needs no import here
+BEYOND = ("error", "flat")  # readings of labkit.model.parameters; importing it here would slow down the help
 
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """The isotropic state that a test of the model begins with, and how it is integrated."""
+    """Initial isotropic state of a test of the model, and the accuracy of its integration."""
 
-    void_ratio: float = parameter(None, above=0.0, help="at the start, e.g. 0.67")
+    void_ratio: float = parameter(None, above=0.0, help="initial void ratio, e.g. 0.67")
     pressure: float = parameter(
-        None, unit="Pa", above=0.0, help="isotropic stress at the start; paths that hold a stress hold it"
+        None, unit="Pa", above=0.0, help="initial isotropic stress, which stress-controlled paths hold,"
     )
     coordination_number: float | None = parameter(
-        None, above=0.0, help="Z at the start (default: the compression line Z^com of the void ratio)"
+        None, above=0.0, help="initial coordination number Z (default: Z^com, the compression line at this void ratio)"
     )
     mean_normalised_force: float | None = parameter(
-        None, above=0.0, help="Lambda at the start (default: from the pressure and Z)"
+        None, above=0.0, help="initial mean normalised contact force Lambda (default: from the pressure and Z)"
     )
     inherent_anisotropy: float = parameter(
-        0.0, above=-1.0, high=2.0, help="a1 of the contacts at the start, under an isotropic stress"
+        0.0, above=-1.0, high=2.0, help="initial contact anisotropy a1, under an isotropic stress"
     )
-    angle: float = parameter(0.0, low=-360.0, high=360.0, help="of its axis from z in degrees")
+    angle: float = parameter(
+        0.0, low=-360.0, high=360.0, help="angle between the axis of the initial anisotropy and z, degrees"
+    )
     stop_pressure: float | None = parameter(
-        None, unit="Pa", above=0.0, help="mean stress where isoc (3e6) and isod (20e3) stop"
+        None,
+        unit="Pa",
+        above=0.0,
+        help="final mean stress of isoc and isod (default: 3e6 for isoc, 20e3 for isod)",
     )
     record_strain: float | None = parameter(
-        None, above=0.0, high=1.0, help="strain between records (default: the path's)"
+        None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
     )
-    tolerance: float = parameter(1e-6, above=0.0, high=1.0, help="error of an integration step")
+    tolerance: float = parameter(1e-6, above=0.0, high=1.0, help="relative error allowed in one integration step")
 
     def __post_init__(self) -> None:
         """Checks every parameter. Raises InputError."""
@@ -51,23 +58,37 @@ class Start:
 
 
 def model_options(parser: argparse.ArgumentParser) -> None:
-    """Options of `labkit model`."""
-    parser.add_argument("path", nargs="?", help=f"loading path: {', '.join((*PATHS, 'oedometer'))}")
-    add_parameters(parser, Start)
-    add_path_parameters(parser, PATHS.values(), leave_out=("pressure",))
+    """Options of `labkit model`. If the command line names a path, the help is limited to that path."""
+    words = parser.command_line if isinstance(parser, Parser) else ()
+    named = [PATHS[word] for word in words if word in PATHS][:1] if {"-h", "--help"} & set(words) else []
+    kinds = named or list(PATHS.values())
+    parser.add_argument(
+        "path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join((*PATHS, 'oedometer'))}"
+    )
+    add_parameters(parser.add_argument_group("initial state and integration"), Start)
+    group = parser.add_argument_group("loading path")
+    add_path_parameters(group, PATHS.values(), leave_out=("pressure",), shown=kinds)
     parser.add_argument(
         "--beyond-e-cmax",
         choices=BEYOND,
         default="error",
-        help="what holds for void ratios above e_cmax: error (default), or flat: Z^c = 4, Lambda^c = 0",
+        help="for void ratios above e_cmax: stop with an error (default), or use flat lines, Z^c = 4 and Lambda^c = 0",
     )
-    parser.add_argument("--parameters", help="JSON file of labkit calibrate (default: Table 2)")
-    parser.add_argument("-o", "--output", help="run file to write")
+    parser.add_argument(
+        "--parameters", metavar="FILE", help="parameters of the model, from labkit calibrate -o (default: Table 2)"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="run file to write (default: a name built from the parameters)"
+    )
+    texts = {kind.name: summary_of(kind) for kind in kinds}
+    if not named:
+        texts["oedometer"] = "Axial compression without radial strain"
+    parser.epilog = listed("loading path", texts)
 
 
 @command("model", model_options)
 def do_model(options: argparse.Namespace, argv: list[str]) -> None:
-    """Runs the model and writes its run file, up to the failure if it fails. Raises InputError, PhysicsError."""
+    """Integrates the model and writes its run file, up to the failure if it fails. Raises InputError, PhysicsError."""
     from labkit.dem.limits import exceeded
     from labkit.dem.scene import Scene
     from labkit.model.controls import model_path
@@ -76,26 +97,28 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.model.run_file import read_model, records, write_result
     from labkit.model.state import isotropic_state, with_inherent_anisotropy
 
-    name = require(options.path, "path")
-    for field in ("void_ratio", "pressure", "output"):
-        require(getattr(options, field), field)
-    output = options.output
-    at = Start(**given(options, Start))  # type: ignore[arg-type]
+    name = require(options.path, "path", f"one of {', '.join((*PATHS, 'oedometer'))}")
+    for field, example in (("void_ratio", "one, e.g. 0.67"), ("pressure", "one, e.g. 500kPa")):
+        require(getattr(options, field), field, example)
+    at = Start(**given(options, Start))
     model = read_model(options.parameters).reading(beyond_e_cmax=options.beyond_e_cmax)
     known = {field for kind in PATHS.values() for field in parameters_of(kind)} - {"pressure"}
     path = model_path(name, at.pressure, at.stop_pressure, **{field: getattr(options, field) for field in known})
     state = isotropic_state(model, at.void_ratio, at.pressure, at.coordination_number, at.mean_normalised_force)
     state = with_inherent_anisotropy(model, state, at.inherent_anisotropy, math.radians(at.angle))
+    output = options.output or model_name(options, Start, name, [PATHS[name]] if name in PATHS else PATHS.values())
     require_output(output)
     begin = time.perf_counter()
     result = drive(model, path, state, at.record_strain, Adaptive(at.tolerance))
     write_result(output, result, history_of(argv), time.perf_counter() - begin, {"tolerance": at.tolerance})
     if result.failure:
-        raise PhysicsError(f"{result.failure}; the {len(result)} records until there are in {output} (complete = 0)")
+        raise PhysicsError(
+            f"{result.failure}; the {len(result)} records up to that point are in {output} (complete = 0)"
+        )
     if path.stops_early and not path.stops(result.p[-1]):
         stop = path.parameters().get("pressure")
-        where = "it would stop by itself" if stop is None else f"--stop-pressure {stop:g} Pa"
-        print(f"{output}: the strain of {path.strain:g} ended {path.name} before {where}")
+        where = "its stop criterion was met" if stop is None else f"--stop-pressure {stop:g} Pa"
+        print(f"{output}: {path.name} reached its strain limit of {path.strain:g} before {where}")
     for limit in exceeded(records(result), Scene(young_modulus=model.young_modulus)):
         print(f"{output}: {limit}")
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
@@ -107,43 +130,51 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
 
 def calibrate_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit calibrate`."""
-    parser.add_argument("run", nargs="+", help="run files: shear tests, better isoc and isod too")
-    parser.add_argument("-o", "--output", help="JSON file for the fitted parameters, for labkit model --parameters")
-    parser.add_argument("--csv", help="file for the table as CSV")
-    parser.add_argument("--figure", help="figure of the runs and of the fitted model")
+    parser.add_argument(
+        "run", metavar="RUN", nargs="+", help="run file of a simulation: shear tests, preferably also isoc and isod"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write the fitted parameters as JSON, for labkit model --parameters"
+    )
+    parser.add_argument("--csv", metavar="FILE", help="also write the table as CSV, to this file")
+    parser.add_argument("--figure", metavar="FILE", help="draw the runs and the fitted model, to this file")
 
 
 @command("calibrate", calibrate_options)
 def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
-    """Fits the parameters to runs, prints the report and writes what was asked for. Raises InputError."""
+    """Fits the parameters to runs, prints the report and writes the requested files. Raises InputError."""
     from labkit.cli.look import open_runs
-    from labkit.io.provenance import write_told
-    from labkit.model.calibration import fit, observe
+    from labkit.io.provenance import write_with_provenance
+    from labkit.model.calibration import fit
+    from labkit.model.observation import observe, require_usable
     from labkit.visuals import plots
 
-    runs = open_runs(options.run)
+    opened = open_runs(options.run)
+    runs, left_out = require_usable(opened)
+    files = [file for file, name in zip(options.run, opened, strict=True) if name in runs]
     outputs = [file for file in (options.output, options.csv, options.figure) if file]
     if len({Path(file).resolve() for file in outputs}) < len(outputs):
-        raise InputError("two outputs have one name: give each file its own")
+        raise InputError("two outputs have the same name: give each file its own")
     if options.figure and Path(options.figure).suffix.lower() not in plots.FORMATS:
-        raise InputError(f"{options.figure} has no ending of a figure: use one of {', '.join(plots.FORMATS)}")
+        raise InputError(f"{options.figure} has no figure file extension: use one of {', '.join(plots.FORMATS)}")
     for file in outputs:
         require_writable(file)
     observations = [observe(name, run) for name, run in runs.items()]
-    found = fit(observations)
-    print(found.report())
+    result = fit(observations)
+    print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
+    print(result.report())
     if options.output:
-        write_told(options.output, found.model.reading(beyond_e_cmax="error").to_json() + "\n", options.run)
+        write_with_provenance(options.output, result.model.reading(beyond_e_cmax="error").to_json() + "\n", files)
     if options.csv:
-        write_told(options.csv, found.table.to_csv(index=False, float_format="%.6g"), options.run)
+        write_with_provenance(options.csv, result.table.to_csv(index=False, float_format="%.6g"), files)
     if options.figure:
-        plots.save(plots.calibration(observations, found.predicted), options.figure)
+        plots.save(plots.calibration(observations, result.predicted), options.figure)
     for file in outputs:
         print(f"written: {file}")
 
 
 def require_output(file: str) -> None:
-    """Raises InputError unless a run file of the model can be written: a simulation is not written over."""
+    """Raises InputError if the file cannot be written or holds a simulation, which is never overwritten."""
     require_writable(file, "run")
     if Path(file).exists() and labkit_kind(file) == "run":
         with open_netcdf(file, "run") as dataset:
@@ -153,7 +184,9 @@ def require_output(file: str) -> None:
 
 def speed_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit model-speed`."""
-    parser.add_argument("-o", "--output", default="results", help="folder that is there (default: results)")
+    parser.add_argument(
+        "-o", "--output", metavar="FOLDER", default="results", help="existing folder (default: results)"
+    )
 
 
 @command("model-speed", speed_options)

@@ -1,4 +1,4 @@
-"""Commands: where labkit's are, and how a command registers itself with its options."""
+"""Commands: the modules that define labkit's own, and how a command registers itself with its options."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ import dataclasses
 import importlib
 from collections.abc import Callable
 
-# name -> (module of this room that registers it, what it does); nothing is imported before a command is asked for
+# name -> (module of this package that registers it, summary); modules are imported when their command is used
 LABKITS = {
-    "specimen": ("simulate", "make a specimen: a state file"),
-    "consolidate": ("simulate", "bring a specimen to a pressure: a state file"),
-    "run": ("simulate", "take a specimen along a loading path: a run file"),
-    "stratified": ("look", "coarse grains above fine ones (Fig. 3): a state file, forces and strata"),
-    "verify": ("look", "compare C0 with Love's stress, check what a path holds: a table and a figure"),
-    "critical": ("look", "critical state of shear tests: a table, and their e-p paths"),
-    "figure": ("look", "grains, contacts, forces and records of a run: a figure and its table"),
-    "picture": ("look", "grains and contact forces in three dimensions: a picture"),
-    "paraview": ("look", "grains, contacts and cell as files that ParaView opens"),
-    "watch": ("look", "draw runs in the terminal while they go on"),
-    "info": ("look", "what is in a state or run file"),
-    "model": ("model", "C0 to C5 along a loading path, no grains: a run file"),
-    "calibrate": ("model", "parameters of the model from run files"),
-    "model-speed": ("model", "speed against error of the model's integrators: a table and a figure"),
-    "campaign": ("campaign", "many specimens and runs from one file, here or on a cluster"),
-    "bench": ("bench", "speed on one scene: a stock YADE script, labkit's engines, LAMMPS"),
-    "bench-statistics": ("bench", "speed and memory of the statistics of a run"),
-    "demo": ("demo", "specimen, CV test and verification in a few minutes"),
+    "specimen": ("simulate", "make a specimen"),
+    "consolidate": ("simulate", "consolidate a specimen isotropically to a pressure"),
+    "run": ("simulate", "load a specimen along a path"),
+    "stratified": ("look", "make the stratified layer of Fig. 3, coarse over fine discs"),
+    "verify": ("look", "compare C0 with Love's stress and check what the path holds"),
+    "critical": ("look", "tabulate the critical states of shear tests"),
+    "figure": ("look", "draw a figure of a run"),
+    "picture": ("look", "draw the grains and the force chains in 3D"),
+    "paraview": ("look", "write grains, contacts and cell for ParaView"),
+    "watch": ("look", "plot runs in the terminal while they are computed"),
+    "export": ("export", "write records or contacts of a run as CSV"),
+    "info": ("look", "show the contents and the origin of a file"),
+    "model": ("model", "integrate the constitutive model along a loading path"),
+    "calibrate": ("model", "fit the parameters of the model to runs"),
+    "model-speed": ("model", "measure time and error of the model's integrators"),
+    "campaign": ("campaign", "carry out many runs defined in one file"),
+    "bench": ("bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
+    "bench-statistics": ("bench", "measure the speed and memory of the statistics of a run"),
+    "demo": ("demo", "make a specimen, test it and verify the test, in a few minutes"),
 }
 
 Options = Callable[[argparse.ArgumentParser], None]
@@ -35,7 +36,7 @@ Execute = Callable[[argparse.Namespace, list[str]], "int | None"]
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """options(parser) adds its options; execute(options, argv) returns an exit code, None for 0."""
+    """A command. options(parser) adds its options; execute(options, argv) returns an exit code, or None for 0."""
 
     name: str
     help: str
@@ -47,23 +48,24 @@ REGISTERED: dict[str, Command] = {}
 
 
 def command(name: str, options: Options, help: str = "") -> Callable[[Execute], Execute]:
-    """A decorator that registers a function as a command; `help` for one that is not labkit's own."""
+    """A decorator that registers a function as a command; `help`: summary of a command that is not labkit's own."""
 
     def register(execute: Execute) -> Execute:
-        said = help or LABKITS.get(name, ("", name))[1]
-        REGISTERED[name] = Command(name, said, options, execute)
+        summary = help or LABKITS.get(name, ("", name))[1]
+        REGISTERED[name] = Command(name, summary, options, execute)
         return execute
 
     return register
 
 
 def helps() -> dict[str, str]:
-    """What every command does, name -> sentence."""
-    return {name: said for name, (_, said) in LABKITS.items()} | {name: c.help for name, c in REGISTERED.items()}
+    """Summary of every command, name -> text."""
+    own = {name: summary for name, (_, summary) in LABKITS.items()}
+    return own | {name: command.help for name, command in REGISTERED.items()}
 
 
 def find(name: str) -> Command | None:
-    """The command of that name, None for an unknown one."""
+    """The command of that name, or None if it is unknown."""
     if name not in REGISTERED and name in LABKITS:
         importlib.import_module(f"labkit.cli.{LABKITS[name][0]}")
     return REGISTERED.get(name)

@@ -1,6 +1,7 @@
-"""`labkit specimen`, `consolidate`, `run` and `stratified`: from options to the task of an engine, and its report.
+"""`labkit specimen`, `consolidate`, `run` and `stratified`: turn options into a task for an engine, report the result.
 
-The scripts of yade_scripts/ take the same options and do the same inside YADE, where only numpy and netCDF4 are.
+The scripts in yade_scripts/ accept the same options and do the same inside YADE, where only numpy and netCDF4 are
+available.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ import argparse
 import dataclasses
 import json
 import shlex
+import sys
 from pathlib import Path as File
+from typing import Any
 
 from labkit.cli.arguments import (
     add_engine_options,
@@ -19,19 +22,23 @@ from labkit.cli.arguments import (
     given,
     require,
 )
+from labkit.cli.naming import consolidated_name, run_name, specimen_name
+from labkit.cli.parser import Options as OptionGroup
+from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.dem.consolidation import pressure_error
-from labkit.dem.limits import exceeded_by, exceeded_in, require_pressure
-from labkit.dem.paths import PATHS, Consolidation, Path, make_path
+from labkit.dem.engine import Progress
+from labkit.dem.limits import exceeded_by, exceeded_in, rate_warning, require_pressure
+from labkit.dem.paths import PATHS, Path, make_path
 from labkit.dem.scene import MADE_WITH, Scene
+from labkit.dem.schedule import Options, Schedule
 from labkit.dem.settings import Settings, settings
-from labkit.dem.simulation import Options, Schedule
-from labkit.dem.specimen import SIDE, Recipe, summary
+from labkit.dem.specimen import Recipe, summary
 from labkit.dem.state import State, read_state
 from labkit.dem.stratified import Layer
 from labkit.engines import require_engine
 from labkit.engines.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute
-from labkit.errors import InputError, shown
+from labkit.errors import InputError
 from labkit.io.files import labkit_kind, open_netcdf, require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
@@ -39,28 +46,38 @@ from labkit.parameters import parameters_of, restored
 
 
 def history_of(argv: list[str]) -> str:
-    """The command as a person would type it again."""
+    """The command line, for the history of a file."""
     return shlex.join(["labkit", *argv])
 
 
 def specimen_options(parser: argparse.ArgumentParser) -> None:
-    """Options of a specimen; their names are also the columns of a yade-batch table."""
-    add_parameters(parser, Recipe)
-    add_parameters(parser, Scene)
-    add_settings_option(parser)
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="state file to write (default: a name made of the parameters)")
+    """Options of `labkit specimen`; their names are also the columns of a yade-batch table."""
+    add_parameters(parser.add_argument_group("specimen"), Recipe)
+    add_parameters(parser.add_argument_group("material, contact law and time step"), Scene)
+    _add_computation(parser)
+    _add_output(parser, "state file to write (default: a name built from the parameters)")
+
+
+def _add_computation(parser: argparse.ArgumentParser, settings: bool = True) -> None:
+    group = parser.add_argument_group("computation")
+    if settings:
+        add_settings_option(group)
+    add_engine_options(group)
+
+
+def _add_output(parser: OptionGroup, help: str, default: str | None = None) -> None:
+    parser.add_argument("-o", "--output", metavar="FILE", default=default, help=help)
 
 
 def specimen_task(options: argparse.Namespace, history: str) -> SpecimenTask:
-    """The task of the options. Raises InputError for anything that cannot work, before work begins."""
-    require(options.void_ratio, "void_ratio", "e.g. 0.67")
+    """The task described by the options. Raises InputError for anything that cannot work, before work begins."""
+    require(options.void_ratio, "void_ratio", "one, e.g. 0.67")
     chosen = settings(options.settings or "standard")
     size, material = given(options, Recipe), given(options, Scene)
     if "side" not in size and "grains" not in size and chosen.grains is not None:
         size["grains"] = str(chosen.grains)
     scene = Scene(**{"time_step_factor": chosen.time_step_factor, **material})
-    recipe = Recipe(**size)  # type: ignore[arg-type]
+    recipe = Recipe(**size)
     require_engine(options.engine, scene)
     recipe.side_of(scene)
     output = options.output or specimen_name(recipe, scene)
@@ -70,85 +87,60 @@ def specimen_task(options: argparse.Namespace, history: str) -> SpecimenTask:
     )
 
 
-SHORT = {
-    "young_modulus": "E",
-    "time_step_factor": "t",
-    "friction": "mu",
-    "rolling_friction": "mur",
-    "strain": "e",
-    "rate": "r",
-    "reversals": "c",
-}
-
-
-def specimen_name(recipe: Recipe, scene: Scene) -> str:
-    """A file name from the parameters; of the scene those that are not Table 1's."""
-    size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
-    words = [
-        f"e{recipe.void_ratio:g}",
-        f"f{recipe.step1_friction:g}",
-        f"r{recipe.step1_rolling_friction:g}",
-        size,
-        f"s{recipe.seed}",
-    ]
-    for name in parameters_of(Scene):
-        value = getattr(scene, name)
-        if value != getattr(Scene, name):
-            words.append(_word(name, value))
-    return "_".join(words) + ".state.nc"
-
-
 @command("specimen", specimen_options)
 def do_specimen(options: argparse.Namespace, argv: list[str]) -> None:
-    """Makes a specimen and writes its state file, unless the file is there and holds just that specimen."""
-    specimen(options, history_of(argv))
+    """Makes a specimen and writes its state file, unless the file already holds exactly that specimen."""
+    specimen(options, history_of(argv), announced=True)
 
 
-def specimen(options: argparse.Namespace, history: str) -> None:
-    """The same with a history of one's own, as inside YADE."""
+def specimen(options: argparse.Namespace, history: str, announced: bool = False) -> None:
+    """Makes a specimen, also inside YADE. history: for the file; announced: print the expected time."""
     task = specimen_task(options, history)
     if File(str(task.output)).exists():
         if _holds(read_state(str(task.output)), task):
-            print(f"{task.output}: holds this specimen already, nothing to do")
+            print(f"{task.output}: already holds this specimen, nothing to do")
             return
-    state = _done(task, "specimen")
+    state = _done(task, "specimen", announced)
     print(f"{task.output}: {described(state)}")
     for limit in exceeded_by(state):
         print(f"{task.output}: {limit}")
 
 
 def _holds(state: State, task: SpecimenTask) -> bool:
-    """Whether a state is just the specimen of the task; an earlier version wrote the side of `grains` alone."""
+    """True if a state is the specimen of the task. Version 0.1.0 stored the side, not the number of grains."""
     try:
         recipe = restored(Recipe, json.loads(state.recipe))
         size = dataclasses.replace(recipe, side=recipe.side_of(state.scene), grains=None)
-    except (TypeError, ValueError):  # of a layer, or of grains from elsewhere
+    except (TypeError, ValueError):  # a layer, or imported grains
         return False
     wanted = dataclasses.replace(task.recipe, side=task.recipe.side_of(task.scene), grains=None)
     return (size, state.scene, state.engine) == (wanted, task.scene, task.engine)
 
 
 def consolidation_options(parser: argparse.ArgumentParser) -> None:
-    """Options of a consolidation."""
-    parser.add_argument("specimen", nargs="?", help="state file to start from")
-    add_parameters(parser, Consolidation, leave_out=("rate", "strain"))
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", help="state file to write")
+    """Options of `labkit consolidate`."""
+    parser.add_argument("specimen", metavar="SPECIMEN", nargs="?", help="state file to start from")
+    parser.add_argument(
+        "--pressure", metavar="PRESSURE", help="isotropic pressure to reach, e.g. 500kPa; a number is in Pa"
+    )
+    _add_computation(parser, settings=False)
+    _add_output(parser, "state file to write (default: a name built from the specimen and the pressure)")
 
 
 def consolidation_task(options: argparse.Namespace, history: str) -> ConsolidationTask:
-    """The task of the options. Raises InputError for anything that cannot work."""
-    require(options.pressure, "pressure", "e.g. 0.5e6 or '500 kPa'")
+    """The task described by the options. Raises InputError for anything that cannot work."""
+    require(options.pressure, "pressure", "one, e.g. 500kPa")
     path = make_path("cr", {"pressure": options.pressure})
-    state = read_state(require(options.specimen, "specimen", "as a state file"))
+    state = read_state(require(options.specimen, "specimen", "a state file"))
     require_engine(options.engine, state.scene)
     require_pressure(path, state.scene)
-    output = require(options.output, "output")
+    pressure = path.start_pressure() or 0.0
+    output = options.output or consolidated_name(options.specimen, pressure)
     require_writable(output, "state")
     return ConsolidationTask(
         state=state,
         source=options.specimen,
-        pressure=path.start_pressure() or 0.0,
+        pressure=pressure,
         engine=options.engine,
         threads=options.threads,
         output=output,
@@ -158,44 +150,49 @@ def consolidation_task(options: argparse.Namespace, history: str) -> Consolidati
 
 @command("consolidate", consolidation_options)
 def do_consolidate(options: argparse.Namespace, argv: list[str]) -> None:
-    """Brings a specimen to a pressure and writes its state file."""
-    consolidation(options, history_of(argv))
+    """Consolidates a specimen to a pressure and writes its state file."""
+    consolidation(options, history_of(argv), announced=True)
 
 
-def consolidation(options: argparse.Namespace, history: str) -> None:
-    """The same with a history of one's own, as inside YADE."""
+def consolidation(options: argparse.Namespace, history: str, announced: bool = False) -> None:
+    """Consolidates a specimen, also inside YADE. history: for the file; announced: print the expected time."""
     task = consolidation_task(options, history)
-    state = _done(task, "consolidation")
+    state = _done(task, "consolidation", announced)
     error = pressure_error(state.snapshot(), task.pressure)
-    print(f"{task.output}: {described(state)}, pressure off by {error:.2%}")
+    print(f"{task.output}: {described(state)}, deviation from the pressure {error:.2%}")
 
 
 def run_options(parser: argparse.ArgumentParser) -> None:
-    """Options of a run; their names are also the columns of a yade-batch table."""
-    parser.add_argument("path", nargs="?", help=f"loading path: {', '.join(PATHS)}")
-    parser.add_argument("specimen", nargs="?", help="state file to start from")
-    add_path_parameters(parser, PATHS.values())
-    add_parameters(parser, Options)
-    add_parameters(parser, Scene, leave_out=MADE_WITH, unset=True)
-    add_settings_option(parser)
-    add_engine_options(parser)
-    parser.add_argument(
-        "-o", "--output", help="run file to write or to go on with (default: a name made of the parameters)"
-    )
+    """Options of `labkit run`; their names are also the columns of a yade-batch table.
+
+    If the command line names a path, the help is limited to the parameters of that path.
+    """
+    words = parser.command_line if isinstance(parser, Parser) else ()
+    named = [PATHS[word] for word in words if word in PATHS][:1] if {"-h", "--help"} & set(words) else []
+    kinds = named or list(PATHS.values())
+    parser.add_argument("path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join(PATHS)}")
+    parser.add_argument("specimen", metavar="SPECIMEN", nargs="?", help="state file to start from")
+    add_path_parameters(parser.add_argument_group("loading path"), PATHS.values(), shown=kinds)
+    add_parameters(parser.add_argument_group("recording"), Options)
+    material = parser.add_argument_group("material, contact law and time step", "By default, those of the specimen.")
+    add_parameters(material, Scene, leave_out=MADE_WITH, unset=True)
+    _add_computation(parser)
+    _add_output(parser, "run file to write or resume (default: a name built from the parameters)")
+    parser.epilog = listed("loading path", {kind.name: summary_of(kind) for kind in kinds})
 
 
 def run_task(options: argparse.Namespace, history: str) -> RunTask:
-    """The task of the options. Raises InputError for anything that cannot work."""
-    kind = PATHS.require(require(options.path, "path", f"as one of {', '.join(PATHS)}"))
-    state = read_state(require(options.specimen, "specimen", "as a state file"))
+    """The task described by the options. Raises InputError for anything that cannot work."""
+    kind = PATHS.require(require(options.path, "path", f"one of {', '.join(PATHS)}"))
+    state = read_state(require(options.specimen, "specimen", "a state file"))
     chosen = settings(options.settings) if options.settings is not None else None
     state = state.replace(scene=run_scene(options, state.scene, chosen))
     require_engine(options.engine, state.scene)
-    path = run_path(options, kind, chosen)
+    path = run_path(options, kind, state.scene, chosen)
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
-    recording = Options(**given(options, Options))  # type: ignore[arg-type]
-    Schedule.of(path, state.scene.time_step, state.number_of_grains, recording)
+    recording = Options(**given(options, Options))
+    Schedule.of(path.for_scene(state.scene), state.scene.time_step, state.number_of_grains, recording)
     output = options.output or run_name(options, kind)
     require_writable(output, "run")
     return RunTask(
@@ -211,63 +208,39 @@ def run_task(options: argparse.Namespace, history: str) -> RunTask:
 
 
 def run_scene(options: argparse.Namespace, scene: Scene, chosen: Settings | None) -> Scene:
-    """The scene of a specimen with what the options change of it."""
-    changes: dict[str, object] = {} if chosen is None else {"time_step_factor": chosen.time_step_factor}
+    """The scene of a specimen with the changes given by the options."""
+    changes: dict[str, Any] = {} if chosen is None else {"time_step_factor": chosen.time_step_factor}
     return dataclasses.replace(scene, **{**changes, **given(options, Scene)})
 
 
-def run_path(options: argparse.Namespace, kind: type[Path], chosen: Settings | None) -> Path:
-    """The path with the parameters of the options."""
+def run_path(options: argparse.Namespace, kind: type[Path], scene: Scene, chosen: Settings | None) -> Path:
+    """The path described by the options; the settings scale its default rate for the grains of the scene."""
     known = {name for one in PATHS.values() for name in parameters_of(one)}
     values = {name: getattr(options, name, None) for name in known}
     if chosen is not None and values.get("rate") is None:
-        values["rate"] = kind.rate * chosen.rate_factor
+        values["rate"] = kind.default_rate(scene) * chosen.rate_factor
     return make_path(kind.name, values)
-
-
-def run_name(options: argparse.Namespace, kind: type[Path]) -> str:
-    """A file name from the specimen, the path and the parameters that were given."""
-    of_path = {name: _word(name, value) for name, value in _read(options, kind).items()}
-    words = [File(options.specimen).name.removesuffix(".state.nc"), kind.name]
-    words += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
-    words += [options.settings] if options.settings is not None else []
-    words += [_word(name, value) for name, value in _read(options, Scene).items()]
-    return str(File(options.specimen).with_name("_".join([*words, *of_path.values()]) + ".run.nc"))
-
-
-def _read(options: argparse.Namespace, kind: type) -> dict[str, object]:
-    """The parameters of a dataclass that the command line gives, in SI units."""
-    return {name: parameters_of(kind)[name].read(text) for name, text in given(options, kind).items()}
-
-
-def _word(name: str, value: object) -> str:
-    """A parameter in the name of a file."""
-    if name == "law":
-        return str(value)
-    if name == "pressure":
-        return f"p{value / 1e3:g}kPa"  # type: ignore[operator]
-    return SHORT.get(name, name) + (shown(value).replace(",", "_") if isinstance(value, tuple) else shown(value))
 
 
 @command("run", run_options)
 def do_run(options: argparse.Namespace, argv: list[str]) -> None:
-    """Takes a specimen along a path into a run file; says so when that is done already."""
-    run(options, history_of(argv))
+    """Loads a specimen along a path and writes the run file, unless the file already holds the finished run."""
+    run(options, history_of(argv), announced=True)
 
 
-def run(options: argparse.Namespace, history: str) -> None:
-    """The same with a history of one's own, as inside YADE."""
+def run(options: argparse.Namespace, history: str, announced: bool = False) -> None:
+    """Loads a specimen along a path, also inside YADE. history: for the file; announced: print the expected time."""
     task = run_task(options, history)
     output = str(task.output)
-    before = _finished(output)
-    execute(task, reporter(task.path.name))
-    print(f"{output}: " + ("was complete already, nothing to do" if before else "complete"))
+    finished = _finished(output)
+    execute(task, reporter(task.path.name) if finished or not announced else announcing(task, task.path.name))
+    print(f"{output}: " + ("was already complete, nothing to do" if finished else "complete"))
     for limit in exceeded_in(output):
         print(f"{output}: {limit}")
 
 
 def _finished(file: str) -> bool:
-    """Whether a file is a run that is complete."""
+    """True if a file holds a complete run."""
     if not (File(file).exists() and labkit_kind(file) == "run"):
         return False
     with open_netcdf(file, "run") as dataset:
@@ -275,17 +248,15 @@ def _finished(file: str) -> bool:
 
 
 def layer_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the stratified layer; their names are also the columns of a yade-batch table."""
-    add_parameters(parser, Layer)
-    add_engine_options(parser)
-    parser.add_argument(
-        "-o", "--output", default="stratified.state.nc", help="state file to write (default: stratified.state.nc)"
-    )
+    """Options of `labkit stratified`; their names are also the columns of a yade-batch table."""
+    add_parameters(parser.add_argument_group("layer"), Layer)
+    _add_computation(parser, settings=False)
+    _add_output(parser, "state file to write (default: stratified.state.nc)", "stratified.state.nc")
 
 
 def layer_task(options: argparse.Namespace, history: str) -> LayerTask:
-    """The task of the options. Raises InputError for anything that cannot work."""
-    layer = Layer(**given(options, Layer))  # type: ignore[arg-type]
+    """The task described by the options. Raises InputError for anything that cannot work."""
+    layer = Layer(**given(options, Layer))
     require_writable(options.output, "state")
     return LayerTask(
         layer=layer, engine=options.engine, threads=options.threads, output=options.output, history=history
@@ -293,7 +264,7 @@ def layer_task(options: argparse.Namespace, history: str) -> LayerTask:
 
 
 def stratified(options: argparse.Namespace, history: str) -> None:
-    """Makes the stratified layer of Fig. 3 and writes its state file, unless the file holds just that layer."""
+    """Makes the layer of Fig. 3 and writes its state file, unless the file already holds exactly that layer."""
     task = layer_task(options, history)
     if File(options.output).exists() and read_state(options.output).recipe == task.layer.to_json():
         return
@@ -301,13 +272,46 @@ def stratified(options: argparse.Namespace, history: str) -> None:
     print(f"{options.output}: {state.number_of_grains} grains")
 
 
-def _done(task: Task, title: str) -> State:
-    state = execute(task, reporter(title))
+def _done(task: Task, title: str, announced: bool = False) -> State:
+    state = execute(task, announcing(task, title) if announced else reporter(title))
     if state is None:
-        raise InputError(f"a {task.kind} makes no state")
+        raise InputError(f"a {task.kind} produces no state")
     return state
 
 
+def announcing(task: Task, title: str) -> Progress:
+    """A progress function that first prints one line to standard error: engine, grains, steps and expected time.
+
+    It prints at the first report, so that invalid input, found before the engine starts, is reported by itself.
+    """
+    from labkit.campaign.cost import announcement
+
+    steps_done = _steps_done(str(task.output)) if isinstance(task, RunTask) else 0
+    reporters: list[Progress] = []
+
+    def progress(fraction: float, text: str) -> None:
+        if not reporters:
+            print(f"{title}: {announcement(task, steps_done)}", file=sys.stderr, flush=True)
+            warning = rate_warning(task.path, task.state) if isinstance(task, RunTask) else None
+            if warning is not None:
+                print(f"{title}: {warning}", file=sys.stderr, flush=True)
+            reporters.append(reporter(title))
+        reporters[0](fraction, text)
+
+    return progress
+
+
+def _steps_done(file: str) -> int:
+    """Number of steps stored in a run file; 0 if there is no such file."""
+    if not (File(file).exists() and labkit_kind(file) == "run"):
+        return 0
+    with open_netcdf(file, "run") as dataset:
+        return int(getattr(dataset, "steps", 0))
+
+
 def described(state: State) -> str:
-    """What one wants to know of a specimen, in one line."""
-    return ", ".join(f"{name} {value:.4g} {unit}".rstrip() for name, (value, unit) in summary(state).items())
+    """One-line summary of a specimen."""
+    texts = {
+        name: f"{value}" if isinstance(value, int) else f"{value:.4g}" for name, (value, _) in summary(state).items()
+    }
+    return ", ".join(f"{name} {texts[name]} {unit}".rstrip() for name, (_, unit) in summary(state).items())

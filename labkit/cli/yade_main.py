@@ -1,4 +1,4 @@
-"""The frame of the scripts in yade_scripts: options, progress, exit code."""
+"""Common entry point of the scripts in yade_scripts: options, progress, exit code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from labkit.cli.arguments import parse_in_yade
 from labkit.cli.parser import Parser, named
@@ -29,35 +29,35 @@ def main(
 
 
 def do_task(file: str) -> NoReturn:
-    """Does the task that a file describes (labkit.engines.tasks); for labkit's own child process."""
+    """Carries out the task described in a file (labkit.engines.tasks); for labkit's own child process."""
 
     def work() -> None:
         task = from_job(json.loads(Path(file).read_text()))
         task.do(reporter(task.kind))
 
-    _finish(work, tell=_tell)
+    _finish(work, report=_report)
 
 
-def _finish(work: Callable[[], object], tell: Callable[[BaseException], None] | None = None) -> NoReturn:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # YADE would ignore it; a run catches it for its checkpoint
+def _finish(work: Callable[[], object], report: Callable[[BaseException], None] | None = None) -> NoReturn:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # YADE ignores it otherwise; a run catches it to write its checkpoint
     try:
         work()
     except Exception as error:
-        said = blamed(error)
-        if said is not None and not isinstance(error, (InputError, PhysicsError, Interrupted, OSError)):
-            error = InputError(said)
+        place = blamed(error)
+        if place is not None and not isinstance(error, (InputError, PhysicsError, Interrupted, OSError)):
+            error = InputError(place)
         if not isinstance(error, (InputError, PhysicsError, Interrupted, OSError)):
             raise
-        if tell is not None:
-            tell(error)
+        if report is not None:
+            report(error)
             sys.exit(exit_code(error))
         sys.exit(fail(sentence(error, named), exit_code(error)))
     sys.exit(0)
 
 
-def _tell(error: BaseException) -> None:
-    """Writes an error for the parent process, as values."""
-    known = {"kind": type(error).__name__, "said": sentence(error)}
+def _report(error: BaseException) -> None:
+    """Writes an error for the parent process, as JSON values."""
+    known: dict[str, Any] = {"kind": type(error).__name__, "said": sentence(error)}
     if isinstance(error, InputError):
         known |= {"said": error.problem, "field": error.field, "allowed": error.allowed, "quoted": error.quoted}
         known |= {"value": error.value if isinstance(error.value, (int, float, str)) else None}

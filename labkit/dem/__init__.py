@@ -1,4 +1,4 @@
-"""Discrete elements: scene, contact laws, state, specimens, paths, servo and the simulation that joins them."""
+"""Discrete elements: scene, contact laws, state, specimens, loading paths, servo and simulation."""
 
 from labkit.lazy import attach
 
@@ -23,13 +23,13 @@ _NAMES = {
     "ConstantRadialStress": "paths",
     "ConstantVolume": "paths",
     "Consolidation": "paths",
-    "Control": "paths",
+    "Control": "loading",
     "CyclicConstantMeanStress": "paths",
-    "Held": "paths",
+    "Held": "loading",
     "IsotropicCompression": "paths",
     "IsotropicDilation": "paths",
-    "Path": "paths",
-    "StressPath": "paths",
+    "Path": "loading",
+    "StressPath": "loading",
     "make_path": "paths",
     "travelled": "paths",
     "LAWS": "laws",
@@ -41,8 +41,8 @@ _NAMES = {
     "cell_stiffness": "servo",
     "velocity_gradient": "servo",
     "SETTINGS": "settings",
-    "Options": "simulation",
-    "Schedule": "simulation",
+    "Options": "schedule",
+    "Schedule": "schedule",
     "Recipe": "specimen",
     "insert_grains": "specimen",
     "mean_grain_volume": "specimen",

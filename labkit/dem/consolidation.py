@@ -1,4 +1,4 @@
-"""Consolidation: brings a specimen at rest to a pressure before CR and CP, or to other stresses."""
+"""Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from labkit.dem import servo
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.control import Control
-from labkit.dem.paths import Consolidation, Path
+from labkit.dem.loading import Path
+from labkit.dem.paths import Consolidation
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
@@ -26,7 +27,7 @@ STEP_LIMIT = 200_000
 
 
 def pressure_error(snapshot: Snapshot, pressure: float) -> float:
-    """Largest deviation of the three normal stresses from `pressure` (Pa), over it."""
+    """Largest relative deviation of the three normal stresses from `pressure` (Pa)."""
     return stress_error(snapshot, _path_to(pressure).control())
 
 
@@ -36,21 +37,22 @@ def consolidate(specimen: State, pressure: float, start: Start, progress: Progre
 
 
 def _path_to(pressure: float) -> Consolidation:
-    return Consolidation(pressure=with_unit(pressure, "Pa"))  # type: ignore[arg-type]  # a small one is meant
+    return Consolidation(pressure=with_unit(pressure, "Pa"))  # type: ignore[arg-type]  # text is read too; the unit allows small values
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:
-    """Largest deviation of the stresses that a Control holds from their targets, over these."""
+    """Largest relative deviation of the stresses that a Control holds from their targets."""
     stress = to_six(symmetric(love_stress(snapshot)))
-    return float(np.abs(control.measure @ stress / control.target - 1.0).max())
+    return float(np.abs(control.measure @ stress / control.at(0.0) - 1.0).max())
 
 
 def bring_to(specimen: State, path: Path, start: Start, progress: Progress = silent) -> State:
     """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit."""
-    engine = start(opened(ready(specimen, start)))
+    path = path.for_scene(specimen.scene)
     control = path.control()
     if control is None:
-        raise InputError(f"path {path.name} holds no stress: give one that does")
+        raise InputError(f"path {path.name} holds no stress: choose a path that does")
+    engine = start(opened(ready(specimen, start)))
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(0, STEP_LIMIT, CHECK_INTERVAL):
         state = engine.state()
@@ -66,6 +68,6 @@ def bring_to(specimen: State, path: Path, start: Start, progress: Progress = sil
             before = servo.velocity_gradient(path, control, 1.0, state.time_step, engine.stress(), stiffness, before)
             engine.advance(servo.STANDARD.interval, before)
     raise PhysicsError(
-        f"the specimen does not reach {np.array2string(control.target, precision=4)} Pa in {STEP_LIMIT} steps "
-        f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress nearer to its own"
+        f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {STEP_LIMIT} steps "
+        f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"
     )

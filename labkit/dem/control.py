@@ -24,6 +24,12 @@ _ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0
 SINGULAR = 1e-9
 
 
+def six_columns(tensors: Any) -> np.ndarray:
+    """k tensors (k, 3, 3), or only their normal components (k, 3), in Mandel's order: (k, 6). Six columns are kept."""
+    tensors = np.asarray(tensors, dtype=float)
+    return to_six(tensors) if tensors.ndim == 3 else np.pad(tensors, ((0, 0), (0, 6 - tensors.shape[-1])))
+
+
 @dataclasses.dataclass(frozen=True)
 class Control:
     """Stresses that the servo holds, and the strain rates by which it does so.
@@ -53,8 +59,8 @@ class Control:
         for name, value in (("measure", measure), ("free", free)):
             if value.ndim == 3 and not np.array_equal(value, value.transpose(0, 2, 1)):
                 raise InputError(f"a Control has a {name} that is not symmetric: give (T + T^T)/2")
-        object.__setattr__(self, "measure", to_six(measure) if measure.ndim == 3 else np.pad(measure, ((0, 0), (0, 3))))
-        object.__setattr__(self, "free", to_six(free).T if free.ndim == 3 else np.pad(free, ((0, 3), (0, 0))))
+        object.__setattr__(self, "measure", six_columns(measure))
+        object.__setattr__(self, "free", six_columns(free if free.ndim == 3 else free.T).T)
         object.__setattr__(self, "target", target)
 
     def require_possible(self) -> None:

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.control import Control
-from labkit.dem.paths import Held, Path, StressPath
+from labkit.dem.loading import Held, Path, StressPath, rate_parameter
 from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.micro.tensors import to_tensor
+from labkit.micro.tensors import require_symmetric, to_tensor
 from labkit.parameters import parameter
 
 MEAN = np.eye(3) / 3.0
@@ -120,7 +120,7 @@ class SimpleShear(StressPath):
     without rotation (pure shear).
     """
 
-    rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="rate of the shear strain gamma_xz")
+    rate: float | None = rate_parameter("rate of the shear strain gamma_xz", 10.0)
     strain: float = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
     spin: bool = parameter(True, help="simple shear; without spin: pure shear")
 
@@ -140,7 +140,7 @@ class SimpleShear(StressPath):
 class SimpleShearConstantVolume(Path):
     """Simple shear in the x-z plane at constant height, hence constant volume."""
 
-    rate: float = parameter(10.0, unit="1/s", above=0.0, high=1e4, help="rate of the shear strain gamma_xz")
+    rate: float | None = rate_parameter("rate of the shear strain gamma_xz", 10.0)
     strain: float = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
     spin: bool = parameter(True, help="simple shear; without spin: pure shear")
 
@@ -211,6 +211,81 @@ class ProportionalStrain(Path):
         return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
 
 
+def _tensors(name: str, values: Any) -> tuple[float, ...]:
+    """Tensors (k, 3, 3), or their components as a flat list, as 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    array = np.asarray(values, dtype=float)
+    if array.ndim > 1:
+        array = require_symmetric(name, array)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    elif array.size == 3:  # normal components
+        array = np.pad(array, (0, 3))
+    if array.size % 6:
+        raise InputError(f"has {array.size} numbers", field=name, allowed="xx,yy,zz,yz,xz,xy for each tensor")
+    return tuple(array.ravel().tolist())
+
+
+def _as_tensors(components: tuple[float, ...]) -> np.ndarray:
+    """The inverse of `_tensors`: (k, 3, 3)."""
+    return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+
+
+@dataclasses.dataclass(frozen=True, init=False)
+class Mixed(Path):
+    """Any mixed control with constant coefficients: up to six conditions on stresses and strain rates.
+
+        D = strain_rate + sum_j x_j free_j      measured_i : sigma = target_i
+
+    `strain_rate`: the prescribed part over `rate`, (3, 3). `free` and `measured`: k tensors (k, 3, 3). `target`: (k,),
+    Pa. Tensors may also be given, and are stored, as 6 numbers each: xx, yy, zz, yz, xz, xy. `strain`: travelled
+    strain at which the path ends. Raises InputError for tensors that are not symmetric and shapes that do not match.
+    """
+
+    strain: float = parameter(0.1, above=0.0, high=50.0, help="travelled strain at which the path ends")
+    strain_rate: Any = parameter((0.0,) * 6, kind=tuple, help="prescribed strain rates over `rate`: xx,yy,zz,yz,xz,xy")
+    free: Any = parameter((), kind=tuple, help="strain rates that the servo adjusts: 6 numbers for each held stress")
+    measured: Any = parameter((), kind=tuple, help="coefficients of each held stress: 6 numbers, shear counted twice")
+    target: Any = parameter((), kind=tuple, unit="Pa", help="held stresses")
+
+    name = "mixed"
+    rate_limit = 8.0
+
+    def __init__(
+        self,
+        strain_rate: Any = (0.0,) * 6,
+        free: Any = (),
+        measured: Any = (),
+        target: Any = (),
+        strain: float = 0.1,
+        rate: float | None = None,
+    ) -> None:
+        """Check and convert the fields. Raises InputError."""
+        fields = {"strain_rate": strain_rate, "free": free, "measured": measured, "target": target}
+        for name, value in {**fields, "strain": strain, "rate": rate}.items():
+            object.__setattr__(self, name, value)
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        """Check and convert the fields. Raises InputError."""
+        for name in ("strain_rate", "free", "measured"):
+            object.__setattr__(self, name, _tensors(name, getattr(self, name)))
+        target = np.atleast_1d(np.asarray(self.target, dtype=float))
+        if not np.isfinite(target).all():
+            raise InputError("target has a value that is not finite: give stresses in Pa")
+        object.__setattr__(self, "target", tuple(target.tolist()))
+        for name in ("free", "measured"):
+            number = len(getattr(self, name)) // 6
+            if number != len(self.target):
+                raise InputError(
+                    f"{name} has {number} tensors for {len(self.target)} targets: give one tensor per target"
+                )
+        super().__post_init__()
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return _as_tensors(self.strain_rate)[0]
+
+    def control(self) -> Control | None:
+        return Control(_as_tensors(self.measured), _as_tensors(self.free), self.target) if self.target else None
+
+
 @dataclasses.dataclass(frozen=True)
 class _StressReversals(Path):
     """A path that reverses whenever a stress reaches the next of `levels`."""
@@ -244,12 +319,13 @@ def _require_alternating(name: str, values: tuple[float, ...], example: str) -> 
 class IsotropicReloading(_StressReversals):
     """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
 
-    rate: float = parameter(5.0, unit="1/s", above=0.0, high=1e4, help="strain rate in each direction")
+    rate: float | None = rate_parameter("strain rate in each direction", 5.0)
     strain: float = parameter(0.5, above=0.0, high=10.0, help="strain travelled at which the test ends at the latest")
     pressures: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to visit")
 
     name = "isotropic_reloading"
     direction = (1.0, 1.0, 1.0)
+    standard_rate = 5.0
     record_strain = 1e-4
 
     def __post_init__(self) -> None:

@@ -1,8 +1,10 @@
-"""The energy balance of a specimen: work of the cell = change of the stored energy + what friction, rolling and
-damping have taken. An integration that is not stable makes energy of nothing, and this shows it.
+"""Energy balance of a specimen.
 
-An engine adds up work and losses in every step (State.ledger); the stored energy is a function of the State. Each
-loss is summed by its own formula, slip times force and not as a remainder, so that the balance can fail.
+The work done on the cell equals the change of the stored energy plus the energy dissipated by friction, rolling and
+damping. An unstable integration violates this balance, because it creates energy.
+
+An engine sums work and losses in every step (State.ledger); the stored energy is a function of the State. Each loss is
+computed from its own formula, slip times force, and not as a remainder, so that an error shows up in the balance.
 """
 
 from __future__ import annotations
@@ -18,12 +20,12 @@ BALANCE_LIMIT = 0.05  # of the larger of work and initial energy
 
 
 def fluctuation_velocity(state: State) -> np.ndarray:
-    """Velocity without the mean field, v - L x, shape (grain, 3), m/s."""
+    """Velocity relative to the mean field, v - L x, shape (grain, 3), m/s."""
     return state.velocity - state.position @ state.velocity_gradient.T
 
 
 def kinetic_energy(state: State) -> float:
-    """Translational (mean field taken away) and rotational energy of all grains, J."""
+    """Rotational energy and translational energy relative to the mean field of all grains, J."""
     velocity = fluctuation_velocity(state)
     translation = state.scene.mass(state.radius) @ np.einsum("gi,gi->g", velocity, velocity)
     spin = np.einsum("gi,gi->g", state.angular_velocity, state.angular_velocity)
@@ -31,21 +33,21 @@ def kinetic_energy(state: State) -> float:
 
 
 def drift_velocity(state: State) -> np.ndarray:
-    """Velocity of the centre of mass without the mean field, shape (3,), m/s: total momentum over mass."""
+    """Velocity of the centre of mass relative to the mean field, shape (3,), m/s: total momentum over mass."""
     mass = state.scene.mass(state.radius)
     return mass @ fluctuation_velocity(state) / mass.sum()
 
 
 def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
-    """Kinetic energy without the mean field and elastic energy, J. `snapshot`: that of the state, if at hand."""
+    """Kinetic energy relative to the mean field plus elastic energy, J. `snapshot`: of the state, if available."""
     return kinetic_energy(state) + elastic_energy(snapshot or state.snapshot())
 
 
 def opened(state: State) -> State:
-    """The same state with a new ledger, which begins with the energy that is stored now.
+    """The same state with a new ledger, which starts from the energy stored now.
 
-    Forces of springs that the scene does not have, left from a scene with friction or rolling resistance, are dropped:
-    YADE would keep such moments for ever.
+    Forces of springs that the scene lacks, left over from a scene with friction or rolling resistance, are set to zero:
+    YADE would otherwise keep such moments unchanged.
     """
     features = state.scene.contact_law.features(state.scene)
     springs = {"tangential_force": features.friction, "rolling_moment": features.rolling}
@@ -55,8 +57,10 @@ def opened(state: State) -> State:
 
 
 def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
-    """Energy that has vanished (positive) or come from nothing (negative) since the ledger was opened, over the work
-    of the cell or the initial energy, whichever is larger; 0 where both are zero. `snapshot`: if at hand.
+    """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
+
+    The reference is the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
+    `snapshot`: of the state, if available.
     """
     ledger = state.ledger
     scale = max(abs(ledger.cell_work), ledger.start)
@@ -66,11 +70,11 @@ def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
 
 
 def require_balanced(state: State, snapshot: Snapshot | None = None) -> None:
-    """Raises PhysicsError if the energy balance has drifted. `snapshot`: that of the state, if at hand."""
+    """Raise PhysicsError if the error of the energy balance is too large. `snapshot`: of the state, if available."""
     error = balance_error(state, snapshot)
     if not abs(error) <= BALANCE_LIMIT:
         raise PhysicsError(
             f"the energy balance is off by {error:.1%} of the work at step {state.step}: the time step "
-            f"{state.time_step:.3g} s is too large, lower time_step_factor from {state.scene.time_step_factor:g}"
+            f"{state.time_step:.3g} s is too large, reduce time_step_factor from {state.scene.time_step_factor:g}"
             + ("" if state.scene.contact_law.labkits else "; or the losses of your law do not match its forces")
         )

@@ -1,4 +1,4 @@
-"""What a simulation asks of an engine. The engines themselves are in labkit.engines."""
+"""The interface between a simulation and an engine; the engines are in labkit.engines."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from labkit.dem.state import State
 
 
 class Engine(abc.ABC):
-    """Holds a State and advances it; always stands between the forces and the motion of a step.
+    """Holds a State and advances it in time.
 
-    An engine of your own is a subclass with `@labkit.register_engine`; its constructor takes (state, threads).
+    Between calls, an engine has computed the forces of a step but not yet the motion. To define an engine, subclass
+    Engine and decorate the class with `@labkit.register_engine`; its constructor takes (state, threads).
     """
 
     name: ClassVar[str]
@@ -24,38 +25,39 @@ class Engine(abc.ABC):
 
     @classmethod
     def here(cls) -> bool:
-        """Whether it can run in this process; YADE runs in an interpreter of its own."""
+        """True if the engine can run in this process; YADE needs its own interpreter."""
         return True
 
     @classmethod
     def require(cls, scene: Scene) -> None:
-        """Raises InputError when the engine cannot take the scene; here it takes any."""
+        """Raise InputError if the engine does not support the scene; by default any scene is supported."""
+        return
 
     @abc.abstractmethod
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        """Moves the cell with the velocity gradient (3, 3), 1/s, for a number of steps."""
+        """Advance a number of steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
 
     @abc.abstractmethod
     def stress(self) -> np.ndarray:
-        """Love's stress now, shape (3, 3), Pa, compression positive."""
+        """Current Love stress, shape (3, 3), Pa, compression positive."""
 
     @abc.abstractmethod
     def state(self) -> State:
-        """The State now; a copy, with the contacts sorted by grain and the ledger (labkit.dem.energy) kept up."""
+        """A copy of the current State, with the contacts sorted by grain and the ledger up to date."""
 
     @abc.abstractmethod
     def load(self, state: State) -> None:
-        """Goes on from another state."""
+        """Replace the current state."""
 
     @abc.abstractmethod
     def stop_grains(self) -> None:
-        """Sets all velocities to zero; the ledger counts their energy as damped."""
+        """Set all velocities to zero; the ledger counts their energy as dissipated by damping."""
 
     def reload(self) -> State:
-        """Goes on from the engine's own state, and returns it.
+        """Load the current state of the engine again, and return it.
 
-        A run that passes through a checkpoint so is the same, to the last bit, as one that is resumed
-        from it: what an engine holds beside the state (the order of its lists) begins anew in both.
+        A run that passes through a checkpoint in this way is identical, to the last bit, to one that is resumed from
+        it: anything that the engine holds besides the state, such as the order of its lists, is rebuilt in both.
         """
         state = self.state()
         self.load(state)
@@ -64,19 +66,22 @@ class Engine(abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """Starts an engine with a state: `start(state)`. name: of the engine; threads; make: its class or a function."""
+    """Starts an engine: `start(state)`.
+
+    name: of the engine; threads: their number; make: class of the engine, or a function of (state, threads).
+    """
 
     name: str
     threads: int
     make: Callable[[State, int], Engine]
 
     def __call__(self, state: State) -> Engine:
-        """The engine, holding the state. Raises InputError if it cannot take it."""
+        """The engine, loaded with the state. Raises InputError if it does not support the scene."""
         return self.make(state, self.threads)
 
 
-Progress = Callable[[float, str], None]  # (fraction done, what is going on)
+Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
 
 def silent(fraction: float, text: str) -> None:
-    """A Progress that shows nothing."""
+    """Progress function that shows nothing."""

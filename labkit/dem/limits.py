@@ -1,4 +1,4 @@
-"""The limits of section 2, within which a test is quasi-static and its contacts are small."""
+"""The limits of section 2, within which a test is quasi-static and contact overlaps are small."""
 
 from __future__ import annotations
 
@@ -8,29 +8,32 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from labkit.dem.paths import Path
+from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.io.files import open_netcdf
-from labkit.micro.indicators import overlap_ratio
+from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.tensors import symmetric
 from labkit.micro.stress import love_stress, mean_stress
 
-STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1's grains: there the mean overlap reaches its limit
+STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap then reaches its limit
 OVERLAP_LIMIT = 0.02  # mean delta/D
-OVERLAP_END = 0.1  # mean delta/D at which a specimen is no specimen: random insertion leaves 0.2, e = 0.3 makes 0.053
+OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random insertion, 0.053 at rest with e = 0.3
 INERTIAL_LIMIT = 3e-4
 GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
-DRIFT_LIMIT = 0.01  # share of the kinetic energy that is motion of the whole
+DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
 
-RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # what exceeded() looks at
+RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
 
 
 @dataclasses.dataclass(frozen=True)
 class Exceeded:
-    """A limit that a run or a specimen has exceeded. records: at how many of `of`; strain: the first and the last axial
-    strain of these; largest: value there. A specimen has no records.
+    """A limit that a run or a specimen exceeds.
+
+    records: number of records, out of `of`, at which it is exceeded; strain: smallest and largest axial strain of these
+    records; largest: largest value. A specimen has no records.
     """
 
     name: str
@@ -45,27 +48,66 @@ class Exceeded:
             return f"{self.name} {self.largest:.3g} is above {self.limit:g}"
         return (
             f"{self.name} above {self.limit:g} at {self.records} of {self.of} records, axial strain "
-            f"{self.strain[0]:.2%} to {self.strain[1]:.2%}, at most {self.largest:.3g}"
+            f"{self.strain[0]:.2%} to {self.strain[1]:.2%}, largest {self.largest:.3g}"
         )
 
 
 def pressure_limit(scene: Scene) -> float:
-    """Mean stress, Pa, up to which overlaps stay small: 0.02 E."""
+    """Mean stress up to which overlaps stay small, 0.02 E, Pa."""
     return STRESS_LIMIT * scene.young_modulus
 
 
 def require_pressure(path: Path, scene: Scene) -> None:
-    """Raises InputError if the path holds or seeks a pressure at which grains of this scene overlap too much."""
-    pressure, limit = path.parameters().get("pressure"), pressure_limit(scene)
-    if pressure is not None and pressure > limit * (1.0 + 1e-12):
-        said = f"Pa is not possible for grains of E = {scene.young_modulus:g} Pa"
-        allowed = f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %"
-        raise InputError(said, field="pressure", value=pressure, allowed=allowed)
+    """Raise InputError if the path holds or approaches a pressure at which grains of this scene overlap too much."""
+    limit = pressure_limit(scene)
+    for name in ("pressure", "pressures", "stresses"):
+        pressure = np.max(path.parameters().get(name) or 0.0)
+        if pressure <= limit * (1.0 + 1e-12):
+            continue
+        raise InputError(
+            f"Pa is too high for grains with E = {scene.young_modulus:g} Pa",
+            field=name,
+            value=float(pressure),
+            allowed=f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %, "
+            f"or use grains with E of at least {pressure / STRESS_LIMIT:g} Pa",
+        )
+
+
+def expected_inertial_number(path: Path, state: State, pressure: float) -> float:
+    """Inertial number to expect at the start of a path with an axial rate, at a mean stress of `pressure`, Pa.
+
+    Strain rates that the servo adjusts are assumed to keep the volume constant.
+    """
+    rates = path.axial_rate * symmetric(path.flow(0.0))
+    control = path.control()
+    if control is not None and rates.any():
+        adjusted = np.flatnonzero(control.free[:3].any(axis=1))
+        rates[adjusted, adjusted] = -np.trace(rates) / max(len(adjusted), 1)
+    return float(inertial_number(rates, pressure, 2.0 * float(state.radius.mean()), state.scene.density))
+
+
+def rate_warning(path: Path, state: State) -> str | None:
+    """A warning if the strain rate of a path will make the inertial number of a specimen exceed its limit, else None.
+
+    The pressure is the one that the path holds, or the mean stress of the specimen.
+    """
+    path = path.for_scene(state.scene)
+    pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
+    if pressure <= 0.0:  # grains that carry no stress yet
+        return None
+    number = expected_inertial_number(path, state, pressure)
+    if number <= INERTIAL_LIMIT:
+        return None
+    slower = 0.99 * path.axial_rate * INERTIAL_LIMIT / number
+    return (
+        f"at the axial strain rate {path.axial_rate:g} 1/s the inertial number will be about {number:.2g}, above the "
+        f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it"
+    )
 
 
 def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...]:
-    """Where a run left the limits. `run`: name -> array of the variables RECORDED."""
-    found = []
+    """Limits that a run exceeds. `run`: name -> array of the variables RECORDED."""
+    limits = []
     for name, values, limit in (
         ("inertial number", run["inertial_number"], INERTIAL_LIMIT),
         ("mean overlap", run["overlap_ratio"], OVERLAP_LIMIT),
@@ -76,12 +118,12 @@ def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...
         if len(beyond):
             strain = np.asarray(run["axial_strain"])[beyond]
             ends = float(strain.min()), float(strain.max())
-            found.append(Exceeded(name, limit, float(values[beyond].max()), len(beyond), len(values), ends))
-    return tuple(found)
+            limits.append(Exceeded(name, limit, float(values[beyond].max()), len(beyond), len(values), ends))
+    return tuple(limits)
 
 
 def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
-    """Where the run in a file left the limits. Raises InputError if it is not a run file."""
+    """Limits that the run in a file exceeds. Raises InputError if it is not a run file."""
     with open_netcdf(file, "run") as dataset:
         known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
         known |= {name: np.zeros(0) for name in RECORDED if name not in known}
@@ -89,7 +131,7 @@ def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
 
 
 def exceeded_by(state: State) -> tuple[Exceeded, ...]:
-    """Where a specimen is outside the limits before any test."""
+    """Limits that a specimen exceeds before any test."""
     snapshot = state.snapshot()
     return tuple(
         Exceeded(name, limit, float(value))
@@ -102,10 +144,10 @@ def exceeded_by(state: State) -> tuple[Exceeded, ...]:
 
 
 def require_shallow(snapshot: Snapshot) -> None:
-    """Raises InputError if grains overlap as where they were put at random, and not as pressure makes them."""
+    """Raise InputError if the grains overlap as deeply as after random insertion, before any relaxation."""
     overlap = overlap_ratio(snapshot)
     if overlap > OVERLAP_END:
         raise InputError(
-            f"the grains overlap by {overlap:.0%} of their diameter on average, too deep for the contact law: let them "
-            f"come to rest below {OVERLAP_END:.0%} first, as labkit specimen does"
+            f"the grains overlap by {overlap:.0%} of their diameter on average, too deep for the contact law: relax "
+            f"them to below {OVERLAP_END:.0%} first, as labkit specimen does"
         )

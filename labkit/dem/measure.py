@@ -1,4 +1,4 @@
-"""One record of a run: everything a run file holds about one instant, from a State."""
+"""One record of a run: everything that a run file holds about one instant, computed from a State."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
 def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, object]:
     """The variables of labkit.dem.recorded.record_table for one State, name -> value.
 
-    `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: that of the state, if at hand.
+    `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: of the state, if available.
     """
     snapshot = snapshot or state.snapshot()
     scene, radius = state.scene, state.radius
     strain = logarithmic_strain(state.cell, first_cell)
     stress = love_stress(snapshot)
+    pressure = float(mean_stress(stress))
     nominal = void_ratio_nominal(snapshot)
     fabric = statistics(snapshot)
     rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
@@ -57,7 +58,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "mean_normalised_force": fabric.mean_normalised_force,
         "normal_force_anisotropy": fabric.normal_force_anisotropy,
         "mobilisation": fabric.mobilisation,
-        "inertial_number": indicators.inertial_number(rate, mean_stress(stress), 2.0 * radius.mean(), scene.density),
+        "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * radius.mean(), scene.density),
         "overlap_ratio": indicators.overlap_ratio(snapshot),
         "rattler_fraction": indicators.rattler_fraction(snapshot),
         "kinetic_energy": kinetic_energy(state),

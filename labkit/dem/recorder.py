@@ -1,8 +1,8 @@
-"""The recorder: appends records, snapshots and a checkpoint to a run file that is whole at any moment.
+"""The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times.
 
-What was recorded since the last save is kept in memory. A save copies the file, appends to the copy
-and puts it in place of the old one, so that a kill at any moment leaves the last save under the name.
-The checkpoint, a State in the group `checkpoint`, comes with the records that belong to it.
+Records since the last save are kept in memory. A save copies the file, appends to the copy and renames it to the
+original, so that a kill at any moment leaves the file of the last save. The checkpoint, a State in the group
+`checkpoint`, is written together with the records up to it.
 """
 
 from __future__ import annotations
@@ -12,61 +12,68 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import netCDF4
 import numpy as np
 
 from labkit.dem.laws import LAWS
-from labkit.dem.paths import Path as LoadingPath
+from labkit.dem.loading import Path as LoadingPath
 from labkit.dem.recorded import record_table
 from labkit.dem.state import State, read_group, write_attributes
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, PhysicsError, shown
 from labkit.io.files import create_variables, open_netcdf, remove_leftovers, whole_file
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import data_sha256
 from labkit.io.schema import CONTACTS, GRAINS, STATE
+from labkit.micro.contacts import Contacts
 from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
-class Place:
-    """Where a run stands on its path: reversals on stress so far, and the equivalent lattice of the first cell."""
+class Position:
+    """Position of a run on its path: the number of reversals on stress so far, and the current equivalent lattice.
+
+    lattice: the integer matrix U (3, 3) by which the cell has been replaced so far; see labkit.dem.lattice.
+    """
 
     leg: int = 0
-    lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))  # see labkit.dem.lattice
+    lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))
+
+
+START = Position()
 
 
 @dataclasses.dataclass(frozen=True)
-class Begun:
-    """A run to go on with: the State of its checkpoint, the seconds spent, whether it is complete."""
+class StoredRun:
+    """A run in a file: the State of its checkpoint, the wall time so far in s, and whether it is complete."""
 
     state: State
     first_cell: np.ndarray  # (3, 3), m: at zero strain
     wall_time: float
     complete: bool
-    place: Place
+    position: Position
 
 
 class Recorder:
-    """Writes one run file, alone while it is open as a context.
+    """Writes one run file, with exclusive access while it is open as a context manager.
 
-    `path` is the loading path, `settings` what else decides the records, `specimen` the State it starts from.
+    path: the loading path; settings: everything else that determines the records; specimen: the initial State.
     """
 
     def __init__(
         self, file: os.PathLike[str] | str, path: LoadingPath, settings: dict[str, Any], specimen: State
     ) -> None:
-        """Touches no file yet: `with` takes its lock."""
+        """Does not touch the file yet; `with` locks it."""
         self.table = record_table()
         self.file = Path(file)
         self.specimen = specimen.digest()
-        self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # of files of version 0.1.0
+        self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
         self.path = path
         self.settings = settings
         self.records = 0  # in the file and in memory
-        self._new = []
-        self._snapshots = []
+        self._new: list[dict[str, Any]] = []
+        self._snapshots: list[tuple[int, Contacts, np.ndarray]] = []  # number of the record, contacts, positions
 
     def __enter__(self) -> Recorder:
         self._lock = only_writer(self.file)
@@ -77,26 +84,35 @@ class Recorder:
     def __exit__(self, *exception: Any) -> None:
         self._lock.__exit__(*exception)
 
-    def record(self, values: dict, snapshot: Snapshot | None = None) -> None:
-        """Keeps one record (labkit.dem.measure), with the snapshot if it is given."""
+    def record(self, values: dict[str, Any], snapshot: Snapshot | None = None) -> None:
+        """Add one record (labkit.dem.measure), with its contacts and positions if a snapshot is given."""
         if snapshot is not None:
-            self._snapshots.append((self.records, snapshot.contacts, snapshot.position))
+            position = cast(np.ndarray, snapshot.position)  # a State has positions
+            self._snapshots.append((self.records, snapshot.contacts, position))
         self._new.append(values)
         self.records += 1
 
-    def save(self, state: State, complete: bool, wall_time: float, threads: int = 1, place: Place = Place()) -> None:  # noqa: B008
-        """Brings the file up to the present: all records so far and the state to go on from."""
+    def drop_last(self) -> None:
+        """Drop the last record, which has no snapshot; if it is saved already, the next record overwrites it."""
+        self.records -= 1
+        if self._new:
+            self._new.pop()
+
+    def save(
+        self, state: State, complete: bool, wall_time: float, threads: int = 1, position: Position = START
+    ) -> None:
+        """Bring the file up to date: all records so far and the state to resume from."""
         try:
-            self._save(state, complete, wall_time, threads, place)
-        except (OSError, RuntimeError) as error:  # netCDF4 says RuntimeError when the disk is full
+            self._save(state, complete, wall_time, threads, position)
+        except (OSError, RuntimeError) as error:  # netCDF4 raises RuntimeError if the disk is full
             raise PhysicsError(
-                f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); what was saved before "
-                "is intact: make room on the disk and give the same command again"
+                f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); its last save is "
+                "intact: free some disk space and give the same command again"
             ) from None
         self._new.clear()
         self._snapshots.clear()
 
-    def _save(self, state: State, complete: bool, wall_time: float, threads: int, place: Place) -> None:
+    def _save(self, state: State, complete: bool, wall_time: float, threads: int, position: Position) -> None:
         with whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
@@ -111,13 +127,13 @@ class Recorder:
                 dataset.steps = np.int64(state.step)
                 dataset.threads = np.int32(threads)
                 _write_checkpoint(dataset, state)
-                dataset["checkpoint"].leg = np.int64(place.leg)
-                dataset["checkpoint"].lattice = place.lattice.ravel()
+                dataset["checkpoint"].leg = np.int64(position.leg)
+                dataset["checkpoint"].lattice = position.lattice.ravel()
                 if complete:
                     dataset.data_sha256 = data_sha256(dataset)
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
-        dataset.setncattr("path", self.path.name)  # `dataset.path` is netCDF4's own
+        dataset.setncattr("path", self.path.name)  # netCDF4 reserves `dataset.path`
         dataset.path_parameters = self.parameters()
         dataset.specimen = self.specimen
         create_variables(dataset, self.table, {}, compression=None)
@@ -128,11 +144,11 @@ class Recorder:
         dataset["grains"]["radius"][:] = state.radius
 
     def parameters(self) -> str:
-        """The parameters of the path and the settings as JSON: the attribute `path_parameters`."""
+        """JSON of the path parameters and the settings, the attribute `path_parameters`."""
         return json.dumps({**self.path.parameters(), **self.settings})
 
     def _append(self, dataset: netCDF4.Dataset) -> None:
-        first = len(dataset.dimensions["time"])
+        first = self.records - len(self._new)
         for name in self.table:
             values = [record[name] for record in self._new]
             if values:
@@ -149,43 +165,44 @@ class Recorder:
             positions[snapshot] = position
 
     def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
-        """Raises InputError unless an unfinished run holds the variables that are recorded now."""
-        found = {name for name, variable in dataset.variables.items() if variable.dimensions[:1] == ("time",)}
-        for what, names in (("lacks", set(self.table) - found), ("has", found - set(self.table))):
+        """Raise InputError unless an unfinished run has the variables that are recorded now."""
+        stored = {name for name, variable in dataset.variables.items() if variable.dimensions[:1] == ("time",)}
+        for what, names in (("lacks", set(self.table) - stored), ("has", stored - set(self.table))):
             if names:
                 raise InputError(
-                    f"{self.file} was begun with other recorded statistics, it {what} {', '.join(sorted(names))}: "
-                    "choose another file, or the same extensions to go on with it"
+                    f"{self.file} was started with different statistics, it {what} {', '.join(sorted(names))}: "
+                    "choose another file, or load the same extensions to resume it"
                 )
 
-    def resume(self) -> Begun | None:
-        """What a Begun run file holds, or None when there is no file yet.
+    def resume(self) -> StoredRun | None:
+        """The unfinished or complete run in the file, or None if the file does not exist yet.
 
-        Raises InputError when the file holds a run with other parameters or of another specimen.
+        Raises InputError if the file holds a run with other parameters or of another specimen.
         """
         if not self.file.exists():
             return None
         with open_netcdf(self.file, "run") as dataset:
-            found = dataset.getncattr("path"), dataset.path_parameters
-            if (found[0], json.loads(found[1])) != (self.path.name, json.loads(self.parameters())):
+            stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}
+            requested = {"path": self.path.name, **json.loads(self.parameters())}
+            if stored != requested:
                 raise InputError(
-                    f"{self.file} holds another run ({_difference(found, (self.path.name, self.parameters()))}): "
-                    "choose another file, or the same options to go on with it"
+                    f"{self.file} holds another run ({_difference(stored, requested)}): choose another file, or give "
+                    "the same options to resume it"
                 )
             if not bool(dataset.complete):
                 self._require_same_variables(dataset)
             if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
-                raise InputError(f"{self.file} was begun with another specimen: choose another file")
+                raise InputError(f"{self.file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             checkpoint, first_cell = dataset["checkpoint"], dataset["cell"][0].filled()
-            lattice = np.reshape(getattr(checkpoint, "lattice", np.eye(3)), (3, 3))  # version 0.1.0 has none
-            place = Place(int(getattr(checkpoint, "leg", 0)), lattice)
+            lattice = np.reshape(getattr(checkpoint, "lattice", np.eye(3)), (3, 3))  # files of version 0.1.0 lack it
+            position = Position(int(getattr(checkpoint, "leg", 0)), lattice)
             state = _read_checkpoint(dataset)
-            return Begun(state, first_cell, float(dataset.wall_time), bool(dataset.complete), place)
+            return StoredRun(state, first_cell, float(dataset.wall_time), bool(dataset.complete), position)
 
 
 def read_checkpoint(file: os.PathLike[str] | str) -> State:
-    """The State of the last save of a run file. Raises InputError when it is none."""
+    """The State of the last save of a run file. Raises InputError if the file is not a run file."""
     with open_netcdf(file, "run") as dataset:
         return _read_checkpoint(dataset)
 
@@ -196,7 +213,7 @@ def _read_checkpoint(dataset: netCDF4.Dataset) -> State:
 
 
 def _write_checkpoint(dataset: netCDF4.Dataset, state: State) -> None:
-    """Overwrites the last checkpoint. Not compressed: HDF5 can then write every value where the old one was."""
+    """Overwrite the last checkpoint; without compression, so that HDF5 can reuse its space."""
     contacts = len(state.contact_grain)
     if "checkpoint" not in dataset.groups:
         group = dataset.createGroup("checkpoint")
@@ -208,10 +225,16 @@ def _write_checkpoint(dataset: netCDF4.Dataset, state: State) -> None:
         group[name][rows] = getattr(state, name)
 
 
-def _difference(found: tuple[str, str], wanted: tuple[str, str]) -> str:
-    """What tells two runs apart: the path, or the settings that differ."""
-    if found[0] != wanted[0]:
-        return f"path {found[0]}, not {wanted[0]}"
-    before, now = (json.loads(text) for text in (found[1], wanted[1]))
-    names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
-    return ", ".join(f"{name} {before.get(name)}, not {now.get(name)}" for name in names)
+def _difference(stored: dict[str, Any], requested: dict[str, Any]) -> str:
+    """The path if it differs, else the parameters and settings that differ, each with both values."""
+    names = [name for name in {**stored, **requested} if stored.get(name) != requested.get(name)]
+    names = ["path"] if "path" in names else names
+    values = [_both(name, stored, requested) for name in names]
+    return "; ".join(f"{name} is {a} in the file, {b} here" for name, (a, b) in zip(names, values, strict=True))
+
+
+def _both(name: str, *runs: dict[str, Any]) -> list[str]:
+    """The value of a parameter in two runs as text, with all digits if fewer do not distinguish them."""
+    values = [run.get(name, "not set") for run in runs]
+    short = [shown(tuple(value) if isinstance(value, list) else value) for value in values]
+    return short if short[0] != short[1] else [repr(value) for value in values]

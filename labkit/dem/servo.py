@@ -1,47 +1,50 @@
 """The servo (Eqs. 5 and 6): strain rates that bring measured stresses to their targets.
 
-Eq. 5 divides the missing stress by a stiffness and by the time between two corrections. Read as it must be, a
-strain rate is (sigma^t - sigma)/(M T) with M the stiffness of the cell, Pa, and T the time to the next
-correction. Eq. 6 gives for M the mean stiffness of one contact, which makes the loop gain M L/K, 1 to 10 and
-growing with the number of contacts. Here M is the stiffness of the cell when all grains move with the mean
-field: it is an upper bound of the real one, which grains that slip and rearrange make softer.
+Eq. 5 divides the stress error by a stiffness and by the time between two corrections. To be dimensionally consistent,
+the strain rate must be (sigma^t - sigma)/(M T), with M the stiffness of the cell, Pa, and T the time to the next
+correction. Eq. 6 uses the mean stiffness of one contact for M, which gives a loop gain of M L/K, between 1 and 10 and
+increasing with the number of contacts. Here M is the stiffness of the cell when all grains follow the mean field: an
+upper bound on the real stiffness, which is reduced by slip and rearrangement.
 
-The gain. With e = sigma^t - sigma, r the rate and the low-pass of the paper,
+The gain. With e = sigma^t - sigma, r the strain rate and the low-pass filter of the paper,
 
     r_k = 0.75 r_(k-1) + 0.25 g e_k/(M T)      e_(k+1) = e_k - M' T r_k,      M' <= M the real stiffness,
 
-the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M: stable for 0 < h < 14, and for any h from
-0.07 to 13.9 the roots have the modulus sqrt(0.75), so that an error falls to a tenth within 16 corrections
-whatever the stiffness is. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 leaves a
-factor of seven to the limit of stability, for the dynamics of the grains that this sketch leaves out, and a lag
-of 0.2 kPa for 10 1/s and T of 5 steps. `labkit speed-error` measures other gains and intervals.
+the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M. This is stable for 0 < h < 14. For any h from 0.07
+to 13.9 the roots have the modulus sqrt(0.75), so that an error falls to a tenth within 16 corrections whatever the
+stiffness. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 leaves a margin of seven to the
+stability limit, to allow for the grain dynamics neglected in this analysis, and gives a lag of 0.2 kPa at 10 1/s with T
+of 5 steps. `labkit speed-error` measures other gains and intervals.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from typing import cast
 
 import numpy as np
 
 from labkit.dem.control import Control
-from labkit.dem.paths import Path
+from labkit.dem.loading import Path
+from labkit.dem.scene import Scene
+from labkit.errors import InputError
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import check_parameters, parameter
 
 LOW_PASS = 0.25
-FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts from being zero
+FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts above zero
 
 
 @dataclasses.dataclass(frozen=True)
 class Servo:
-    """How strongly and how often stresses are corrected. Raises InputError for values that are not possible."""
+    """Gain and interval of the stress corrections. Raises InputError for values outside their ranges."""
 
     gain: float = parameter(2.0, above=0.0, high=1e3, help="gain of the servo")
     interval: int = parameter(5, low=1, high=10**6, help="steps between two corrections")
 
     def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
+        """Check every parameter."""
         check_parameters(self)
 
 
@@ -56,7 +59,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     b: branch length; sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni nk)/4.
     Shape (6, 6) in Mandel's order (labkit.micro.tensors); with `components` = 3 its block of normal components alone.
     """
-    scene, radius, contacts = snapshot.scene, snapshot.radius, snapshot.contacts
+    scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
     kn, kt = scene.normal_stiffness(a, b), scene.tangential_stiffness(a, b)
     n, length2 = contacts.normal, contacts.branch_length(radius) ** 2
@@ -92,25 +95,38 @@ def velocity_gradient(
     Prescribed rates G make 1 + L dt = exp(-G dt) in every step: the cell follows the logarithmic strains exactly, and
     rates without volume change keep the volume. `sign` reverses the path. `control`: that of the path; with it needs the `stress`
     (3, 3), Pa, and the cell's `stiffness` (c, c), Pa, of now, the gradient `before` (3, 3), 1/s, and the strain
-    `travelled`, on which prescribed rates and targets may depend.
+    `travelled`, on which prescribed rates and targets may depend. Raises InputError if the path has no rate or one of
+    these is missing.
     """
-    given = sign * path.rate * path.flow(travelled)
+    given = sign * path.axial_rate * path.flow(travelled)
     if control is None:
         return _exact(given, time_step)
+    if stress is None or stiffness is None or before is None:
+        raise InputError(f"path {path.name} controls a stress: give `stress`, `stiffness` and `before`")
     servoed = _servoed(path, control, given, time_step, stress, stiffness, before, servo, travelled)
     if control.isochoric and np.trace(given) == 0.0:
         return _exact(given - servoed, time_step)
     return _exact(given, time_step) + servoed
 
 
-def _servoed(path, control, given, time_step, stress, stiffness, before, servo, travelled):
+def _servoed(
+    path: Path,
+    control: Control,
+    given: np.ndarray,
+    time_step: float,
+    stress: np.ndarray,
+    stiffness: np.ndarray,
+    before: np.ndarray,
+    servo: Servo,
+    travelled: float,
+) -> np.ndarray:
     """The part of the velocity gradient that the servo finds, (3, 3), 1/s."""
     n = control.components
     measure, free = control.measure[:, :n], control.free[:n]
     missing = control.at(travelled) - measure @ to_six(symmetric(stress))[:n]
     response = measure @ stiffness @ free
     rates = free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
-    limit = path.rate_limit * path.rate
+    limit = path.rate_limit * path.axial_rate
     wanted = -np.clip(rates, -limit, limit)
     kept = to_six(symmetric(before))[:n]
     if (to_six(symmetric(given))[:n][free.any(axis=1)] != 0.0).any():  # prescribed and free rates share components

@@ -1,6 +1,6 @@
-"""Three sets of settings, chosen by `labkit speed-error`; results/speed_error has the cost and the error of each.
+"""Three sets of settings, based on `labkit speed-error`; results/speed_error lists the cost and the error of each.
 
-`standard` is what the commands do without options; it is made of their defaults and cannot differ from them.
+The commands use `standard` by default; it is built from their default values.
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ from labkit.errors import InputError
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """`side` of the cube or number of `grains`, time step rule of the Scene, axial rate over that of the path's
-    default (10 1/s in shear).
+    """One set of settings.
+
+    side or grains: size of a specimen; time_step_factor: of the Scene; rate_factor: axial strain rate divided by the
+    default of the path (labkit.Path.default_rate).
     """
 
     side: float | None = None  # m
@@ -32,7 +34,7 @@ SETTINGS = {
 
 
 def settings(name: str) -> Settings:
-    """The Settings of that name. Raises InputError for an unknown one."""
+    """The Settings of that name. Raises InputError for an unknown name."""
     if name not in SETTINGS:
         allowed = f"one of {', '.join(SETTINGS)}"
         raise InputError("are unknown", field="settings", value=name, allowed=allowed, quoted=True)

@@ -1,4 +1,4 @@
-"""Specimens (section 2): grains inserted at random with overlap, relaxed in two steps in a held cell."""
+"""Specimens (section 2): grains inserted at random with overlap, relaxed in two steps in a fixed cell."""
 
 from __future__ import annotations
 
@@ -21,46 +21,54 @@ from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.parameters import check_parameters, parameter
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
-SIDE = 4e-3  # m, of the paper's cube
+SIDE = 4e-3  # m, of the cube in the paper
 
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """How to make a specimen in a cube: `void_ratio` is the nominal one, frictions are those of relaxation step 1.
+    """How to make a specimen in a cube: `void_ratio` is nominal, and the frictions apply to relaxation step 1.
 
-    The size is `side` or about so many `grains`; without either it is the paper's cube of 4 mm. Raises InputError for
-    values outside their ranges.
+    The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm.
+    Raises InputError for values outside their ranges.
     """
 
-    void_ratio: float = parameter(low=0.3, high=1.5, help="void ratio to reach, overlaps not taken out, e.g. 0.67")
-    step1_friction: float = parameter(0.15, low=0.0, high=10.0, help="mu of step 1; decides the pressure")
-    step1_rolling_friction: float = parameter(0.1, low=0.0, high=10.0, help="mu_r of step 1")
+    void_ratio: float = parameter(low=0.3, high=1.5, help="target void ratio, not corrected for overlaps, e.g. 0.67")
+    step1_friction: float = parameter(
+        0.15, low=0.0, high=10.0, help="friction coefficient mu of step 1; determines the pressure"
+    )
+    step1_rolling_friction: float = parameter(
+        0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r of step 1"
+    )
     side: float | None = parameter(None, unit="m", above=0.0, high=0.1, help="side of the cube (default: 4 mm)")
     grains: int | None = parameter(
-        None, low=MINIMUM_GRAINS, high=MAXIMUM_GRAINS, kind=int, help="about so many grains, in place of a side"
+        None, low=MINIMUM_GRAINS, high=MAXIMUM_GRAINS, kind=int, help="approximate number of grains, instead of a side"
     )
-    seed: int = parameter(1, low=0, high=2**31 - 1, help="of the random insertion")
+    seed: int = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
 
     def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
+        """Check every parameter. Raises InputError."""
         check_parameters(self)
         if self.side is not None and self.grains is not None:
-            raise InputError("and a number of grains are both given: leave one out", field="side", value=self.side)
+            raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
 
     def side_of(self, scene: Scene) -> float:
-        """Side of the cube, m, for grains of this scene. Raises InputError if it would hold too few or too many."""
+        """Side of the cube for grains of this scene, m. Raises InputError if it would hold too few or too many."""
         if self.grains is not None:
             return side_for(self.grains, self.void_ratio, scene)
         side = SIDE if self.side is None else self.side
         grains = side**3 / (1.0 + self.void_ratio) / mean_grain_volume(scene)
         if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
             low, high = (side_for(n, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
-            said = f"m would hold {grains:.3g} grains"
-            raise InputError(said, field="side", value=side, allowed=f"{1.01 * low:.3g} to {0.99 * high:.3g} m")
+            raise InputError(
+                f"m would hold {grains:.3g} grains",
+                field="side",
+                value=side,
+                allowed=f"{1.01 * low:.3g} to {0.99 * high:.3g} m",
+            )
         return side
 
     def expected_grains(self, scene: Scene) -> int:
-        """Number of grains, about."""
+        """Approximate number of grains."""
         return self.grains or round(self.side_of(scene) ** 3 / (1.0 + self.void_ratio) / mean_grain_volume(scene))
 
     def to_json(self) -> str:
@@ -70,10 +78,10 @@ class Recipe:
 
 @dataclasses.dataclass(frozen=True)
 class Equilibrium:
-    """When a specimen is at rest, and how long to wait for it."""
+    """Criteria for a specimen at rest, and the largest number of steps to reach them."""
 
     unbalanced_force: float
-    energy_ratio: float  # kinetic over elastic
+    energy_ratio: float  # kinetic/elastic
     check_interval: int = 250  # steps
     step_limit: int = 100_000
 
@@ -81,29 +89,30 @@ class Equilibrium:
 STEP1 = Equilibrium(unbalanced_force=1e-3, energy_ratio=1e-4)
 STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
 
-# The deep overlaps of a random insertion are let out with small steps, the grains stopped again and again:
-# a spring system that is stopped after the time T keeps cos(omega T) of each mode, so that none grows.
-RELEASE_TIME_STEP = 0.25  # of the critical one of the inserted grains
+# The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
+# a spring system that is stopped after a time T retains cos(omega T) of each mode, so that no mode grows.
+RELEASE_TIME_STEP = 0.25  # of the critical time step of the inserted grains
 RELEASE_STEPS = 20  # between two stops
 RELEASE_UNBALANCED = 0.03
 RELEASE_LIMIT = 500  # stops
 
 
 def side_for(grains: int, void_ratio: float, scene: Scene) -> float:
-    """Side of a cube that holds about so many grains, m."""
+    """Side of a cube that holds approximately the given number of grains, m."""
     return float((grains * mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
 
 
 def mean_grain_volume(scene: Scene) -> float:
-    """Mean of pi D^3/6 over the uniform distribution, m3."""
+    """Mean of pi D^3/6 over the uniform distribution of diameters, m3."""
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
 
 
 def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii from the uniform distribution of diameters whose volumes add up to `solid_volume`, (grain,), m.
+    """Radii from the uniform distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
 
-    Grains are drawn until less is missing than two of the largest; two equal grains fill that exactly.
-    They lie within the distribution for any spread below 0.22, and are at most its mean otherwise.
+    Grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
+    up the remainder exactly. These two lie within the distribution for any spread below 0.22; otherwise they are no
+    larger than its mean.
     """
     low, high = (0.5 * scene.mean_diameter * (1.0 + s * scene.diameter_spread) for s in (-1.0, 1.0))
     two_largest = 2.0 * 4.0 / 3.0 * np.pi * high**3
@@ -115,13 +124,13 @@ def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> n
 
 
 def spatial_order(position: np.ndarray, side: float, mean_diameter: float) -> np.ndarray:
-    """Indices that put grains near in space near in memory: slices, rows, cells of two diameters."""
+    """Order of grains in which neighbours in space are close in memory: slices, rows, cells of two diameters."""
     block = np.floor(position / side * max(1, int(side / (2 * mean_diameter)))).astype(int)
     return np.lexsort(block.T)
 
 
 def insert_grains(scene: Scene, recipe: Recipe) -> State:
-    """A State of grains placed at random, overlaps allowed, at exactly the nominal void ratio."""
+    """A State of grains inserted at random with overlap, at exactly the nominal void ratio."""
     side = recipe.side_of(scene)
     rng = np.random.default_rng(recipe.seed)
     radius = draw_radii(scene, side**3 / (1.0 + recipe.void_ratio), rng)
@@ -131,16 +140,16 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
 
 
 def make_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
-    """A State at rest at the nominal void ratio, made in the two steps of section 2.
+    """A State at rest at the nominal void ratio, prepared in the two steps of section 2.
 
-    `start`: starts an engine with a state. Raises PhysicsError if the specimen does not come to rest.
+    `start`: starts the engine. Raises PhysicsError if the specimen does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
     return relax(inserted, scene, start, progress).replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
-    """A State at rest from grains inserted with the frictions of step 1; step 2 has those of `scene`."""
+    """A State at rest from grains inserted with the frictions of step 1; step 2 uses those of `scene`."""
     engine = start(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
     release(engine, lambda f, text: progress(0.3 * f, text))
@@ -154,7 +163,7 @@ def relax(inserted: State, scene: Scene, start: Start, progress: Progress = sile
 
 
 def release(engine: Engine, progress: Progress) -> None:
-    """Lets out the deep overlaps with the grains stopped every few steps; what is left then, settle() does."""
+    """Relax the deep overlaps, stopping the grains every few steps; settle() removes the rest."""
     still = np.zeros((3, 3))
     first = None
     for stop in range(RELEASE_LIMIT):
@@ -163,13 +172,16 @@ def release(engine: Engine, progress: Progress) -> None:
         if stop % 10 == 9:
             unbalanced = unbalanced_force(engine.state().snapshot())
             first = first or unbalanced
-            progress(log_fraction(first, unbalanced, RELEASE_UNBALANCED), f"overlaps out, unbalanced {unbalanced:.2g}")
+            progress(
+                log_fraction(first, unbalanced, RELEASE_UNBALANCED),
+                f"relaxing overlaps, unbalanced force {unbalanced:.2g}",
+            )
             if unbalanced < RELEASE_UNBALANCED:
                 return
 
 
 def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
-    """Runs with the cell held until the specimen is at rest. Raises PhysicsError at the step limit."""
+    """Advance in the fixed cell until the specimen is at rest. Raises PhysicsError at the step limit."""
     still = np.zeros((3, 3))
     first = None
     for _ in range(0, target.step_limit, target.check_interval):
@@ -179,33 +191,33 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         contacts = len(snapshot.contacts)
         if contacts < state.number_of_grains:
             raise PhysicsError(
-                f"the grains have come apart (coordination number {2 * contacts / state.number_of_grains:.2g}): "
-                "lower the void ratio or raise the step-1 friction for a specimen that carries load"
+                f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): "
+                "decrease the void ratio or increase the step-1 friction, so that the specimen carries load"
             )
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)
         elastic = elastic_energy(snapshot)
         energy = kinetic_energy(state) / elastic if elastic > 0.0 else np.inf
         first = first or max(unbalanced, energy)
-        progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced {unbalanced:.2g}")
+        progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced force {unbalanced:.2g}")
         if unbalanced < target.unbalanced_force:
             if energy < target.energy_ratio:
                 return
-            engine.stop_grains()  # rattlers fly on for ever: what carries load must stay at rest without them
+            engine.stop_grains()  # rattlers would keep moving; the load-bearing grains must stay at rest without them
     pressure = mean_stress(love_stress(snapshot))
     raise PhysicsError(
         f"the specimen is not at rest after {target.step_limit} steps (unbalanced force {unbalanced:.2g}, "
-        f"kinetic over elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
-        "a lower void ratio or a higher step-1 friction gives it a skeleton that carries load"
+        f"kinetic/elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
+        "decrease the void ratio or increase the step-1 friction, so that the specimen carries load"
     )
 
 
 def ready(specimen: State, start: Start, guarded: bool = True) -> State:
-    """The specimen at rest with the time step of its scene, fit for a test.
+    """The specimen at rest with the time step of its scene, ready for a test.
 
-    Grains that list no contacts, of another program or placed by hand, get those that the engine finds: their energy
-    is in the balance from the start, and their stiffness in the stability limit. Raises InputError if they overlap
-    too deeply, PhysicsError if the time step is beyond the limit and the test is `guarded`.
+    A state without contacts, from another program or placed by hand, gets the contacts that the engine detects: the
+    energy balance then includes their energy from the start, and the stability limit their stiffness. Raises InputError
+    if grains overlap too deeply, PhysicsError if the test is `guarded` and the time step exceeds its limit.
     """
     state = specimen.at_rest().replace(time_step=specimen.scene.time_step)
     if len(state.contact_grain) == 0:
@@ -218,7 +230,7 @@ def ready(specimen: State, start: Start, guarded: bool = True) -> State:
 
 
 def summary(state: State) -> dict[str, tuple[float, str]]:
-    """What one wants to know of a specimen: name -> (value, unit)."""
+    """Summary of a specimen, name -> (value, unit)."""
     snapshot = state.snapshot()
     grains, contacts, limit = state.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
     return {
@@ -226,10 +238,10 @@ def summary(state: State) -> dict[str, tuple[float, str]]:
         "contacts": (contacts, ""),
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
-        "mean stress": (mean_stress(love_stress(snapshot)), "Pa"),
+        "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),
         "coordination number": (2 * contacts / grains, ""),
         "mean overlap": (overlap_ratio(snapshot), "D"),
         "unbalanced force": (unbalanced_force(snapshot), ""),
         "time step": (state.time_step, "s"),
-        "time step over critical": (state.time_step / limit, ""),
+        "time step/critical time step": (state.time_step / limit, ""),
     }

@@ -1,4 +1,4 @@
-"""Speed of an engine on a CV scene, and what a record and the servo cost it."""
+"""Speed of an engine in a CV test, and the cost of a record and of a stress for the servo."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from labkit.dem.state import State
 
 
 def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
-    """Steps per second over so many steps, and how many steps a sum of stresses and a record are worth."""
-    gradient = velocity_gradient(ConstantVolume(), 1.0, state.time_step)
+    """Steps per second over `steps` steps, and the cost of a stress and of a record in equivalent steps."""
+    gradient = velocity_gradient(ConstantVolume().for_scene(state.scene), None, 1.0, state.time_step)
     engine = start(state)
     engine.advance(max(1, steps // 5), gradient)
     rate = steps / _seconds(lambda: engine.advance(steps, gradient))
-    stress = [lambda: engine.advance(0, gradient), engine.stress]  # YADE sums when it stops, fused when asked
+    stress = [
+        lambda: engine.advance(0, gradient),
+        engine.stress,
+    ]  # YADE computes the stress when it stops, fused on demand
     _seconds(stress[1])
     return {
         "steps_per_second": rate,
@@ -28,6 +31,6 @@ def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
 
 
 def _seconds(work: Callable[[], object]) -> float:
-    begin = time.perf_counter()
+    start = time.perf_counter()
     work()
-    return time.perf_counter() - begin
+    return time.perf_counter() - start

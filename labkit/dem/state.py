@@ -1,8 +1,8 @@
-"""State: grains, periodic cell and contacts with their history. A plain value with a file form.
+"""State: grains, periodic cell and contacts with their history; a plain value that can be saved to a file.
 
-The instant of a state is the one between the forces and the motion of a step: positions, cell, overlaps
-and contact forces belong together, velocities are half a step old. An engine that takes a state moves
-the grains first, so that a run through a state file goes on as if nothing had happened.
+A state is taken after the forces and before the motion of a step: positions, cell, overlaps and contact forces belong
+to the same instant, velocities lag by half a step. An engine that loads a state moves the grains first, so that saving
+and loading a state does not change a run.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import json
 import os
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -27,8 +28,10 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Ledger:
-    """Energies since the ledger was opened, J (labkit.dem.energy): what was stored then, the work of the cell, and what
-    friction, rolling and damping (Newton's or the dashpots') have taken.
+    """Energies since the ledger was opened, J (labkit.dem.energy).
+
+    start: energy stored at that time; cell_work: work done on the cell; friction_loss, rolling_loss, damping_loss:
+    energy dissipated by friction, rolling and damping (local damping or dashpots).
     """
 
     start: float = 0.0
@@ -38,14 +41,14 @@ class Ledger:
     damping_loss: float = 0.0
 
     def plus(self, *flows: float) -> Ledger:
-        """With more work and losses, in the order of the fields."""
+        """A copy with the given work and losses added, in the order of the fields."""
         values = dataclasses.astuple(self)
         return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class State:
-    """See labkit.io.schema.STATE for shapes and units."""
+    """Grains, cell and contacts at one instant; labkit.io.schema.STATE lists shapes and units."""
 
     scene: Scene
     radius: np.ndarray
@@ -65,8 +68,8 @@ class State:
     engine: str = ""
     engine_version: str = ""
     history: str = ""
-    recipe: str = ""  # JSON of the Recipe that made the specimen
-    provenance: str = ""  # JSON of labkit.io.provenance
+    recipe: str = ""  # JSON of the Recipe of the specimen
+    provenance: str = ""  # JSON from labkit.io.provenance
     ledger: Ledger = Ledger()
 
     def __repr__(self) -> str:
@@ -75,7 +78,7 @@ class State:
 
     @property
     def number_of_grains(self) -> int:
-        """N_g, grains without contacts included."""
+        """Number of grains N_g, including those without contacts."""
         return len(self.radius)
 
     @property
@@ -83,12 +86,12 @@ class State:
         """Volume of the cell, m3."""
         return float(np.linalg.det(self.cell))
 
-    def replace(self, **changes: object) -> State:
-        """The same state with other fields."""
+    def replace(self, **changes: Any) -> State:
+        """A copy of the state with the given fields replaced."""
         return dataclasses.replace(self, **changes)
 
     def snapshot(self) -> Snapshot:
-        """The Snapshot of this instant, with the normal forces of the scene's contact law."""
+        """The Snapshot of this instant, with normal forces from the contact law of the scene."""
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
@@ -105,9 +108,9 @@ class State:
         return Snapshot(self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity)
 
     def digest(self, law: str | None = None) -> str:
-        """SHA-256 of the scene and of all arrays, hexadecimal: tells one specimen from another.
+        """SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen.
 
-        law: an earlier name of its contact law, for the digest that a file of an earlier version holds.
+        law: a former name of its contact law, for comparison with files of earlier versions.
         """
         scene = dataclasses.asdict(self.scene) | ({} if law is None else {"law": law})
         digest = hashlib.sha256(json.dumps(scene).encode())
@@ -116,7 +119,7 @@ class State:
         return digest.hexdigest()
 
     def at_rest(self) -> State:
-        """The same state with all velocities zero, the cell held, and the clock at zero."""
+        """A copy of the state with all velocities, the velocity gradient, the time and the step number at zero."""
         zero = np.zeros_like(self.velocity)
         return self.replace(velocity=zero, angular_velocity=zero, velocity_gradient=np.zeros((3, 3)), time=0.0, step=0)
 
@@ -144,13 +147,13 @@ def grains_in_cell(
     )
 
 
-FAR = 1000  # cells: no grain travels so far
+FAR = 1000  # cells; no grain travels that far
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
 def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
-    """Writes the attributes that state and run files share. `kind`: state or run."""
+    """Write the attributes common to state and run files. `kind`: state or run."""
     dataset.Conventions = "CF-1.10"
     dataset.labkit_file = kind
     dataset.labkit_version = labkit.__version__
@@ -160,16 +163,16 @@ def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
     dataset.ledger = np.array(dataclasses.astuple(state.ledger))
 
 
-def read_group(group: netCDF4.Group, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
+def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
     """The State in a netCDF group, with the attributes of the dataset `attributes`.
 
-    `contacts`: how many contacts hold, if the group may have room for more.
+    `contacts`: number of valid contacts, if the group may have spare capacity.
     """
-    values = {}
+    values: dict[str, Any] = {}
     for name, variable in STATE.items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = np.ascontiguousarray(group[name][rows].filled())
-    kept = {name: getattr(attributes, name) for name in ATTRIBUTES if name in attributes.ncattrs()}
+    kept: dict[str, Any] = {name: getattr(attributes, name) for name in ATTRIBUTES if name in attributes.ncattrs()}
     for name in ("step", "seed"):
         kept[name] = int(kept[name])
     for name in ("time", "time_step"):
@@ -180,7 +183,7 @@ def read_group(group: netCDF4.Group, attributes: netCDF4.Dataset, contacts: int 
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
-    """Writes a state file, whole or not at all."""
+    """Write a state file atomically."""
     with whole_file(path) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
         write_attributes(dataset, state, "state")
         create_variables(dataset, STATE, {"grain": state.number_of_grains, "contact": len(state.contact_grain)})
@@ -190,7 +193,7 @@ def write_state(path: str | os.PathLike, state: State) -> None:
 
 
 def read_state(path: str | os.PathLike) -> State:
-    """Reads a state file. Raises InputError if it is missing, of another kind, or damaged."""
+    """Read a state file. Raises InputError if it is missing, damaged or not a state file."""
     with open_netcdf(path, "state") as dataset:
         try:
             state = read_group(dataset, dataset)
@@ -199,24 +202,24 @@ def read_state(path: str | os.PathLike) -> State:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         except (IndexError, AttributeError, KeyError, RuntimeError, ValueError) as error:
-            raise InputError(f"{path} is damaged ({error}): write it again") from None
+            raise InputError(f"{path} is damaged ({error}): create it again") from None
 
 
 def require_valid(state: State) -> None:
-    """Raises ValueError if the arrays of a state cannot be grains in a cell."""
+    """Raise ValueError if the arrays of a state cannot represent grains in a cell."""
     grains, contacts = state.number_of_grains, len(state.contact_grain)
     for name, variable in STATE.items():
         values = getattr(state, name)
         sizes = {**SIZES, "grain": grains, "contact": contacts}
         if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
-            raise ValueError(f"{name} has the shape {values.shape}")
+            raise ValueError(f"{name} has the wrong shape {values.shape}")
         if not np.isfinite(values).all():
-            raise ValueError(f"{name} holds NaN or infinite values")
+            raise ValueError(f"{name} contains NaN or infinite values")
     if not (state.radius > 0.0).all():
-        raise ValueError("radius holds values that are not positive")
+        raise ValueError("radius contains values that are not positive")
     if not state.volume > 0.0:
-        raise ValueError("cell has no volume")
+        raise ValueError("the cell has no volume")
     if np.abs(np.linalg.solve(state.cell, state.position.T)).max(initial=0.0) > FAR:
-        raise ValueError(f"position lies more than {FAR} cells away")
+        raise ValueError(f"a grain lies more than {FAR} cells away")
     if contacts and not (0 <= state.contact_grain.min() and state.contact_grain.max() < grains):
-        raise ValueError("contact_grain names grains that are not there")
+        raise ValueError("contact_grain refers to grains that do not exist")

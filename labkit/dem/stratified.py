@@ -1,12 +1,12 @@
 """The stratified example of Fig. 3: a plane periodic layer, coarse grains above fine ones, under sigma_zz = 2 sigma_xx.
 
-The layer is one grain thick and lies in a periodic cell that is thicker, because YADE asks for a cell wider than
-two grains. Grains cannot leave the plane. A stress is a force over the thickness of the cell, and a grain stands
-for a disc of that thickness: its volume in the normalised force is pi D^2/4 times the thickness.
+The layer is one grain thick in a thicker periodic cell, because YADE requires a cell wider than two grains. Grains
+cannot leave the plane. Stresses are forces divided by the thickness of the cell, and a grain represents a disc of that
+thickness: its volume in the normalised force is pi D^2/4 times the thickness.
 
-Equilibrium makes sigma_zz equal in both strata; the servo holds only the mean of sigma_xx. With a few hundred coarse
-grains the strata share it as chance will have it, and rounding moves it: sigma_zz/sigma_xx of the coarse one was 2.00
-for the default seed on YADE and 2.08 on fused, 1.95 to 2.3 for other seeds.
+At equilibrium sigma_zz is equal in both strata; the servo controls only the mean of sigma_xx. With a few hundred coarse
+grains, the distribution of sigma_xx between the strata is random and sensitive to rounding: sigma_zz/sigma_xx of the
+coarse stratum was 2.00 for the default seed on YADE and 2.08 on fused, and 1.95 to 2.3 for other seeds.
 """
 
 from __future__ import annotations
@@ -27,30 +27,32 @@ from labkit.micro.normalised import normalised_normal_force, strong_by_force, st
 from labkit.micro.size_groups import group_stresses
 from labkit.parameters import check_parameters, parameter
 
-THICKNESS = 2.3  # of the largest grain's diameter
-STAGES = 3  # stresses at which the layer comes to rest on its way from isotropic to the ratio
+THICKNESS = 2.3  # divided by the diameter of the largest grain
+STAGES = 3  # stress ratios at which the layer comes to rest, from isotropic to the final one
 
 
 @dataclasses.dataclass(frozen=True)
 class Layer:
-    """How to make the layer. Two strata of equal height, the upper one `size_ratio` times as coarse.
+    """How to make the layer: two strata of equal height, the upper one `size_ratio` times as coarse.
 
-    width, height: of the whole layer in mean coarse diameters; void_ratio: of the plane, area of voids over area of
-    discs; step1_friction: mu while it is made; pressure: sigma_xx, Pa; ratio: sigma_zz/sigma_xx; seed: of the random
-    insertion. Raises InputError for values outside their range.
+    width, height: of the whole layer, in mean coarse diameters; void_ratio: area of voids divided by area of discs;
+    step1_friction: mu during preparation; pressure: sigma_xx, Pa; ratio: sigma_zz/sigma_xx; seed: random seed of the
+    insertion. Raises InputError for values outside their ranges.
     """
 
-    size_ratio: float = parameter(2.0, low=1.0, high=5.0, help="coarse over fine diameter")
-    width: float = parameter(30.0, low=8.0, high=200.0, help="of the layer, in coarse diameters")
-    height: float = parameter(30.0, low=8.0, high=200.0, help="of both strata, in coarse diameters")
-    void_ratio: float = parameter(0.19, low=0.1, high=0.3, help="area of voids over area of discs", option=False)
-    step1_friction: float = parameter(0.2, low=0.0, high=10.0, help="mu while it is made", option=False)
+    size_ratio: float = parameter(2.0, low=1.0, high=5.0, help="coarse diameter divided by fine diameter")
+    width: float = parameter(30.0, low=8.0, high=200.0, help="width of the layer, in coarse diameters")
+    height: float = parameter(30.0, low=8.0, high=200.0, help="height of both strata together, in coarse diameters")
+    void_ratio: float = parameter(0.19, low=0.1, high=0.3, help="area of voids divided by area of discs", option=False)
+    step1_friction: float = parameter(
+        0.2, low=0.0, high=10.0, help="friction coefficient mu during preparation", option=False
+    )
     pressure: float = parameter(0.1e6, unit="Pa", low=1e3, high=PRESSURE_LIMIT, help="sigma_xx")
-    ratio: float = parameter(2.0, low=0.5, high=3.0, help="sigma_zz/sigma_xx to reach")
-    seed: int = parameter(3, low=0, high=2**31 - 1, help="of the random insertion")
+    ratio: float = parameter(2.0, low=0.5, high=3.0, help="target stress ratio sigma_zz/sigma_xx")
+    seed: int = parameter(3, low=0, high=2**31 - 1, help="random seed of the insertion")
 
     def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
+        """Check every parameter."""
         check_parameters(self)
 
     def to_json(self) -> str:
@@ -59,10 +61,10 @@ class Layer:
 
 
 def insert_layer(layer: Layer, scene: Scene) -> State:
-    """A State of grains at random in their strata, overlaps allowed, both at the plane void ratio.
+    """A State of grains inserted at random with overlap in two strata, both at the plane void ratio.
 
-    Discs lie wholly within their stratum: coarse ones that stood out into the fine stratum would make it the denser
-    of the two, and the strata would reach equal sigma_zz with unequal sigma_xx.
+    Discs lie entirely within their stratum: coarse discs protruding into the fine stratum would make it the denser of
+    the two, and the strata would reach equal sigma_zz with unequal sigma_xx.
     """
     rng = np.random.default_rng(layer.seed)
     coarse = layer.size_ratio * scene.mean_diameter
@@ -81,14 +83,14 @@ def insert_layer(layer: Layer, scene: Scene) -> State:
 
 
 def _draw_discs(diameter: float, spread: float, area: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii of as many discs, uniform about a mean diameter, as fill an area; scaled to fill it exactly, m."""
+    """Radii of discs uniformly distributed about a mean diameter, scaled to fill an area exactly, m."""
     mean = np.pi / 4.0 * diameter**2 * (1.0 + spread**2 / 3.0)
     radius = 0.5 * diameter * (1.0 + spread * rng.uniform(-1.0, 1.0, round(area / mean)))
     return radius * np.sqrt(area / np.sum(np.pi * radius**2))
 
 
 def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State:
-    """The State of the layer at rest under its stresses. Raises PhysicsError if it does not come to rest."""
+    """The layer at rest under its stresses, a State. Raises PhysicsError if it does not come to rest."""
     scene = Scene(planar=True)
     inserted = insert_layer(layer, scene.with_friction(layer.step1_friction, scene.rolling_friction))
     state = relax(inserted, scene, start, lambda f, text: progress(0.6 * f, text))
@@ -97,16 +99,16 @@ def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State
         ratio = 1.0 + (layer.ratio - 1.0) * stage / (STAGES - 1)
         path = Biaxial(stress_x=layer.pressure, stress_z=ratio * layer.pressure)
 
-        def said(fraction: float, text: str, stage: int = stage) -> None:
+        def staged(fraction: float, text: str, stage: int = stage) -> None:
             progress(0.6 + 0.4 * (stage + fraction) / STAGES, text)
 
-        state = bring_to(state, path, start, said)
+        state = bring_to(state, path, start, staged)
     return state.replace(recipe=layer.to_json())
 
 
 @dataclasses.dataclass(frozen=True)
 class Stratum:
-    """One stratum of the layer. Means are over its contact sides; stresses are those that its grains carry, Pa."""
+    """One stratum of the layer; means are over its contact sides, stresses are carried by its grains."""
 
     name: str
     grains: int
@@ -119,14 +121,14 @@ class Stratum:
 
 
 def disc_volume(state: State) -> np.ndarray:
-    """pi D^2/4 times the thickness of the cell, shape (grain,), m3."""
+    """Volume pi D^2/4 times the thickness of the cell, shape (grain,), m3."""
     return np.pi * state.radius**2 * state.cell[1, 1]
 
 
 def stratum_of(state: State) -> np.ndarray:
-    """0 for grains of the lower, fine stratum, 1 for the upper, coarse one, shape (grain,).
+    """Stratum of each grain, shape (grain,): 0 for the lower, fine stratum, 1 for the upper, coarse one.
 
-    The size tells them apart: the widest gap between the diameters is the one between the strata.
+    The widest gap between the diameters separates the strata.
     """
     ascending = np.sort(state.radius)
     widest = int(np.argmax(np.diff(ascending)))
@@ -134,7 +136,7 @@ def stratum_of(state: State) -> np.ndarray:
 
 
 def strata(state: State) -> list[Stratum]:
-    """The two strata, the coarse upper one first, a list of Stratum."""
+    """The coarse upper stratum and the fine lower stratum, in this order."""
     snapshot, group = state.snapshot(), stratum_of(state)
     contacts, volume = snapshot.contacts, disc_volume(state)
     stresses = group_stresses(snapshot, group, 2)

@@ -1,23 +1,26 @@
-"""The stability limit of the explicit integration."""
+"""The stability limit of the explicit time integration."""
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
+from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.errors import PhysicsError
 from labkit.micro.snapshot import Snapshot
 
 
 def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
-    """A time step below which the integration of this state is stable, s; inf without contacts.
+    """Time step below which the integration of a state is stable, s; inf without contacts.
 
-    A mode of x'' + C x' + K x = 0 is stable in the leapfrog with forces that see the velocity of half a step before
-    as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to 2/omega (sqrt(1 + zeta^2) - zeta).
-    For all modes: K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and so for C. K_g (6 x 6) is the
-    stiffness that one grain feels when all others are held: the energy k (u_a - u_b)^2/2 of a contact is at most
-    k (u_a^2 + u_b^2). Translation and rotation, tangential and rolling stiffness and the dashpots of the contact law
-    count. `snapshot`: that of the state, if at hand.
+    In the leapfrog scheme, with forces evaluated at the velocity of half a step earlier, a mode of x'' + C x' + K x = 0
+    is stable as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to
+    2/omega (sqrt(1 + zeta^2) - zeta). For all modes, K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and
+    likewise for C. K_g (6 x 6) is the stiffness of one grain while all others are fixed: the energy k (u_a - u_b)^2/2
+    of a contact is at most k (u_a^2 + u_b^2). K_g includes translation and rotation, tangential and rolling stiffness;
+    C includes the dashpots of the contact law. `snapshot`: of the state, if available.
     """
     snapshot = snapshot or state.snapshot()
     contacts = snapshot.contacts
@@ -36,14 +39,18 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
 
-CHUNK = 20_000  # contacts or grains at a time: matrices of all of them would need more memory than the simulation
+CHUNK = 20_000  # contacts or grains at a time: the matrices of all of them would need more memory than the simulation
 
 
 def largest_eigenvalues(
     snapshot: Snapshot, normal: np.ndarray, tangential: np.ndarray, rolling: np.ndarray
 ) -> np.ndarray:
-    """Of M^-1 K_g for every grain, with these coefficients of the contacts, N/m and N m (or N s/m); shape (grain,)."""
-    scene, radius, grains, contacts = snapshot.scene, snapshot.radius, snapshot.number_of_grains, snapshot.contacts
+    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,).
+
+    Coefficients of the contacts: normal and tangential in N/m, rolling in N m; N s/m for dashpots.
+    """
+    scene, contacts = cast(Scene, snapshot.scene), snapshot.contacts
+    radius, grains = snapshot.radius, snapshot.number_of_grains
     K = np.zeros((grains, 6, 6))
     for first in range(0, len(contacts), CHUNK):
         some = slice(first, first + CHUNK)
@@ -59,11 +66,19 @@ def largest_eigenvalues(
     return largest
 
 
-def _add_contacts(K, radius, grains, n, normal, tangential, rolling):
-    """Adds what contacts (n,) between `grains` (n, 2) with normals (n, 3) are to the K_g (grain, 6, 6) of both."""
+def _add_contacts(
+    K: np.ndarray,
+    radius: np.ndarray,
+    grains: np.ndarray,
+    n: np.ndarray,
+    normal: np.ndarray,
+    tangential: np.ndarray,
+    rolling: np.ndarray,
+) -> None:
+    """Add the stiffness of contacts between `grains` (n, 2) with normals n (n, 3) to K (grain, 6, 6) of both."""
     nn = n[:, :, None] * n[:, None, :]
     tangent = np.eye(3) - nn
-    cross = np.zeros_like(nn)  # the matrix of n x
+    cross = np.zeros_like(nn)  # cross-product matrix of n
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -n[:, 2], n[:, 1], -n[:, 0]
     cross -= cross.transpose(0, 2, 1)
     normal, tangential, rolling = (values[:, None, None] for values in (normal, tangential, rolling))
@@ -78,10 +93,10 @@ def _add_contacts(K, radius, grains, n, normal, tangential, rolling):
 
 
 def require_stable(state: State, snapshot: Snapshot | None = None) -> None:
-    """Raises PhysicsError if the time step is beyond the stability limit of the state. `snapshot`: if at hand."""
+    """Raise PhysicsError if the time step exceeds the stability limit. `snapshot`: of the state, if available."""
     limit = critical_time_step(state, snapshot)
     if state.time_step > limit:
         raise PhysicsError(
-            f"the time step {state.time_step:.3g} s is beyond the stable {limit:.3g} s: "
-            f"lower time_step_factor from {state.scene.time_step_factor:g}"
+            f"the time step {state.time_step:.3g} s exceeds the stability limit {limit:.3g} s: "
+            f"reduce time_step_factor from {state.scene.time_step_factor:g}"
         )

@@ -1,8 +1,11 @@
 """Engines advance a State.
 
-yade          YADE itself, the reference; runs in YADE's own process
-yade_process  how that process is started
-fused         labkit's own, compiled: kernel/
+yade          the YADE engine, the reference; it runs inside YADE
+yade_process  starts YADE as a child process
+fused         labkit's own compiled engine; its loop is in kernel/
+threads       number of threads of the fused engine
+tasks         specimens, consolidations and runs as values that any engine can execute
+speed         speed of an engine, measured in a separate process
 """
 
 from __future__ import annotations
@@ -19,15 +22,16 @@ ENGINES: Registry = Registry(
 
 
 def require_engine(name: str, scene: Scene) -> type[Engine]:
-    """The engine class of that name. Raises InputError for an unknown name, or a scene that it cannot take."""
+    """Return the engine class of that name. Raises InputError if it is unknown or does not support the scene."""
     kind: type[Engine] = ENGINES.require(name)
     kind.require(scene)
     return kind
 
 
 def starter(name: str, threads: int = 1) -> Start:
-    """What starts the engine of that name. Raises InputError for an unknown name; when it starts an engine, for a scene
-    that this engine cannot take.
+    """Return the Start that makes engines of that name.
+
+    Raises InputError for an unknown name. The Start raises InputError for a scene that the engine does not support.
     """
     ENGINES.require(name)
 
@@ -38,7 +42,7 @@ def starter(name: str, threads: int = 1) -> Start:
 
 
 def register_engine(kind: type[Engine]) -> type[Engine]:
-    """A decorator that makes a subclass of Engine known under its `name`."""
+    """Register a subclass of Engine under its `name`; use it as a class decorator."""
     return ENGINES.register(kind)
 
 

@@ -1,10 +1,12 @@
-"""The fused engine: a compiled kernel for the scenes of this laboratory alone, in the Python that labkit runs in.
+"""The fused engine: a compiled kernel, written for labkit's scenes, that runs without YADE in labkit's own Python.
 
-It needs no YADE. The law `rolling_resistance` follows YADE's formulas and its order of operations, `spring_dashpot`
-Eqs. 1-3. Any number of threads gives the same bits.
+The contact law `rolling_resistance` follows YADE's formulas and order of operations, `spring_dashpot` follows Eqs. 1-3.
+The results are bit-identical for any number of threads.
 """
 
 from __future__ import annotations
+
+import time
 
 import numba
 import numpy as np
@@ -15,19 +17,20 @@ from labkit.dem.engine import Engine
 from labkit.dem.state import State
 from labkit.engines.kernel import steps
 from labkit.engines.kernel.build import kernel_of
+from labkit.engines.kernel.compiling import CONFIG
 from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
-from labkit.engines.kernel.packing import Grains, History, pack
+from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, Grains, History, Packing, pack
 from labkit.engines.kernel.steps import Motion
+from labkit.engines.threads import ThreadChoice, report
 from labkit.errors import InputError, PhysicsError
 from labkit.io.memory import return_large_arrays
 
-# Verlet skin of the pairs that are kept at hand, of the mean diameter. Quasi-static grains move slowly: the least is
-# enough for a thousand steps. Where they fly about it doubles until a search lasts for SEARCH_STEPS[0].
+# Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin lasts about a thousand steps.
+# If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
-
-# Arrays of a State that the kernel holds in its own form
+# arrays of a State that the kernel stores in its own layout
 IN_KERNEL = (
     "position",
     "velocity",
@@ -40,37 +43,39 @@ IN_KERNEL = (
 
 
 class FusedEngine(Engine):
-    """The kernel holding a State. Raises InputError when this computer has fewer than `threads` threads for it.
+    """The kernel with one State loaded. Raises InputError if `threads` exceeds the threads that Numba has here.
 
-    `skin`: the Verlet skin of the pairs that are kept at hand, of the mean diameter; None: the engine adapts it.
+    `skin`: the Verlet skin as a fraction of the mean diameter; None: the engine adapts it.
+
+    The engine uses `threads` threads only while they are faster than one (labkit.engines.threads), and at most one per
+    3,000 grains.
     """
 
     name = "fused"
     version = labkit.__version__
-    energy = True  # whether work and losses are summed: `labkit bench` alone leaves them out
+    energy = True  # sum work and losses; only `labkit bench` switches this off
 
     def __init__(self, state: State, threads: int = 1, skin: float | None = None) -> None:
-        """Compiles at the first state of a law, and loads the state. Raises InputError."""
+        """Load the state; compile the kernel at the first use of a contact law. Raises InputError."""
         return_large_arrays()
-        if threads > numba.config.NUMBA_NUM_THREADS:
-            most = f"at most {numba.config.NUMBA_NUM_THREADS}"
-            raise InputError("are too many for the engine fused here", field="threads", value=threads, allowed=most)
-        if threads > 1:
-            numba.set_num_threads(threads)
+        if threads > CONFIG.NUMBA_NUM_THREADS:
+            most = f"at most {CONFIG.NUMBA_NUM_THREADS}"
+            raise InputError("are too many for the fused engine here", field="threads", value=threads, allowed=most)
         self._skin = skin
         self._threads = threads
+        self._choice = ThreadChoice(1)
         self.load(state)
 
     def load(self, state: State) -> None:
         scene = state.scene
         self._start = state.replace(**dict.fromkeys(IN_KERNEL))
-        self._packing, self._ledger = None, state.ledger
+        self._packing: Packing | None = None
+        self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._kernel, self._features = kernel_of(scene.contact_law), scene.contact_law.features(scene)
-        self._advance = self._kernel.advance if self._threads == 1 else self._kernel.advance_threads
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
             values
@@ -86,36 +91,57 @@ class FusedEngine(Engine):
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
         )
         self._search((state.position, state.velocity, state.angular_velocity), history)
+        self._divide_work()
         try:
             self._run(1, self._before, dt=0.0, moved_already=True)
-        except Exception as error:  # of Numba, at a law of the user's own that is Python but nothing to compile
+        except Exception as error:  # Numba cannot compile a user-defined law that is valid Python
             if scene.contact_law.labkits:
                 raise
-            said = next((line for line in str(error).splitlines() if line.strip()), "")
+            reason = next((line for line in str(error).splitlines() if line.strip()), "")
             raise InputError(
-                f"contact law {scene.law} cannot be compiled ({said.strip()}): write its `pair` with numbers, tuples "
-                "and the functions of labkit.dem.laws.vectors alone"
+                f"contact law {scene.law} cannot be compiled ({reason.strip()}): write its `pair` using only numbers, "
+                "tuples and functions from labkit.dem.laws.vectors"
             ) from error
+
+    def _divide_work(self) -> None:
+        """Choose the compiled loop and the largest useful number of threads for the loaded specimen."""
+        most = min(self._threads, len(self.packing.arrays.contact_first))
+        if most < self._threads:
+            report(
+                f"the fused engine runs on {most} thread{'s' * (most > 1)}, not {self._threads}: it can use one thread "
+                f"per {GRAINS_PER_DOMAIN:,} grains"
+            )
+        if most != self._choice.most:
+            self._choice = ThreadChoice(most)
+        self._advance = self._kernel.advance if most == 1 else self._kernel.advance_threads
+
+    @property
+    def packing(self) -> Packing:
+        """The arrays of the kernel since the last neighbour search."""
+        assert self._packing is not None, "no state is loaded"
+        return self._packing
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.array(velocity_gradient, dtype=float)
         done, searched = 0, False
         while done < steps:
-            taken, search = self._run(steps - done, gradient, self._time_step, searched)
-            done += taken
-            self._since_search += taken
+            begin = time.perf_counter()
+            completed, search = self._run(self._choice.steps(steps - done), gradient, self._time_step, searched)
+            self._choice.record(completed, time.perf_counter() - begin)
+            done += completed
+            self._since_search += completed
             searched = search
             if search:
                 self._search_again()
         self._step += steps
         self._time += steps * self._time_step
 
-    def _search_again(self):
+    def _search_again(self) -> None:
         self._fit_margin()
-        self._search(self._packing.unpack_grains(), self._packing.unpack_history())
+        self._search(self.packing.unpack_grains(), self.packing.unpack_history())
 
-    def _fit_margin(self):
-        """A wider or narrower skin for the next search, after how long the last one has lasted."""
+    def _fit_margin(self) -> None:
+        """Widen or narrow the Verlet skin according to the number of steps since the last search."""
         diameter = 2.0 * self._start.radius.mean()
         if self._skin is not None:
             return
@@ -125,7 +151,10 @@ class FusedEngine(Engine):
             self._margin = max(0.5 * self._margin, LEAST_MARGIN * diameter)
         self._since_search = 0
 
-    def _run(self, steps, gradient, dt, moved_already):
+    def _run(self, steps: int, gradient: np.ndarray, dt: float, moved_already: bool) -> tuple[int, bool]:
+        """Call the compiled loop (labkit.engines.kernel.steps.advance)."""
+        if self._choice.most > 1:
+            numba.set_num_threads(self._choice.count)
         law = self._features
         motion = Motion(
             self._cell, self._before, self._first_cell, self._spread, 2.0 * self._start.radius.max(), self._margin
@@ -136,7 +165,7 @@ class FusedEngine(Engine):
             dt,
             gradient,
             motion,
-            self._packing.arrays,
+            self.packing.arrays,
             law.constants,
             law.friction,
             law.rolling,
@@ -146,10 +175,10 @@ class FusedEngine(Engine):
             law.turning,
         )
 
-    def _search(self, kinematics, history):
-        """Finds the pairs of grains near each other anew and lays out the kernel's arrays."""
+    def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
+        """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
         self._enter_flows()
-        self._packing = None  # the old arrays make room for the new
+        self._packing = None  # frees the old arrays before the new ones are allocated
         scene, radius = self._start.scene, self._start.radius
         self._packing = p = pack(
             Grains(*kinematics, radius, *self._mass), history, self._cell, self._margin, scene.normal_stiffness
@@ -161,8 +190,8 @@ class FusedEngine(Engine):
         owner, shift = p.arrays.owner, p.arrays.shift
         steps.image_sites(p.arrays.sites, owner, 0, len(owner), shift, self._cell, drift)
 
-    def _enter_flows(self):
-        """Moves work and losses from the kernel's sums to the ledger."""
+    def _enter_flows(self) -> None:
+        """Move work and losses from the kernel's sums to the ledger."""
         if self._packing is None:
             return
         sums = [
@@ -177,19 +206,19 @@ class FusedEngine(Engine):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
     def stress(self) -> np.ndarray:
-        total = self._kernel.branch_force(self._packing.arrays, self._features.friction)
+        total = self._kernel.branch_force(self.packing.arrays, self._features.friction)
         return -total / np.linalg.det(self._cell)
 
     def stop_grains(self) -> None:
         state = self.state()
-        nothing = np.zeros_like(state.velocity)
+        zero = np.zeros_like(state.velocity)
         ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
-        self.load(state.replace(velocity=nothing, angular_velocity=nothing, ledger=ledger))
+        self.load(state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
 
     def state(self) -> State:
         self._enter_flows()
-        position, velocity, spin = self._packing.unpack_grains()
-        history = self._packing.unpack_history()
+        position, velocity, spin = self.packing.unpack_grains()
+        history = self.packing.unpack_history()
         first, second = history.grain[:, 0], history.grain[:, 1]
         branch = position[second] + history.shift @ self._cell.T - position[first]
         radius = self._start.radius
@@ -197,7 +226,7 @@ class FusedEngine(Engine):
         touching = np.flatnonzero(radius[first] + radius[second] - distance >= 0.0)
         order = touching[np.lexsort((*history.shift[touching].T, second[touching], first[touching]))]
         rows = history.rows
-        nothing = np.zeros((len(order), 3))
+        zero = np.zeros((len(order), 3))
         friction, rolling = self._features.friction is not None, self._features.rolling is not None
         return self._start.replace(
             position=position,
@@ -207,8 +236,8 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=history.grain[order].astype(np.int32),
             contact_shift=history.shift[order].astype(np.int32),
-            tangential_force=rows[order, :3] if friction else nothing,
-            rolling_moment=rows[order, -3:] if rolling else nothing,
+            tangential_force=rows[order, :3] if friction else zero,
+            rolling_moment=rows[order, -3:] if rolling else zero,
             time=self._time,
             step=self._step,
             engine=self.name,

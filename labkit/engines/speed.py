@@ -1,6 +1,6 @@
-"""Measures the speed of an engine in a process of its own, where that engine lives.
+"""Speed of an engine, measured in a separate process: YADE for the YADE engine, Python for the others.
 
-`python -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints what yade_scripts/speed.py prints inside YADE.
+`python -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints the same lines as yade_scripts/speed.py inside YADE.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from labkit.errors import PhysicsError
 
 
 def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:
-    """What labkit.dem.speed measures of an engine on the specimen of a state file, quantity -> value.
+    """Measure labkit.dem.speed's quantities for an engine on the specimen of a state file, quantity -> value.
 
-    Raises PhysicsError if the engine does not run.
+    Raises PhysicsError if the engine fails.
     """
     if not ENGINES.require(engine).here():
         return in_yade("speed.py", file, steps, threads)
@@ -29,7 +29,7 @@ def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 
 
 
 def in_yade(script: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:
-    """What a script of yade_scripts measures in a YADE of its own, quantity -> value. Raises PhysicsError."""
+    """Run a measuring script of yade_scripts in a separate YADE process, quantity -> value. Raises PhysicsError."""
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), str(file), str(steps)]
     return _quantities(command, yade_environment())
 
@@ -38,13 +38,13 @@ def _quantities(command: Sequence[str], environment: Mapping[str, str] | None) -
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     lines = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
     if done.returncode or not lines:
-        said = done.stderr.strip()[-300:]
-        raise PhysicsError(f"the measurement of speed ended with exit status {done.returncode}: {said}")
+        reason = done.stderr.strip()[-300:]
+        raise PhysicsError(f"the speed measurement ended with exit status {done.returncode}: {reason}")
     return {name: float(value) for name, value in lines}
 
 
 def print_speed(engine: str, file: str, steps: int, threads: int) -> None:
-    """Measures in this process, and prints a line for each quantity."""
+    """Measure the speed in this process and print one line per quantity."""
     for name, value in measure_speed(starter(engine, threads), read_state(file), steps).items():
         print(name, value)
 

@@ -1,7 +1,7 @@
-"""Tasks: a specimen, a consolidation, a layer or a run, each a value that any engine can do.
+"""Tasks: a specimen, a layer, a consolidation or a run, each a value that any engine can execute.
 
-`execute` does a task in this process, or in YADE's own where the engine lives there: then the task travels as JSON and
-a state file, and what it makes comes back as a file.
+`execute` runs a task in this process, or in a YADE process if the engine needs one. It then passes the task to YADE as
+JSON with a state file, and YADE returns the result as a file.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from labkit.parameters import restored
 
 @dataclasses.dataclass(frozen=True)
 class Task(abc.ABC):
-    """What an engine is asked to do. engine: its name; threads; output: file to write; history: the command."""
+    """A job for an engine. engine: its name; threads; output: file to write; history: the command."""
 
     engine: str = "fused"
     threads: int = 1
@@ -47,29 +47,29 @@ class Task(abc.ABC):
     @property
     @abc.abstractmethod
     def scene(self) -> Scene:
-        """The Scene of the grains."""
+        """Scene of the grains."""
 
     @abc.abstractmethod
     def do(self, progress: Progress) -> State | None:
-        """Does the task in this process: the State that it makes, None for a run."""
+        """Run the task in this process; return the resulting State, or None for a run."""
 
     @abc.abstractmethod
     def values(self, folder: File) -> dict[str, Any]:
-        """What decides the result, as JSON; a State as a file in `folder`."""
+        """Return everything that determines the result, as JSON; a State is written to a file in `folder`."""
 
     @classmethod
     @abc.abstractmethod
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> Task:
-        """The task of such values; `common`: engine, threads, output, history."""
+        """Build the task from the result of `values`; `common`: engine, threads, output, history."""
 
     def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
-        """The State with the history and provenance of what this task makes of it."""
+        """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
         made = provenance(self.history or None, (*inputs, *used()), self.output, state.seed)
         return state.replace(history=history, provenance=made)
 
     def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
-        """The State with its origin, written to `output` if there is one."""
+        """Return the State with its origin; write it to `output` if that is set."""
         state = self.with_origin(state, inputs)
         if self.output is not None:
             write_state(self.output, state)
@@ -78,7 +78,7 @@ class Task(abc.ABC):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SpecimenTask(Task):
-    """Makes a specimen."""
+    """Make a specimen."""
 
     recipe: Recipe
     material: Scene
@@ -104,7 +104,7 @@ class SpecimenTask(Task):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LayerTask(Task):
-    """Makes the stratified layer of Fig. 3."""
+    """Make the stratified layer of Fig. 3."""
 
     layer: Layer
 
@@ -127,7 +127,7 @@ class LayerTask(Task):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _OfState(Task):
-    """A task that begins with a State. source: the file it came from, if any."""
+    """A task that starts from a State. source: the file of that State, if any."""
 
     state: State
     source: str | None = None
@@ -147,13 +147,13 @@ class _OfState(Task):
 
     @staticmethod
     def of(values: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of this class from such values."""
+        """Return the fields of this class, read from the result of `values`."""
         return {"state": read_state(values["specimen"]), "source": values["source"]}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ConsolidationTask(_OfState):
-    """Brings a specimen to an isotropic pressure, Pa."""
+    """Consolidate a specimen to an isotropic pressure, Pa."""
 
     pressure: float
 
@@ -173,16 +173,16 @@ class ConsolidationTask(_OfState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunTask(_OfState):
-    """Takes a specimen along a path into the run file `output`; goes on with one that is unfinished."""
+    """Load a specimen along a path and write the run file `output`; resume that file if it is unfinished."""
 
     path: Path
-    options: Options = Options()
+    options: Options = dataclasses.field(default_factory=Options)
 
     kind = "run"
 
     def do(self, progress: Progress) -> None:
         if self.output is None:
-            raise InputError("a run needs a file: give its name")
+            raise InputError("a run needs an output file: set `output`")
         require_pressure(self.path, self.scene)
         state = self.with_origin(self.state, self.inputs)
         start = starter(self.engine, self.threads)
@@ -196,7 +196,8 @@ class RunTask(_OfState):
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> RunTask:
         path = path_of(values["path"], values["parameters"])
         if path is None:
-            raise InputError(f"path {values['path']!r} is unknown in this process: keep it in a file, see --use")
+            name = repr(values["path"])
+            raise InputError(f"path {name} is unknown in this process: define it in a file and load that with --use")
         options = Options(**{**values["options"], "servo": Servo(**values["options"]["servo"])})
         return cls(**cls.of(values), path=path, options=options, **common)
 
@@ -205,19 +206,19 @@ KINDS: dict[str, type[Task]] = {kind.kind: kind for kind in (SpecimenTask, Layer
 
 
 def execute(task: Task, progress: Progress = silent) -> State | None:
-    """Does a task where its engine lives; the State that it makes, None for a run.
+    """Run a task in the process that its engine needs; return the resulting State, or None for a run.
 
-    Raises InputError, PhysicsError or Interrupted as the task does.
+    Raises InputError, PhysicsError or Interrupted, in either process.
     """
     if require_engine(task.engine, task.scene).here():
         return task.do(progress)
     from labkit.engines.yade_process import run_script
 
     if isinstance(task, RunTask) and being_written(File(str(task.output))):
-        raise busy(File(str(task.output)))  # before YADE has been started for nothing
+        raise busy(File(str(task.output)))  # before YADE starts in vain
     with tempfile.TemporaryDirectory(prefix="labkit-") as name:
         folder = File(name)
-        output = task.output or str(folder / "made.state.nc")
+        output = task.output or str(folder / "result.state.nc")
         job = folder / "task.json"
         job.write_text(json.dumps(to_job(dataclasses.replace(task, output=output), folder)))
         run_script("task.py", [str(job)], task.threads, progress)
@@ -225,26 +226,27 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
 
 
 def to_job(task: Task, folder: File) -> dict[str, Any]:
-    """A task as JSON, with the files of the extensions that it needs."""
+    """Return a task as JSON, with the extension files that it needs."""
     common = {"engine": task.engine, "threads": task.threads, "output": task.output, "history": task.history}
     return {"kind": task.kind, "common": common, "values": task.values(folder), "use": _extensions(task)}
 
 
 def from_job(job: Mapping[str, Any]) -> Task:
-    """The task of such JSON."""
+    """Build the task from the result of `to_job`, and load its extension files."""
     for file in job["use"]:
         use(file)
     return KINDS[job["kind"]].from_values(job["values"], job["common"])
 
 
 def _extensions(task: Task) -> list[str]:
-    """Files that define what the task uses beyond labkit."""
+    """List the files that define the task's extensions."""
     needed: list[Any] = [ENGINES[task.engine], type(task.scene.contact_law)]
     needed += [statistic.function for statistic in recorded()]
     needed += [type(task.path)] if isinstance(task, RunTask) else []
     files = [file_of(one) for one in needed if not one.__module__.startswith("labkit.")]
     if None in files or any("ipython" in str(file).lower() for file in files):
         raise InputError(
-            "a path, law or statistic of a notebook is unknown to YADE: keep it in a file and load it with labkit.use"
+            "YADE cannot see a path, law or statistic defined in a notebook: define it in a file and load that with "
+            "labkit.use"
         )
     return list(dict.fromkeys([*used(), *(file for file in files if file)]))

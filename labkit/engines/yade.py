@@ -1,21 +1,23 @@
-"""The reference engine: YADE's rolling-resistance law in a periodic cell. Runs inside YADE only.
+"""The reference engine: YADE's rolling-resistance law in a periodic cell. It runs only inside YADE.
 
-YADE's step is turned so that it begins with the motion: Newton, reset, collider, forces. Between two
-steps positions, cell, overlaps and forces then belong to one instant, and the velocity gradient set
-there holds for cell and grains in the same step. The order of operations within the cycle is YADE's own.
+The cycle of YADE's engines is rotated so that a time step starts with the motion: Newton, reset, collider, forces.
+Positions, cell, overlaps and forces between two steps then belong to the same instant, and a velocity gradient set
+there applies to cell and grains in the same step. The cyclic order is YADE's own.
 
-YADE counts tension positive; signs are turned here and nowhere else.
+YADE counts tension positive; signs are flipped in this file and nowhere else.
 """
 
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
 from labkit.dem.engine import Engine
 from labkit.dem.scene import Scene
-from labkit.dem.state import State
+from labkit.dem.state import Ledger, State
 from labkit.errors import InputError, PhysicsError
 
 try:
@@ -30,45 +32,47 @@ try:
         NewtonIntegrator,
         Omega,
     )
-except ImportError:  # outside YADE the class says what it is, and cannot be started
+except ImportError:  # outside YADE the class can be described but not started
     yade = None
 
-VERLET_DISTANCE = 0.1  # of the mean radius: how far a grain may move before neighbours are sought again
+VERLET_DISTANCE = 0.1  # fraction of the mean radius: how far a grain may move before the next neighbour search
 
 
 class YadeEngine(Engine):
-    """YADE holding a State. Raises InputError when `threads` is not that of the running YADE (`yade -jN`)."""
+    """YADE with a State loaded. Raises InputError if `threads` differs from that of this YADE (`yade -jN`)."""
 
     name = "yade"
 
     @classmethod
     def here(cls) -> bool:
-        """Whether this is YADE's interpreter."""
+        """True in YADE's interpreter."""
         return yade is not None
 
     @classmethod
     def require(cls, scene: Scene) -> None:
-        """Raises InputError for a contact law that YADE lacks."""
+        """Raise InputError for a contact law that YADE lacks."""
         if not scene.contact_law.on_yade:
             raise InputError(f"has no contact law {scene.law}", field="engine", value=cls.name, allowed="fused")
 
     def __init__(self, state: State, threads: int = 1) -> None:
-        """Raises InputError outside YADE, and for another number of threads than it was started with."""
+        """Load the state. Raises InputError outside YADE, or if YADE was started with another number of threads."""
         if yade is None:
-            raise InputError("engine yade runs inside YADE alone: labkit.run(..., engine='yade') starts it there")
+            raise InputError("the yade engine runs only inside YADE: labkit.run(..., engine='yade') starts it there")
         self.version = yade.config.version
         running = Omega().numThreads
         if threads != running:
-            said = f"is not possible in a YADE that was started with {running}"
-            raise InputError(said, field="threads", value=threads, allowed=f"{running}, or start yade -j{threads}")
+            reason = f"is not possible: this YADE was started with {running}"
+            raise InputError(reason, field="threads", value=threads, allowed=f"{running}, or start yade -j{threads}")
         self.load(state)
 
     def load(self, state: State) -> None:
-        """Goes on from another state. Raises InputError for a cell narrower than two grains."""
+        """Replace the loaded state. Raises InputError if the cell is narrower than two grains."""
         _require_loadable(state)
         omega = self._omega = Omega()
         omega.reset()
-        self._start, self._law = state, state.scene.contact_law.yade(state.scene)
+        law = state.scene.contact_law.yade(state.scene)
+        assert law is not None, "`require` has accepted the contact law"
+        self._start, self._law = state, law
         self._ledger = state.ledger
         self._cell_work = 0.0
         self._time = state.time
@@ -87,18 +91,18 @@ class YadeEngine(Engine):
         ]
         omega.engines = [newton, *forces]
         newton.dead = True
-        omega.dt = 0.0  # no motion and no increment of the history while the contacts are found and loaded
+        omega.dt = 0.0  # finds the contacts without motion and without an increment of their history
         omega.step()
         self._set_history(state)
-        omega.forces.f(0, True)  # YADE resets only forces that were summed, which Newton would have done
+        omega.forces.f(0, True)  # sums the forces as Newton would: YADE resets only summed forces
         omega.step()
         newton.dead = False
         omega.dt = state.time_step
         omega.trackEnergy = True
         self._stress = self._sum_stress()
 
-    def _add_grains(self, state):
-        """Bodies in the order of the state. Grains near in space are near in the state, and so in memory."""
+    def _add_grains(self, state: State) -> None:
+        """Add the bodies in the order of the state, in which grains close in space are close in memory."""
         bodies, planar = self._omega.bodies, state.scene.planar
         common = self._law.material(float(state.radius[0])) if len(state.radius) else None
         columns = (state.position, state.velocity, state.angular_velocity)
@@ -110,13 +114,13 @@ class YadeEngine(Engine):
                 grain.state.blockedDOFs = "yXZ"
             bodies.append(grain)
 
-    def _set_history(self, state):
-        """Gives the contacts that YADE has found the tangential forces and moments of the state."""
+    def _set_history(self, state: State) -> None:
+        """Copy the tangential forces and rolling moments of the state to YADE's contacts."""
         pairs = [tuple(pair) for pair in state.contact_grain.tolist()]
         history = dict(zip(pairs, zip(state.tangential_force, state.rolling_moment, strict=True), strict=True))
         for contact in self._omega.interactions:
             first, second = contact.id1, contact.id2
-            sign = -1.0  # YADE keeps the force on the second grain
+            sign = -1.0  # YADE stores the force on the second grain
             if (first, second) not in history:
                 first, second, sign = second, first, 1.0
             if (first, second) in history:
@@ -128,11 +132,11 @@ class YadeEngine(Engine):
         omega = self._omega
         omega.cell.updateAttrs({"velGrad": _matrix(velocity_gradient)})
         gas = omega.interactions.countReal() < len(omega.bodies)
-        parts = [1] * steps if gas else [steps]  # sums of the stress: in a gas collisions would fall between them
+        parts = [1] * steps if gas else [steps]  # in a gas, collisions would be missed between two stress sums
         for part in parts:
             self._advance(part, np.asarray(velocity_gradient))
 
-    def _advance(self, steps, velocity_gradient):
+    def _advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         step = self._omega.step
         for _ in range(steps):
             step()
@@ -143,41 +147,41 @@ class YadeEngine(Engine):
         strain = -velocity_gradient * steps * self._start.time_step
         self._cell_work += self._omega.cell.volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
 
-    def _require_width(self):
-        """YADE's collider gives up, with a traceback, in a cell that a test has made narrower than two grains."""
+    def _require_width(self) -> None:
+        """Raise PhysicsError if the cell is narrower than two grains, where YADE's collider ends with a traceback."""
         width, needed = _widths(np.array(self._omega.cell.hSize).reshape(3, 3), self._start.radius)
         if width < needed:
             raise PhysicsError(
-                f"the cell has become {width:.3g} m wide at step {self._step}: YADE needs {needed:.3g} m, twice the "
-                "largest grain and a margin; take a specimen of more grains, or --engine fused"
+                f"the cell is only {width:.3g} m wide at step {self._step}: YADE needs {needed:.3g} m, twice the "
+                "largest grain plus a margin; use a specimen with more grains, or --engine fused"
             )
 
     def stress(self) -> np.ndarray:
-        return self._stress.copy()  # summed when the engine last stopped
+        return self._stress.copy()  # summed at the end of the last `advance`
 
-    def _sum_stress(self):
+    def _sum_stress(self) -> np.ndarray:
         return -np.array(yade_utils.getStress(), dtype=float).reshape(3, 3).T
 
     def stop_grains(self) -> None:
         self._ledger = self._ledger.plus(0.0, 0.0, 0.0, yade_utils.kineticEnergy())
         yade_utils.calm()
 
-    def _ledger_now(self):
-        """What YADE has summed since the state was loaded added to the ledger of that state."""
-        taken = dict(self._omega.energy.items())
-        losses = (taken.get(name, 0.0) for name in (*self._law.losses, "nonviscDamp"))
+    def _ledger_now(self) -> Ledger:
+        """Return the ledger of the loaded state plus the work and losses that YADE has summed since."""
+        energies = dict(self._omega.energy.items())
+        losses = (energies.get(name, 0.0) for name in (*self._law.losses, "nonviscDamp"))
         return self._ledger.plus(self._cell_work, *losses)
 
     def state(self) -> State:
         collecting = gc.isenabled()
-        gc.disable()  # the many small objects made here would double the time
+        gc.disable()  # collecting the many small objects created here would double the time
         try:
             return self._read_state()
         finally:
             if collecting:
                 gc.enable()
 
-    def _read_state(self):
+    def _read_state(self) -> State:
         grains = [body.state for body in self._omega.bodies]
         contacts = list(self._omega.interactions)
         physics = [contact.phys for contact in contacts]
@@ -206,25 +210,26 @@ class YadeEngine(Engine):
         )
 
 
-def _components(vectors):
-    """YADE vectors as an array (n, 3). Indexing them is ten times faster than unpacking or np.array."""
+def _components(vectors: Iterable[Any]) -> np.ndarray:
+    """Convert YADE vectors to an array (n, 3); indexing them is ten times faster than unpacking or np.array."""
     return np.array([(v[0], v[1], v[2]) for v in vectors], dtype=float).reshape(-1, 3)
 
 
-def _matrix(values):
+def _matrix(values: np.ndarray) -> Any:
+    """Convert (3, 3) to a YADE matrix."""
     return Matrix3(*np.asarray(values, dtype=float).ravel().tolist())
 
 
-def _require_loadable(state):
-    """YADE knows one contact per pair of grains: a cell must be wider than two grains."""
+def _require_loadable(state: State) -> None:
+    """Raise InputError if the cell is too narrow: YADE allows only one contact per pair of grains."""
     width, needed = _widths(state.cell, state.radius)
     if width < needed:
         raise InputError(
-            f"the cell is {width:.3g} m wide: YADE needs {needed:.3g} m, twice the largest grain and a margin"
+            f"the cell is {width:.3g} m wide: YADE needs {needed:.3g} m, twice the largest grain plus a margin"
         )
 
 
-def _widths(cell, radius):
-    """The least width of the cell, and the width that YADE needs, m."""
+def _widths(cell: np.ndarray, radius: np.ndarray) -> tuple[float, float]:
+    """Return the smallest width of the cell and the width that YADE needs, m."""
     widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
     return widths.min(), 4.0 * radius.max() * (1.0 + VERLET_DISTANCE)

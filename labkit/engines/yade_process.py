@@ -1,4 +1,4 @@
-"""Starts YADE as a child process of `labkit`, shows its progress, and passes on what went wrong."""
+"""Starts YADE as a child process, shows its progress and raises its errors."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC
 
 
 def find_yade() -> str:
-    """Path of the yade program. Raises InputError with the way to get it."""
-    found = shutil.which("yade")
-    if not found:
+    """Path of the yade program. Raises InputError with installation instructions if it is missing."""
+    program = shutil.which("yade")
+    if not program:
         raise InputError(
-            "YADE is not installed: on Debian or Ubuntu `./lab` or `sudo apt-get install yade python3-netcdf4` "
-            "brings it; elsewhere see https://yade-dem.org/doc/installation.html"
+            "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade "
+            "python3-netcdf4`; elsewhere see https://yade-dem.org/doc/installation.html"
         )
-    return found
+    return program
 
 
 def find_script(name: str) -> Path:
-    """Path of a script of yade_scripts: beside the package in a checkout, inside it when installed."""
+    """Path of a script of yade_scripts, which is next to the package in a clone and inside the installed package."""
     for folder in (PACKAGE.parent / "yade_scripts", PACKAGE / "yade_scripts"):
         if (folder / name).is_file():
             return folder / name
-    raise InputError(f"yade_scripts/{name} is missing from this installation: install labkit again")
+    raise InputError(f"yade_scripts/{name} is missing from this installation: reinstall labkit")
 
 
 def yade_environment() -> dict[str, str]:
-    """The environment of a YADE process: labkit on the path, nothing of a virtual environment.
+    """Environment of a YADE process: labkit on the path, without variables of a virtual environment.
 
-    OpenMP's threads sleep while they wait: on a machine with other work, threads that spin halve YADE's speed.
+    Waiting OpenMP threads sleep: threads that spin halve YADE's speed on a computer with other work.
     """
     environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "LABKIT_ROOT": str(PACKAGE.parent)}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
@@ -54,7 +54,7 @@ def yade_environment() -> dict[str, str]:
 
 
 def run_script(name: str, arguments: Sequence[str], threads: int, progress: Progress) -> None:
-    """Runs a script in YADE. Raises InputError or PhysicsError with the message of the child."""
+    """Run a script in YADE. Raises InputError, PhysicsError or Interrupted with the message of the child."""
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(name)), *arguments]
     environment = {**yade_environment(), PIPE: "1"}
     child = subprocess.Popen(
@@ -73,10 +73,10 @@ def run_script(name: str, arguments: Sequence[str], threads: int, progress: Prog
     reader = threading.Thread(target=lambda: errors.extend(complaints), daemon=True)
     reader.start()
     try:
-        with _forwarded_signals(child):
+        with _ForwardedSignals(child):
             _follow(output, progress)
             code = child.wait()
-    except BaseException:  # of `progress`: YADE must not go on alone; a run writes its checkpoint
+    except BaseException:  # raised by `progress`: stop YADE too; a run then writes its checkpoint
         child.terminate()
         child.wait()
         raise
@@ -89,7 +89,7 @@ def run_script(name: str, arguments: Sequence[str], threads: int, progress: Prog
 
 
 def _follow(lines: Iterable[str], progress: Progress) -> None:
-    """Passes on the progress that a child writes, and prints what else it says."""
+    """Report the progress that a child prints, and print its other lines except YADE's banner."""
     for line in lines:
         step = read_pipe(line)
         if step:
@@ -99,15 +99,16 @@ def _follow(lines: Iterable[str], progress: Progress) -> None:
 
 
 def _raise(code: int, errors: Iterable[str]) -> NoReturn:
-    told = [json.loads(line.removeprefix(ERROR)) for line in errors if line.startswith(ERROR)]
-    if told:
-        known = told[-1]
-        if known["kind"] == "InputError":
-            fields = {name: known[name] for name in ("field", "value", "allowed", "quoted")}
-            raise InputError(known["said"], **fields)
-        if known["kind"] == "Interrupted":
-            raise Interrupted(known["said"], code)
-        raise PhysicsError(known["said"])
+    """Raise the error that the child reported, or else a PhysicsError with its exit status."""
+    reported = [json.loads(line.removeprefix(ERROR)) for line in errors if line.startswith(ERROR)]
+    if reported:
+        error = reported[-1]
+        if error["kind"] == "InputError":
+            fields = {name: error[name] for name in ("field", "value", "allowed", "quoted")}
+            raise InputError(error["said"], **fields)
+        if error["kind"] == "Interrupted":
+            raise Interrupted(error["said"], code)
+        raise PhysicsError(error["said"])
     if code in (-signal.SIGINT, -signal.SIGTERM):
         raise Interrupted(f"stopped by signal {-code}; nothing was written", 128 - code)
     sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))
@@ -115,15 +116,15 @@ def _raise(code: int, errors: Iterable[str]) -> NoReturn:
 
 
 def die_with_parent() -> None:
-    """On Linux the child is killed with its parent, so that no orphan goes on writing the run file."""
+    """Kill this child when its parent ends (on Linux), so that no orphan keeps writing the run file."""
     try:
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     except (OSError, AttributeError):
         pass
 
 
-class _forwarded_signals:
-    """While it lasts, SIGINT and SIGTERM go to the child, which decides what to do."""
+class _ForwardedSignals:
+    """Context that forwards SIGINT and SIGTERM to the child, which decides how to stop."""
 
     def __init__(self, child: subprocess.Popen[str]) -> None:
         self.child = child

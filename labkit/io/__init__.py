@@ -1,4 +1,4 @@
-"""Files: the schema, netCDF, provenance, interruption and progress. Numpy and netCDF4 alone."""
+"""Files: schema, netCDF, provenance, interruption and progress. Needs only numpy and netCDF4."""
 
 from labkit.lazy import attach
 
@@ -19,8 +19,9 @@ _NAMES = {
     "provenance_of": "provenance:of_file",
     "provenance_json": "provenance:provenance",
     "provenance_rows": "provenance:rows",
-    "write_provenance": "provenance:tell",
-    "write_with_provenance": "provenance:write_told",
+    "write_provenance": "provenance",
+    "write_with_provenance": "provenance",
+    "install_command": "extras",
     "reporter": "progress",
 }
 

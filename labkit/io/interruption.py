@@ -1,4 +1,4 @@
-"""Signals that ask a run to stop, and the lock that keeps two runs from one file."""
+"""Signals that ask a run to stop, and the lock that prevents two runs from writing the same file."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from labkit.errors import InputError
 
 
 class Signals:
-    """`caught` is the number of the signal that asks to stop, 0 before."""
+    """caught: number of the last signal received; 0 if none was received."""
 
     caught = 0
 
 
 @contextlib.contextmanager
 def stop_on_signals() -> Iterator[Signals]:
-    """While it lasts, SIGINT and SIGTERM only leave their number in the Signals that it gives.
+    """Context in which SIGINT and SIGTERM only store their number in the Signals object.
 
-    Python lets the main thread alone handle signals: in another thread nothing is caught.
+    Python lets only the main thread handle signals: in other threads, none are caught.
     """
     signals = Signals()
 
@@ -41,7 +41,10 @@ def stop_on_signals() -> Iterator[Signals]:
 
 @contextlib.contextmanager
 def only_writer(file: Path) -> Iterator[None]:
-    """Raises InputError if another process writes `file`. The kernel lifts the lock of a killed process."""
+    """Context with the lock on `file`, which the kernel releases if the process is killed.
+
+    Raises InputError if another process is writing `file`.
+    """
     lock = lock_of(file)
     with open(lock, "w") as handle:
         try:
@@ -55,17 +58,17 @@ def only_writer(file: Path) -> Iterator[None]:
 
 
 def busy(file: Path) -> InputError:
-    """The error of a file that another process writes."""
+    """The error for a file that another process is writing."""
     return InputError(f"{file} is being written by another process: wait for it, or choose another -o")
 
 
 def lock_of(file: Path) -> Path:
-    """The lock file beside `file`."""
+    """Path of the lock file of `file`."""
     return file.with_name(f".{file.name}.lock")
 
 
 def being_written(file: Path) -> bool:
-    """Whether a process writes `file` now."""
+    """True if a process is currently writing `file`."""
     try:
         with open(lock_of(file)) as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)

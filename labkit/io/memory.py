@@ -1,15 +1,18 @@
-"""Memory of large arrays goes back to the system when they do, so that a search needs no more than its arrays."""
+"""Return of the memory of large arrays to the system, so that a search for neighbours holds only its own arrays."""
 
 from __future__ import annotations
 
 import ctypes
 
-M_MMAP_THRESHOLD = -3  # of glibc's mallopt
+M_MMAP_THRESHOLD = -3  # parameter of mallopt in glibc
 LARGE = 1_000_000  # bytes
 
 
 def return_large_arrays() -> None:
-    """Has glibc map arrays above LARGE on their own, where it would keep what they leave; elsewhere nothing."""
+    """Makes glibc allocate arrays above LARGE with mmap, so that freeing them returns their memory to the system.
+
+    Has no effect with other C libraries.
+    """
     try:
         ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE)
     except (OSError, AttributeError):

@@ -1,4 +1,4 @@
-"""Progress that shows what remains: a bar for people, plain lines for a log, a pipe between processes."""
+"""Progress with the time left: a bar on a terminal, plain lines in a log, a pipe between processes."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that shows the progress itself
+PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that displays the progress
 MARK = "\x1elabkit "
-ERROR = "labkit-error: "  # of a child process, before an error as JSON
+ERROR = "labkit-error: "  # printed by a child process before an error in JSON
 
 
 def reporter(title: str) -> Callable[[float, str], None]:
-    """A function (fraction, text) for whoever looks at standard output."""
+    """A function (fraction, text) that reports progress in the form suited to standard output."""
     if os.environ.get(PIPE):
         return lambda fraction, text: print(f"{MARK}{fraction:.6f} {text}", flush=True)
     if sys.stdout.isatty():
@@ -24,7 +24,7 @@ def reporter(title: str) -> Callable[[float, str], None]:
 
 
 def read_pipe(line: str) -> tuple[float, str] | None:
-    """(fraction, text) of a line that came through the pipe, or None for another line."""
+    """(fraction, text) of a progress line from the pipe; None for any other line."""
     if not line.startswith(MARK):
         return None
     fraction, _, text = line[len(MARK) :].rstrip("\n").partition(" ")
@@ -32,56 +32,56 @@ def read_pipe(line: str) -> tuple[float, str] | None:
 
 
 def log_fraction(start: float, now: float, end: float) -> float:
-    """How far a quantity that falls exponentially has come from start to end, 0 to 1."""
+    """Progress, 0 to 1, of a quantity that decays exponentially from start to end."""
     if not 0.0 < end < start or now <= 0.0:
         return 0.0
     return float(np.clip(np.log(start / now) / np.log(start / end), 0.0, 1.0))
 
 
 class Clock:
-    """Says how long the rest takes, from the way made since the first call: a resumed run begins in the middle."""
+    """Estimates the time left from the progress since the first call, because a resumed run starts in the middle."""
 
     def __init__(self) -> None:
-        """It starts at the first call of `left`."""
-        self.began: tuple[float, float] | None = None  # fraction, s
+        """The clock starts at the first call of `left`."""
+        self.start: tuple[float, float] | None = None  # fraction, s
 
     def left(self, fraction: float) -> str:
-        """Time left, hours:minutes:seconds, when this fraction is done; `?` at first."""
+        """Time left, hours:minutes:seconds, at this fraction; `?` at the first call."""
         now = time.monotonic()
-        if self.began is None:
-            self.began = fraction, now
-        made = fraction - self.began[0]
-        return _words((now - self.began[1]) * (1.0 - fraction) / made) if made > 0.0 else "?"
+        if self.start is None:
+            self.start = fraction, now
+        progress = fraction - self.start[0]
+        return _as_time((now - self.start[1]) * (1.0 - fraction) / progress) if progress > 0.0 else "?"
 
 
-def _words(seconds: float) -> str:
+def _as_time(seconds: float) -> str:
     left = round(seconds)
     return f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
 
 
 class Lines:
-    """A line every tenth of the way, and at least every half minute."""
+    """Prints a line for every tenth of the progress, and at least every half minute."""
 
     def __init__(self, title: str, fraction_step: float = 0.1, seconds_step: float = 30.0) -> None:
-        """title: what begins each line."""
+        """title: text at the start of each line."""
         self.title, self.fraction_step, self.seconds_step = title, fraction_step, seconds_step
         self.clock, self.last_time = Clock(), time.monotonic()
-        self.last = None
+        self.last: float | None = None  # fraction in the last line
 
     def __call__(self, fraction: float, text: str) -> None:
         """Prints a line if one is due."""
         now, left = time.monotonic(), self.clock.left(fraction)
-        due = self.last is None or fraction - self.last >= self.fraction_step
-        if due or now - self.last_time >= self.seconds_step or fraction >= 1.0 > self.last:
+        due = self.last is None or fraction - self.last >= self.fraction_step or fraction >= 1.0 > self.last
+        if due or now - self.last_time >= self.seconds_step:
             print(f"{self.title}: {fraction:4.0%}, {left} left, {text}", flush=True)
             self.last, self.last_time = fraction, now
 
 
 class Bar:
-    """tqdm's bar where tqdm is installed, else (inside YADE) one line that is written over."""
+    """A tqdm bar if tqdm is installed; otherwise (inside YADE) a single line that is overwritten."""
 
     def __init__(self, title: str) -> None:
-        """title: what stands before the bar."""
+        """title: text before the bar."""
         self.title, self.clock = title, Clock()
         try:
             from tqdm import tqdm
@@ -92,7 +92,7 @@ class Bar:
             self.bar = tqdm(total=1.0, desc=title, bar_format=style)
 
     def __call__(self, fraction: float, text: str) -> None:
-        """Moves the bar to this fraction."""
+        """Updates the bar."""
         left = self.clock.left(fraction)
         if self.bar is None:
             print(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="", flush=True)

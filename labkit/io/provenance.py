@@ -1,9 +1,9 @@
-"""Where a file comes from: command, code version, input files by hash, seed, library versions and computer.
+"""Provenance of a file: command, code version, input files with hashes, seed, library versions and computer.
 
-`labkit info` shows it and `labkit info --check` recomputes the hashes. netCDF and PNG files hold it; beside any other
-output, a table or a page, lies a file of its name and `.provenance.json`. Two hashes are kept apart: that of the bytes
-of a file, and that of the data of an output (`data_sha256`: names, types, shapes and values, no attributes), which
-is the same wherever the same data came out.
+`labkit info` shows it and `labkit info --check` recomputes the hashes. netCDF and PNG files contain it; any other
+output, such as a table or a page, is accompanied by a file with the same name plus `.provenance.json`. There are two
+kinds of hash: `sha256` covers all bytes of a file; `data_sha256` covers only the data of a netCDF file (names, types,
+shapes and values, without attributes) and is therefore the same whenever the same data are produced.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ import numpy as np
 import labkit
 from labkit.io.files import labkit_kind, write_text
 
-BESIDE = ".provenance.json"  # what the name of a file that cannot hold its provenance is followed by
-Name = str | os.PathLike[str]  # of a file
+BESIDE = ".provenance.json"  # suffix of the file that holds the provenance of a table or a page
+Name = str | os.PathLike[str]  # name of a file
 
 LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotlib", "snakemake")
 
@@ -37,13 +37,13 @@ LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotl
 def provenance(
     command: str | None = None, inputs: Iterable[Name] = (), output: Name | None = None, seed: int | None = None
 ) -> str:
-    """JSON text of the provenance of a file that is made now.
+    """Provenance of a file that is being created, as JSON text.
 
-    `command`: as a person would type it (default: that of this process); `inputs`: the files that were read; `output`:
-    the file that is made, to whose folder the names of the inputs are relative.
+    command: the command as typed (default: the command of this process); inputs: the files that were read; output: the
+    file being created. The names of the inputs are relative to its folder.
     """
     folder = Path(output).resolve().parent if output else Path.cwd()
-    known = {
+    record: dict[str, object] = {
         "command": command or shlex.join(["labkit", *sys.argv[1:]]),
         "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "labkit_version": labkit.__version__,
@@ -56,36 +56,36 @@ def provenance(
         ],
     }
     if seed is not None:
-        known["seed"] = int(seed)
-    return json.dumps(known)
+        record["seed"] = int(seed)
+    return json.dumps(record)
 
 
-def write_told(file: Name, text: str, inputs: Iterable[Name] = (), command: str | None = None) -> None:
-    """Writes a text file, and beside it where it comes from; `inputs`: the files that were read."""
+def write_with_provenance(file: Name, text: str, inputs: Iterable[Name] = (), command: str | None = None) -> None:
+    """Writes a text file and its provenance. inputs: the files that were read."""
     write_text(file, text)
-    tell(file, inputs, command)
+    write_provenance(file, inputs, command)
 
 
-def tell(file: Name, inputs: Iterable[Name] = (), command: str | None = None) -> None:
-    """Writes beside a file of any kind where it comes from, and its hash."""
-    known = json.loads(provenance(command, inputs, file))
-    write_text(f"{file}{BESIDE}", json.dumps({**known, "sha256": file_sha256(file)}, indent=1) + "\n")
+def write_provenance(file: Name, inputs: Iterable[Name] = (), command: str | None = None) -> None:
+    """Writes the provenance and the hash of an existing file to `file` + `.provenance.json`."""
+    record = json.loads(provenance(command, inputs, file))
+    write_text(f"{file}{BESIDE}", json.dumps({**record, "sha256": file_sha256(file)}, indent=1) + "\n")
 
 
 @functools.cache
 def commit() -> str:
-    """The git commit that this code is from, with `+changes` if files differ from it; empty outside a checkout."""
+    """Git commit of this code, with `+changes` if tracked files are modified; empty outside a checkout."""
     package = Path(__file__).resolve().parents[1]
     if _git(package, "rev-parse", "--show-prefix") != "labkit/":
-        return ""  # installed, perhaps below somebody else's repository
-    found = _git(package, "rev-parse", "HEAD") or ""
-    return found + "+changes" * bool(found and _git(package, "status", "--porcelain", "--untracked-files=no"))
+        return ""  # installed, perhaps inside another repository
+    head = _git(package, "rev-parse", "HEAD") or ""
+    return head + "+changes" * bool(head and _git(package, "status", "--porcelain", "--untracked-files=no"))
 
 
-def _git(folder: Path, *words: str) -> str | None:
-    """What git says, or None where it fails or is not there."""
+def _git(folder: Path, *arguments: str) -> str | None:
+    """Output of a git command; None if it fails or git is not installed."""
     try:
-        done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True)
+        done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True)
     except OSError:
         return None
     return done.stdout.strip() if done.returncode == 0 else None
@@ -93,24 +93,24 @@ def _git(folder: Path, *words: str) -> str | None:
 
 @functools.cache
 def libraries() -> dict[str, str]:
-    """Name -> version of the libraries that are installed for this interpreter."""
-    found = {}
+    """Versions of the libraries installed for this interpreter, name -> version."""
+    versions = {}
     for name in LIBRARIES:
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 @functools.cache
 def machine() -> dict[str, object]:
-    """Name, processor, cores and system of this computer."""
+    """Name, processor, cores and operating system of this computer."""
     return {"name": platform.node(), "processor": processor(), "cores": os.cpu_count(), "system": platform.platform()}
 
 
 def processor() -> str:
-    """The model of the processor, as Linux has it."""
+    """Processor model as reported by Linux; on other systems, as reported by Python."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -119,12 +119,12 @@ def processor() -> str:
 
 
 def file_sha256(file: Name) -> str:
-    """SHA-256 of the bytes of a file, hexadecimal."""
+    """SHA-256 of all bytes of a file, hexadecimal."""
     state = os.stat(file)
     return _sha256(os.fspath(file), state.st_ino, state.st_mtime_ns, state.st_size)
 
 
-@functools.lru_cache(1024)  # one command may name the same inputs for each of its outputs
+@functools.lru_cache(1024)  # a command with several outputs hashes the same inputs for each
 def _sha256(file, *state):
     digest = hashlib.sha256()
     with open(file, "rb") as handle:
@@ -134,16 +134,16 @@ def _sha256(file, *state):
 
 
 def data_sha256(dataset: netCDF4.Dataset) -> str:
-    """SHA-256 of the variables of an open netCDF4.Dataset and of its groups, hexadecimal.
+    """SHA-256 of the variables of an open netCDF4.Dataset and its groups, hexadecimal.
 
-    The checkpoint of a run is left out: it has room that older checkpoints may have written to.
+    The checkpoint of a run is left out because its arrays may contain remains of earlier checkpoints.
     """
     digest = hashlib.sha256()
     _add_group(digest, dataset)
     return digest.hexdigest()
 
 
-ROWS = 4_000_000  # values read at a time
+CHUNK = 4_000_000  # values read at a time
 
 
 def _add_group(digest, group):
@@ -151,7 +151,7 @@ def _add_group(digest, group):
         variable = group.variables[name]
         digest.update(f"{group.path}/{name} {variable.dtype} {variable.shape}\n".encode())
         per_row = int(np.prod(variable.shape[1:], dtype=np.int64)) or 1
-        rows = max(1, ROWS // per_row)
+        rows = max(1, CHUNK // per_row)
         for first in range(0, variable.shape[0] if variable.shape else 1, rows):
             part = variable[first : first + rows] if variable.shape else variable[...]
             digest.update(np.ascontiguousarray(np.ma.getdata(part)).tobytes())
@@ -160,7 +160,7 @@ def _add_group(digest, group):
 
 
 def of_file(file: Name) -> dict[str, Any] | None:
-    """The provenance of a file as a dictionary, or None if it has none."""
+    """Provenance of a file as a dictionary, or None if it has none."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
         return json.loads(beside.read_text())
@@ -178,47 +178,42 @@ def of_file(file: Name) -> dict[str, Any] | None:
 
 
 def check(file: Name) -> list[tuple[str, str]]:
-    """(what, verdict) of every hash of a file: its data's, if it has one, and those of its inputs.
+    """(item, verdict) for every hash that a file stores: for its content or data, and for its input files.
 
     The verdict is `same`, `differs` or `missing`.
     """
     file = Path(file)
-    found = []
+    verdicts = []
     known = of_file(file) or {}
     if "sha256" in known:
-        found.append(("this file", "same" if file_sha256(file) == known["sha256"] else "differs"))
+        verdicts.append(("this file", "same" if file_sha256(file) == known["sha256"] else "differs"))
     elif labkit_kind(file):
         with netCDF4.Dataset(file) as dataset:
             stored = getattr(dataset, "data_sha256", None)
             if stored is not None:
-                found.append(("the data of this file", "same" if data_sha256(dataset) == stored else "differs"))
+                verdicts.append(("the data of this file", "same" if data_sha256(dataset) == stored else "differs"))
     for item in known.get("inputs", []):
         source = file.resolve().parent / item["file"]
         if not source.is_file():
-            found.append((f"input {item['file']}", "missing"))
+            verdicts.append((f"input {item['file']}", "missing"))
         else:
             verdict = "same" if file_sha256(source) == item["sha256"] else "differs"
-            found.append((f"input {item['file']}", verdict))
-    return found
-
-
-def words(known: Mapping[str, Any]) -> list[str]:
-    """A provenance as lines of text."""
-    return [f"  {name:<18} {value}" for name, value in rows(known).items()]
+            verdicts.append((f"input {item['file']}", verdict))
+    return verdicts
 
 
 def rows(known: Mapping[str, Any]) -> dict[str, str]:
-    """A provenance as text under the names that people read; what is empty is left out."""
-    machine_ = known.get("machine", {})
+    """A provenance as label -> text; empty values are left out."""
+    computer = known.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]
-    found = {
+    labelled = {
         "command": known.get("command", ""),
-        "made": known.get("made", ""),
-        "labkit": f"{known.get('labkit_version', '')} {known.get('commit') or 'no commit: installed, not a checkout'}",
+        "created": known.get("made", ""),
+        "labkit": f"{known.get('labkit_version', '')} {known.get('commit') or '(installed, no commit recorded)'}",
         "seed": known.get("seed", ""),
         "inputs": ", ".join(inputs) or "none",
         "libraries": ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items()),
         "python": known.get("python", ""),
-        "machine": f"{machine_.get('name')}, {machine_.get('cores')} cores, {machine_.get('processor')}",
+        "computer": f"{computer.get('name')}, {computer.get('cores')} cores, {computer.get('processor')}",
     }
-    return {name: value for name, value in found.items() if value != ""}
+    return {name: value for name, value in labelled.items() if value != ""}

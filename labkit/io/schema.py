@@ -1,4 +1,4 @@
-"""The variables of state and run files: name, dimensions, type, units, long name. One place for all."""
+"""Schema of state and run files: name, dimensions, type, units and long name of every variable."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
-    """A variable of a file: dimensions and type as netCDF has them, units and long name as CF asks for them."""
+    """A variable of a file: dimensions and type in netCDF terms, units and long name as CF requires."""
 
     name: str
     dimensions: tuple[str, ...]
@@ -23,8 +23,8 @@ def _table(*rows: tuple[str, str, str, str, str]) -> dict[str, Variable]:
 STATE = _table(
     ("radius", "grain", "f8", "m", "grain radius"),
     ("position", "grain i", "f8", "m", "position of the grain centre, not wrapped into the cell"),
-    ("velocity", "grain i", "f8", "m s-1", "velocity of the grain, mean field included, half a step earlier"),
-    ("angular_velocity", "grain i", "f8", "rad s-1", "angular velocity of the grain, half a step earlier"),
+    ("velocity", "grain i", "f8", "m s-1", "grain velocity including the mean field, half a time step earlier"),
+    ("angular_velocity", "grain i", "f8", "rad s-1", "angular velocity of the grain, half a time step earlier"),
     ("cell", "i j", "f8", "m", "periodic cell, cell vectors as columns"),
     ("velocity_gradient", "i j", "f8", "s-1", "velocity gradient of the cell"),
     ("contact_grain", "contact side", "i4", "1", "first and second grain of the contact"),
@@ -39,30 +39,30 @@ RECORD = _table(
     ("strain", "time i j", "f8", "1", "logarithmic strain, compression positive"),
     ("cell", "time i j", "f8", "m", "periodic cell, cell vectors as columns"),
     ("volume", "time", "f8", "m3", "volume of the cell"),
-    ("stress", "time i j", "f8", "Pa", "stress after Love, compression positive"),
-    ("stress_sff", "time i j", "f8", "Pa", "stress after the modified stress-force-fabric equation C0"),
-    ("void_ratio", "time", "f8", "1", "void ratio, overlaps taken out of the solid volume"),
+    ("stress", "time i j", "f8", "Pa", "Love's stress, compression positive"),
+    ("stress_sff", "time i j", "f8", "Pa", "stress predicted by stress-force-fabric equation C0, compression positive"),
+    ("void_ratio", "time", "f8", "1", "void ratio, overlaps subtracted from the solid volume"),
     ("void_ratio_nominal", "time", "f8", "1", "void ratio of the undeformed grain volumes"),
     ("coordination_number", "time", "f8", "1", "coordination number Z"),
     ("contact_anisotropy", "time i j", "f8", "1", "anisotropy of the contact normals A"),
     ("mean_normalised_force", "time", "f8", "1", "mean normalised normal contact force Lambda"),
     ("normal_force_anisotropy", "time i j", "f8", "1", "anisotropy of the normalised normal force F"),
-    ("mobilisation", "time i j", "f8", "1", "mobilisation of the contacts F^t"),
+    ("mobilisation", "time i j", "f8", "1", "mobilisation F^t: mean normal (x) tangential force / mean normal force"),
     ("inertial_number", "time", "f8", "1", "inertial number"),
-    ("overlap_ratio", "time", "f8", "1", "mean overlap over grain diameter"),
+    ("overlap_ratio", "time", "f8", "1", "mean of overlap over grain diameter"),
     ("rattler_fraction", "time", "f8", "1", "share of grains with fewer than two contacts"),
-    ("kinetic_energy", "time", "f8", "J", "kinetic energy without the mean field"),
+    ("kinetic_energy", "time", "f8", "J", "kinetic energy relative to the mean field"),
     ("unbalanced_force", "time", "f8", "1", "mean resultant force on a grain over mean contact force"),
-    ("elastic_energy", "time", "f8", "J", "energy of the contact springs"),
+    ("elastic_energy", "time", "f8", "J", "elastic energy of the contact springs"),
     ("cell_work", "time", "f8", "J", "work of the cell on the grains since the start of the path"),
-    ("friction_loss", "time", "f8", "J", "energy that sliding has taken"),
-    ("rolling_loss", "time", "f8", "J", "energy that rolling at its limit has taken"),
-    ("damping_loss", "time", "f8", "J", "energy that local damping or the dashpots have taken"),
-    ("energy_balance_error", "time", "f8", "1", "energy missing over the work of the cell or the initial energy"),
-    ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass without the mean field"),
+    ("friction_loss", "time", "f8", "J", "energy dissipated by sliding"),
+    ("rolling_loss", "time", "f8", "J", "energy dissipated by rolling at the moment limit"),
+    ("damping_loss", "time", "f8", "J", "energy dissipated by local damping or dashpots"),
+    ("energy_balance_error", "time", "f8", "1", "energy unaccounted for, over work of the cell or initial energy"),
+    ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
 )
 
-# Without these nothing can be said of a run. What else a file of an earlier version or of another program lacks is NaN.
+# A run file must contain these. Other variables missing in files of earlier versions or other programs read as NaN.
 ESSENTIAL = ("axial_strain", "strain", "cell", "volume", "stress")
 
 CONTACTS = _table(

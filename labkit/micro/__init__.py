@@ -1,15 +1,15 @@
-"""Micromechanics: numpy in, numpy out. Every statistic takes a Snapshot.
+"""Micromechanical statistics as numpy arrays. Every statistic is a function of a Snapshot.
 
-Each physical contact counts twice in the paper, once on each of its grains. `n n` and `n (x) f` are the
-same on both sides, so that sums run over physical contacts with the weight of the two sides added.
+The paper counts each physical contact twice, once for each of its grains. Because `n n` and `n (x) f` are equal on both
+sides, the sums here run over physical contacts, each weighted with the sum of the weights of its two sides.
 """
 
 from labkit.lazy import attach
 
-# At once: the submodule of the same name would hide a function that is imported when it is first used.
+# Imported immediately: a lazily imported function would be hidden by the submodule of the same name.
 from labkit.micro.void_ratio import void_ratio as void_ratio
 
-_ROOM = {
+_NAMES = {
     "contacts": ("Contacts", "NO_CONTACTS", "branch_vectors"),
     "directions": (
         "Fit",
@@ -51,4 +51,4 @@ _ROOM = {
     "void_ratio": ("grain_volume", "lens_volume", "void_ratio", "void_ratio_nominal"),
 }
 
-__getattr__, __dir__, __all__ = attach(__name__, {name: file for file, names in _ROOM.items() for name in names})
+__getattr__, __dir__, __all__ = attach(__name__, {name: file for file, names in _NAMES.items() for name in names})

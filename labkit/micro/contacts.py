@@ -1,4 +1,4 @@
-"""Contacts at one instant: the geometry and the forces that every statistic starts from."""
+"""Contacts at one instant: their geometry and forces, the input of every statistic."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclasses.dataclass(frozen=True)
 class Contacts:
-    """The n physical contacts of one instant, each listed once.
+    """The n physical contacts at one instant, each listed once.
 
     grain (n, 2) int: indices of the first and the second grain;
     normal (n, 3): unit vector from the first to the second grain;
@@ -30,11 +30,11 @@ class Contacts:
         return len(self.overlap)
 
     def branch_length(self, radius: np.ndarray) -> np.ndarray:
-        """Distance of the two centres, R_a + R_b - delta, shape (n,), m. `radius` (grain,) in m."""
+        """Distance between the two grain centres, R_a + R_b - delta, shape (n,), m. `radius` (grain,) in m."""
         return radius[self.grain[:, 0]] + radius[self.grain[:, 1]] - self.overlap
 
     def force_on_first(self) -> np.ndarray:
-        """Contact force on the first grain, shape (n, 3), N; the second carries the opposite."""
+        """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
 
@@ -44,7 +44,7 @@ NO_CONTACTS = Contacts(
 
 
 def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Vectors x_b + H s - x_a from the first to the second grain, shape (n, 3), m.
+    """Branch vectors x_b + H s - x_a from the first to the second grain, shape (n, 3), m.
 
     position (grain, 3) m; cell (3, 3) with the cell vectors as columns, m; grain (n, 2);
     shift (n, 3): cell periods to add to the second grain.

@@ -1,7 +1,7 @@
-"""Directional functions of contacts: fits of order 0, 2 and 4 on the sphere (Eqs. 9, 23 and beyond), and bins.
+"""Directional functions of contacts: fits of order 0, 2 and 4 on the sphere (Eqs. 9, 23 and extensions), and bins.
 
 An even function of the direction n is written f(n) = f0 [1 + n.B n + B4::nnnn] with B deviatoric and B4 symmetric
-and without trace (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
+and traceless (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ import numpy as np
 
 IDENTITY = np.eye(3)
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
-_PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # of the pair ij in a row of six products
+_PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # index of the pair ij in a row of six products
 
 
 def _symmetric_with_identity(B):
-    """sym(I (x) B) over all 24 orders of the indices, for symmetric B (3, 3); shape (3, 3, 3, 3)."""
-    IB = np.einsum("ij,kl->ijkl", IDENTITY, B)
-    BI = np.einsum("ij,kl->ijkl", B, IDENTITY)
-    both = IB + BI
+    """Fully symmetric part of I (x) B for symmetric B (3, 3), over all 24 orders of the indices; shape (3, 3, 3, 3)."""
+    both = np.einsum("ij,kl->ijkl", IDENTITY, B) + np.einsum("ij,kl->ijkl", B, IDENTITY)
     return (both + both.transpose(0, 2, 1, 3) + both.transpose(0, 3, 2, 1)) / 6.0
 
 
@@ -27,41 +25,44 @@ _IDENTITY4 = _symmetric_with_identity(IDENTITY)
 
 
 def traceless(S: np.ndarray) -> np.ndarray:
-    """S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I) of a fully symmetric S (3, 3, 3, 3): nothing of it has a trace."""
+    """Traceless part of a fully symmetric S (3, 3, 3, 3): S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I)."""
     second = np.einsum("iikl->kl", S)
     return S - 6.0 / 7.0 * _symmetric_with_identity(second) + 3.0 / 35.0 * np.trace(second) * _IDENTITY4
 
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """mean: f0; second (3, 3): B; fourth (3, 3, 3, 3): B4, zero for a fit of second order."""
+    """A fitted directional function f0 [1 + n.B n + B4::nnnn].
+
+    mean: f0; second (3, 3): B; fourth (3, 3, 3, 3): B4, zero for a fit of second order.
+    """
 
     mean: float
     second: np.ndarray
     fourth: np.ndarray
 
     def at(self, n: np.ndarray) -> np.ndarray:
-        """f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
+        """Values f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
         return self.mean * self.shape(n)
 
     def shape(self, n: np.ndarray) -> np.ndarray:
-        """1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
+        """Values 1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
         value = 1.0 + np.einsum("mi,mi->m", n @ self.second, n)
         if self.fourth.any():
             products = _products(n)
-            half = np.einsum("ma,ab->mb", products, _as_matrix(self.fourth))  # BLAS would wake its threads for this
+            half = np.einsum("ma,ab->mb", products, _as_matrix(self.fourth))  # without BLAS and its threads
             value = value + np.einsum("ma,ma->m", half, products)
         return value
 
 
 def fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Fit:
-    """The Fit to the directional function whose sum over directions is the sum over the rows.
+    """Fit of a directional function that has the same moments, up to `order`, as the values v in the directions n.
 
     f0 = <v>, B = 15/2 (<v nn>/f0 - I/3), B4 = 315/8 times the traceless part of <v nnnn>/f0
 
-    with <> the mean over the m rows, `n` (m, 3) unit vectors, `values` (m,). With v = 1 it is the density of the
-    normals over 1/(4 pi) (Eqs. 9, 10); with v = Lambda_n/(1 + n.A n) it is the mean of Lambda_n in the direction n
-    (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises ValueError for an order other than 2 or 4.
+    <> is the mean over the m rows of `n` (m, 3), unit vectors, and `values` (m,). With v = 1 the result is the density
+    of contact normals divided by 1/(4 pi) (Eqs. 9, 10); with v = Lambda_n/(1 + n.A n) it is the mean of Lambda_n in the
+    direction n (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises ValueError for an order other than 2 or 4.
     """
     if order not in (2, 4):
         raise ValueError(f"order {order} is not possible: use 2 or 4")
@@ -81,19 +82,22 @@ def fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Fit:
 
 
 def second_order(full: Fit) -> Fit:
-    """A Fit without its fourth order."""
+    """The same Fit without its fourth-order term."""
     return dataclasses.replace(full, fourth=np.zeros((3, 3, 3, 3)))
 
 
 def normal_density(n: np.ndarray, order: int = 2) -> Fit:
-    """The Fit to E_PDF(n), f0 = 1/(4 pi) (Eqs. 9 and 10). `n` (m, 3) unit vectors; NaN for m = 0."""
+    """Fit of the density of contact normals E_PDF(n), f0 = 1/(4 pi) (Eqs. 9, 10).
+
+    `n` (m, 3) unit vectors; NaN for m = 0.
+    """
     return dataclasses.replace(fit(n, np.ones(len(n)), order), mean=0.25 / np.pi)
 
 
 def directional_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> Fit:
-    """The Fit to the mean of `values` (m,) in the direction n, of the order of `density`, the Fit of E_PDF.
+    """Fit of the mean of `values` (m,) in the direction n, with the order of `density`, the Fit of E_PDF.
 
-    Rows count 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
+    Rows are weighted by 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
     """
     order = 4 if density.fourth.any() else 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,7 +106,7 @@ def directional_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> Fit:
 
 @dataclasses.dataclass(frozen=True)
 class TangentialFit:
-    """t(n) = G n - (n.G n) n + W n + B4:nnn - (B4::nnnn) n, which has no component along n.
+    """A fitted vector function t(n) = G n - (n.G n) n + W n + B4:nnn - (B4::nnnn) n, without a component along n.
 
     second (3, 3): G, symmetric; skew (3, 3): W; fourth (3, 3, 3, 3): B4, zero for a fit of second order.
     """
@@ -112,19 +116,19 @@ class TangentialFit:
     fourth: np.ndarray
 
     def at(self, n: np.ndarray) -> np.ndarray:
-        """t at unit vectors n (m, 3), shape (m, 3)."""
-        pull = n @ self.second + n @ self.skew.T
+        """Values of t at unit vectors n (m, 3), shape (m, 3)."""
+        full = n @ self.second + n @ self.skew.T
         if self.fourth.any():
-            pull = pull + np.einsum("jklq,mk,ml,mq->mj", self.fourth, n, n, n, optimize=True)
-        return pull - np.einsum("mi,mi->m", pull, n)[:, None] * n
+            full = full + np.einsum("jklq,mk,ml,mq->mj", self.fourth, n, n, n, optimize=True)
+        return full - np.einsum("mi,mi->m", full, n)[:, None] * n
 
 
 def tangential_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> TangentialFit:
-    """The TangentialFit to the mean of vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
+    """Fit of the mean of tangential vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
 
-    Rows count 1/(1 + n.A n + ...) and the fit has the order of `density`, the Fit of E_PDF. G = 5 sym<n (x) t>,
-    W = 3 skew<n (x) t>^T, B4 = 63/2 times the symmetric, traceless part of <nnn (x) t>. With t = -Lambda_t/Lambda,
-    <n (x) t> is F^t.
+    Rows are weighted by 1/(1 + n.A n + ...), and the fit has the order of `density`, the Fit of E_PDF.
+    G = 5 sym<n (x) t>, W = 3 skew<n (x) t>^T, B4 = 63/2 times the symmetric, traceless part of <nnn (x) t>. With
+    t = -Lambda_t/Lambda, <n (x) t> is F^t.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         weighted = values / density.shape(n)[:, None]
@@ -139,41 +143,41 @@ def tangential_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> Tangenti
 
 
 def _products(n):
-    """xx, yy, zz, xy, yz, zx of vectors (m, 3), shape (m, 6)."""
+    """Products xx, yy, zz, xy, yz, zx of the components of vectors (m, 3), shape (m, 6)."""
     return np.stack([n[:, i] * n[:, j] for i, j in _PAIRS], axis=1)
 
 
 def _as_tensor(matrix):
-    """Tensor (3, 3, 3, 3) from the (6, 6) of its products."""
+    """Fourth-order tensor (3, 3, 3, 3) from a matrix (6, 6) of moments of the six products."""
     return matrix[_PLACE[:, :, None, None], _PLACE[None, None, :, :]]
 
 
 def _as_matrix(tensor):
-    """The (6, 6) whose form in the products is tensor::nnnn."""
+    """Matrix (6, 6) of the quadratic form in the six products that equals tensor::nnnn."""
     matrix = np.array([[tensor[first + second] for second in _PAIRS] for first in _PAIRS])
-    twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # xy stands for xy and yx
+    twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # xy represents both xy and yx
     return matrix * twice[:, None] * twice
 
 
 def polar_bins(n: np.ndarray, bins: int, axis: int = 2) -> tuple[np.ndarray, np.ndarray]:
-    """Equal solid angles about an axis: (cosines of the edges (bins + 1,), bin of each row (m,)).
+    """Bins of equal solid angle about an axis: (cosines of the edges (bins + 1,), bin of each row (m,)).
 
-    n and -n are the same direction: the angle from the axis runs from 0 to 90 degrees. `n` (m, 3).
+    n and -n are treated as the same direction: the angle from the axis runs from 0 to 90 degrees. `n` (m, 3).
     """
     edges = np.linspace(0.0, 1.0, bins + 1)
     return edges, np.clip((np.abs(n[:, axis]) * bins).astype(int), 0, bins - 1)
 
 
 def bin_means(values: np.ndarray, bin_of: np.ndarray, bins: int) -> np.ndarray:
-    """Mean of `values` (m,) in each bin `bin_of` (m,), shape (bins,); NaN where a bin is empty."""
+    """Mean of `values` (m,) in each bin `bin_of` (m,), shape (bins,); NaN for empty bins."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.bincount(bin_of, values, bins) / np.bincount(bin_of, minlength=bins)
 
 
 def hemisphere_bins(n: np.ndarray, bands: int, sectors: int) -> np.ndarray:
-    """Equal solid angles of the hemisphere z > 0: bin of each row (m,), band * sectors + sector.
+    """Bins of equal solid angle on the hemisphere z > 0: bin of each row (m,), band * sectors + sector.
 
-    `n` (m, 3), turned into the hemisphere; bands are of equal height in z, sectors of equal azimuth.
+    `n` (m, 3) is reflected into the hemisphere; bands have equal height in z, sectors equal azimuth.
     """
     up = np.where(n[:, 2:] < 0.0, -n, n)
     band = np.clip((up[:, 2] * bands).astype(int), 0, bands - 1)

@@ -1,4 +1,4 @@
-"""Fabric of contacts (Z, A) and normalised contact forces (Lambda, F, F^t): Eqs. 10 and 23-27."""
+"""Contact fabric (Z, A) and normalised contact force (Lambda, F, F^t): Eqs. 10 and 23-27."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Statistics:
-    """The state variables of C0. Without contacts Z and Lambda are 0 and the tensors are NaN (undefined).
+    """State variables of C0. Without contacts, Z and Lambda are 0 and the tensors are NaN (undefined).
 
-    coordination_number: Z = Nc/Ng, both sides counted;
+    coordination_number: Z = Nc/Ng, each contact counted on both sides;
     contact_anisotropy (3, 3): A, Eq. 10;
     mean_normalised_force: Lambda, Eq. 24;
     normal_force_anisotropy (3, 3): F, Eq. 25;
@@ -31,10 +31,11 @@ class Statistics:
 
 @dataclasses.dataclass(frozen=True)
 class Series:
-    """The directional functions of a set of Vectors: E_PDF, mean Lambda_n, and F^t.
+    """Directional functions of a set of Vectors: E_PDF, mean Lambda_n, and F^t.
 
-    density: the Fit of E_PDF(n), its second order is A; normal_force: the Fit of mean Lambda_n(n), its mean is Lambda
-    and its second order F; mobilisation (3, 3): F^t of Eq. 27 with the weights of `density`.
+    density: Fit of E_PDF(n), whose second-order tensor is A; normal_force: Fit of the mean of Lambda_n in the direction
+    n, whose mean is Lambda and whose second-order tensor is F; mobilisation (3, 3): F^t of Eq. 27, weighted with
+    `density`.
     """
 
     density: Fit
@@ -43,7 +44,7 @@ class Series:
 
 
 def series_of(vectors: Vectors, order: int = 2) -> Series:
-    """The Series of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4; not for an empty set."""
+    """Series of a non-empty set of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4."""
     n = vectors.normal
     density = normal_density(n, order)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -54,16 +55,16 @@ def series_of(vectors: Vectors, order: int = 2) -> Series:
 
 
 def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
-    """A = 15/2 (<n n> - I/3) (Eq. 10), shape (3, 3). `normal` (n, 3) unit vectors; NaN for n = 0."""
+    """Contact anisotropy A = 15/2 (<n n> - I/3) (Eq. 10), shape (3, 3). `normal` (n, 3) unit vectors; NaN for n = 0."""
     return normal_density(normal).second
 
 
 def statistics(snapshot: Snapshot) -> Statistics:
-    """Z, A, Lambda, F and F^t of a snapshot (Eqs. 10, 24, 25, 27), the variables of C0."""
+    """State variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27)."""
     contacts = snapshot.contacts
     if len(contacts) == 0:
-        nothing = np.full((3, 3), np.nan)
-        return Statistics(0.0, nothing, 0.0, nothing, nothing)
+        undefined = np.full((3, 3), np.nan)
+        return Statistics(0.0, undefined, 0.0, undefined, undefined)
     series = series_of(vectors_of_contacts(snapshot))
     force = series.normal_force
     Z = 2 * len(contacts) / snapshot.number_of_grains

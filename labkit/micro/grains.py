@@ -1,4 +1,4 @@
-"""What the contacts of each grain say of it: numbers, means and stress, a row per grain."""
+"""Quantities per grain derived from its contacts: sums, means, fabric and stress, one row per grain."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from labkit.micro.snapshot import Snapshot, contact_arms, contacts_per_grain
 
 
 def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
-    """Sum over the contact sides of each grain, shape (grain, ...). `values` (n, 2, ...): of each side."""
+    """Sum of values over the contact sides of each grain, shape (grain, ...). `values` (n, 2, ...): one per side."""
     side = snapshot.contacts.grain.ravel()
     shape = np.shape(values)[2:]
     columns = np.reshape(values, (len(side), int(np.prod(shape)))).T
@@ -17,9 +17,9 @@ def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
 
 
 def mean_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
-    """Mean over the contact sides of each grain, shape (grain, ...), zero for a grain without contacts.
+    """Mean of values over the contact sides of each grain, shape (grain, ...); zero for a grain without contacts.
 
-    `values` (n, 2, ...): of each side.
+    `values` (n, 2, ...): one per side.
     """
     sums = sum_per_grain(snapshot, values)
     number = np.maximum(contacts_per_grain(snapshot), 1)
@@ -27,19 +27,19 @@ def mean_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
 
 
 def grain_fabric(snapshot: Snapshot) -> np.ndarray:
-    """<n n> over the contacts of each grain, shape (grain, 3, 3), trace 1; zero for a grain without contacts."""
+    """Fabric tensor <n n> of each grain, shape (grain, 3, 3), trace 1; zero for a grain without contacts."""
     normal = snapshot.contacts.normal
     dyads = normal[:, :, None] * normal[:, None, :]
     return mean_per_grain(snapshot, np.stack([dyads, dyads], axis=1))
 
 
 def grain_stress(snapshot: Snapshot) -> np.ndarray:
-    """-(1/v) sum of l (x) f over the contacts of each grain, v = 4/3 pi R^3, shape (grain, 3, 3), Pa.
+    """Stress of each grain, -(1/v) sum of l (x) f over its contacts with v = 4/3 pi R^3, shape (grain, 3, 3), Pa.
 
-    Love's stress (Eq. 4) is the sum of v times this over the volume of the cell. Compression positive.
+    Compression positive. Love's stress (Eq. 4) is the sum of v times the grain stress, divided by the cell volume.
     """
     contacts = snapshot.contacts
     arm = contact_arms(snapshot)[:, :, None, None]
-    dyads = contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]  # equal on both sides: -n (x) -f
+    dyads = contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]  # equal on both sides: (-n) (x) (-f)
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3
     return -sum_per_grain(snapshot, arm * dyads[:, None]) / volume[:, None, None]

@@ -1,4 +1,4 @@
-"""Is the test quasi-static, the overlap small, the specimen at rest? (section 2)"""
+"""Indicators of whether a test is quasi-static, overlaps are small and the specimen is at rest (section 2)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 
 
 def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, density: float) -> float:
-    """I = |rate| D sqrt(rho/p) with the Euclidean norm (section 2).
+    """Inertial number I = |rate| D sqrt(rho/p) with the Euclidean norm (section 2).
 
-    `strain_rate` (3, 3) 1/s, `pressure` Pa, `diameter` m, `density` kg/m3; inf where a deforming specimen carries no
-    pressure, 0 at rest.
+    `strain_rate` (3, 3) 1/s, `pressure` Pa, `diameter` m, `density` kg/m3; 0 at rest, inf if a deforming specimen has
+    no mean stress.
     """
     norm = float(np.linalg.norm(strain_rate))
     if norm == 0.0:
@@ -20,7 +20,7 @@ def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, d
 
 
 def overlap_ratio(snapshot: Snapshot) -> float:
-    """Mean of delta/D over the contact sides; 0 without contacts."""
+    """Mean of overlap over grain diameter, delta/D, over all contact sides; 0 without contacts."""
     contacts = snapshot.contacts
     if len(contacts) == 0:
         return 0.0
@@ -28,7 +28,7 @@ def overlap_ratio(snapshot: Snapshot) -> float:
 
 
 def rattler_fraction(snapshot: Snapshot) -> float:
-    """Share of the grains with no or one contact: they carry no load."""
+    """Fraction of rattlers: grains with at most one contact, which carry no load."""
     return float(np.mean(contacts_per_grain(snapshot) < 2))
 
 
@@ -42,7 +42,7 @@ def resultant_forces(snapshot: Snapshot) -> np.ndarray:
 
 
 def unbalanced_force(snapshot: Snapshot) -> float:
-    """Mean resultant force on a grain over the mean contact force; 0 without contacts."""
+    """Unbalanced force: mean resultant force on a grain, divided by the mean contact force; 0 without contacts."""
     if len(snapshot.contacts) == 0:
         return 0.0
     resultant = np.linalg.norm(resultant_forces(snapshot), axis=1).mean()
@@ -51,5 +51,5 @@ def unbalanced_force(snapshot: Snapshot) -> float:
 
 
 def elastic_energy(snapshot: Snapshot) -> float:
-    """Energy of the contact springs, J, after the contact law of the scene."""
+    """Elastic energy of the contact springs, J, according to the scene's contact law."""
     return snapshot.scene.contact_law.elastic_energy(snapshot)

@@ -1,4 +1,4 @@
-"""Parts of the contact network: the stress of chosen contact sides, and the lives of contacts between snapshots."""
+"""Contact network: stress carried by selected contact sides, and lifetimes of contacts over several snapshots."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from labkit.micro.snapshot import Snapshot, contact_arms
 
 
 def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
-    """-(1/V) sum of l (x) f over chosen contact sides (Eq. 4), shape (3, 3), Pa. `side` (n, 2) of bool.
+    """Stress of selected contact sides, -(1/V) sum of l (x) f (Eq. 4), shape (3, 3), Pa. `side` (n, 2) of bool.
 
-    All sides together give Love's stress.
+    With all sides selected, this is Love's stress.
     """
     contacts = snapshot.contacts
     arm = np.where(side, contact_arms(snapshot), 0.0).sum(axis=1)
@@ -22,11 +22,11 @@ def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Lives:
-    """Contacts followed through K snapshots; a contact that opens and closes again between two is not seen to open.
+    """Lifetimes of contacts over K snapshots. A contact that opens and closes between two snapshots counts as kept.
 
-    contacts, gained, lost, kept (K,): at each snapshot, against the one before (gained and lost are 0 at the first);
-    pair (L, 2): the two grains of each of L lives; birth (L,): snapshot of its first appearance; death (L,): first
-    snapshot without it, K while it lives.
+    contacts (K,): number of contacts in each snapshot; gained, lost, kept (K,): numbers relative to the previous
+    snapshot, 0 in the first; pair (L, 2): the two grains of each of L contacts; birth (L,): first snapshot with the
+    contact; death (L,): first later snapshot without it, K if it still exists in the last one.
     """
 
     contacts: np.ndarray
@@ -38,7 +38,7 @@ class Lives:
     death: np.ndarray
 
     def age_sum(self, times: np.ndarray) -> np.ndarray:
-        """Sum over the contacts at each snapshot of the time since their birth, shape (K,); `times` (K,)."""
+        """Sum of the ages of all contacts in each snapshot, shape (K,). `times` (K,): time of each snapshot."""
         K = len(self.contacts)
         born = np.bincount(self.birth, minlength=K)[:K]
         died = np.bincount(self.death, minlength=K + 1)[:K]
@@ -48,10 +48,10 @@ class Lives:
 
 
 def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
-    """The Lives of contacts, from the pairs (n, 2) of grains of one snapshot after the other.
+    """Lives of contacts, from the pairs of grains (n, 2) in contact in each snapshot, in order of time.
 
-    Only two snapshots are held at a time. Two contacts of the same two grains, in a cell hardly wider than a grain,
-    count as one. `grains`: number of grains.
+    Only two snapshots are in memory at a time. Two contacts between the same two grains, which occur in a cell hardly
+    wider than a grain, count as one. grains: number of grains.
     """
     counts, gained, lost, kept = [], [], [], []
     alive, birth = np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -72,4 +72,6 @@ def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
     lives.append((alive, birth, np.full(len(alive), snapshot + 1)))
     key, birth, death = (np.concatenate(column).astype(np.int64) for column in zip(*lives, strict=True))
     pair = np.stack([key // grains, key % grains], axis=1) if grains else np.zeros((0, 2), np.int64)
-    return Lives(*(np.array(x, dtype=np.int64) for x in (counts, gained, lost, kept)), pair, birth, death)
+    per_snapshot = {"contacts": counts, "gained": gained, "lost": lost, "kept": kept}
+    arrays = {name: np.array(values, dtype=np.int64) for name, values in per_snapshot.items()}
+    return Lives(**arrays, pair=pair, birth=birth, death=death)

@@ -1,4 +1,4 @@
-"""Stress of grains by size (Eqs. 13-18): every partition of the grains adds up to Love's stress."""
+"""Stress of grain-size groups (Eqs. 13-18), whose weighted sum is Love's stress for any partition of the grains."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from labkit.micro.void_ratio import grain_volume
 
 @dataclasses.dataclass(frozen=True)
 class GroupStresses:
-    """Stresses and weights of K groups of grains. Where a group has no contacts its stresses are NaN (undefined).
+    """Stresses and weights of K groups of grains. The stresses of a group without contacts are NaN (undefined).
 
-    grains (K,): N_g(k); contacts (K,): N_c(k), sides; by_contacts (K,): N_c(k)/N_c, the weights of Eq. 15;
-    coordination_ratio (K,): Z(k)/Z; volume_fraction (K,): V_g(k)/V_g, their product is the weight of Eq. 17;
+    grains (K,): N_g(k); contacts (K,): N_c(k), contact sides; by_contacts (K,): N_c(k)/N_c, the weights of Eq. 15;
+    coordination_ratio (K,): Z(k)/Z; volume_fraction (K,): V_g(k)/V_g; the product of these two is the weight of Eq. 17;
     per_contact (K, 3, 3): sigma^N(k) of Eq. 15, Pa; per_volume (K, 3, 3): sigma^V(k) of Eq. 17, Pa.
     """
 
@@ -30,50 +30,51 @@ class GroupStresses:
 
     @property
     def by_volume(self) -> np.ndarray:
-        """Z(k)/Z V_g(k)/V_g, the weights of Eq. 17, shape (K,)."""
+        """Weights of Eq. 17, Z(k)/Z V_g(k)/V_g, shape (K,)."""
         return self.coordination_ratio * self.volume_fraction
 
     def sum_by_contacts(self) -> np.ndarray:
-        """sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
+        """Sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
         return _weighted_sum(self.by_contacts, self.per_contact)
 
     def sum_by_volume(self) -> np.ndarray:
-        """sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
+        """Sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
         return _weighted_sum(self.by_volume, self.per_volume)
 
 
 def _weighted_sum(weights, stresses):
-    """Groups of weight zero do not count, whatever their stress."""
+    """Weighted sum of stresses; groups of zero weight are skipped because their stress may be NaN."""
     counted = weights > 0.0
     return np.einsum("k,kij->ij", weights[counted], stresses[counted])
 
 
 def diameter_edges(snapshot: Snapshot, groups: int) -> np.ndarray:
-    """Edges of `groups` equal intervals of the diameter, shape (groups + 1,), m."""
+    """Edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), m."""
     low, high = 2.0 * snapshot.radius.min(), 2.0 * snapshot.radius.max()
     return np.linspace(low, high, groups + 1)
 
 
 def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
-    """Index k of the interval edges[k] <= D < edges[k + 1] of each grain, shape (grain,); the last one is closed.
+    """Size group of each grain, k for edges[k] <= D < edges[k + 1], shape (grain,); the last interval is closed.
 
-    `edges` in m. Raises InputError if the edges do not ascend or a grain lies outside them.
+    `edges` in m. Raises InputError if the edges are not ascending or a grain lies outside them.
     """
     edges, diameter = np.asarray(edges, dtype=float), 2.0 * snapshot.radius
     if len(edges) < 2 or not (np.diff(edges) >= 0.0).all():
-        raise InputError("the edges of size groups must ascend: give at least two diameters in m")
+        raise InputError("the edges of the size groups must be ascending: give at least two diameters in m")
     if len(diameter) and (diameter.min() < edges[0] or diameter.max() > edges[-1]):
         raise InputError(
-            f"the edges of the size groups leave grains out: cover {diameter.min():.6g} to {diameter.max():.6g} m"
+            f"some grains lie outside the size groups: cover {diameter.min():.6g} to {diameter.max():.6g} m"
         )
     return np.clip(np.searchsorted(edges, diameter, side="right") - 1, 0, len(edges) - 2)
 
 
 def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupStresses:
-    """The GroupStresses of a partition of the grains, by size or by anything else.
+    """GroupStresses of any partition of the grains, by size or by another criterion.
 
-    `group` (grain,) int from 0 to `groups` - 1. sigma^V(k) has for pi D_k^3/6 of Eq. 18 the mean grain volume
-    V_g(k)/N_g(k) of its group: only so does Eq. 17 add up to Love exactly if diameters differ within a group.
+    `group` (grain,) int from 0 to `groups` - 1. sigma^V(k) contains the mean grain volume V_g(k)/N_g(k) of the group
+    instead of pi D_k^3/6 of Eq. 18. Otherwise, with different diameters in a group, the sum of Eq. 17 would differ from
+    Love's stress.
     """
     group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume
     lf = _outer_products(snapshot)
@@ -105,7 +106,7 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
 
 
 def _outer_products(snapshot):
-    """l (x) f of each side, shape (n, 2, 9), N m."""
+    """Products l (x) f of each side, shape (n, 2, 9), N m."""
     contacts, arm = snapshot.contacts, contact_arms(snapshot)
     nf = (contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]).reshape(-1, 1, 9)
     return arm[:, :, None] * nf

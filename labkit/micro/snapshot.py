@@ -1,4 +1,4 @@
-"""Snapshot: grains and contacts at one instant, the one argument of every statistic."""
+"""Snapshot: grains and contacts at one instant, the argument of every statistic."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from labkit.micro.contacts import Contacts
 
 
 class Law(typing.Protocol):
-    """What the statistics need of a contact law; labkit.dem.laws.ContactLaw has it."""
+    """Part of a contact law that the statistics need; implemented by labkit.dem.laws.ContactLaw."""
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Energy of all contact springs, J."""
+        """Elastic energy of all contact springs, J."""
 
 
 class Material(typing.Protocol):
-    """What the statistics and the pictures need of a scene; labkit.dem.scene.Scene has it. SI units."""
+    """Part of a scene that the statistics and pictures need, in SI units; implemented by labkit.dem.scene.Scene."""
 
     @property
     def young_modulus(self) -> float:
-        """E, Pa."""
+        """Young's modulus E of the contacts, Pa."""
 
     @property
     def density(self) -> float:
-        """rho, kg/m3."""
+        """Grain density rho, kg/m3."""
 
     @property
     def friction(self) -> float:
-        """mu of the contacts."""
+        """Friction coefficient mu of the contacts."""
 
     @property
     def contact_law(self) -> Law:
-        """The law between forces and overlaps."""
+        """The contact law."""
 
     def mass(self, radius: np.ndarray) -> np.ndarray:
         """Mass of grains, kg. `radius` in m, any shape."""
@@ -43,12 +43,12 @@ class Material(typing.Protocol):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Snapshot:
-    """Grains and contacts at one instant, of a State (`State.snapshot()`) or of a run file (`run.lab.snapshot(k)`).
+    """Grains and contacts at one instant, from a State (`State.snapshot()`) or a run file (`run.lab.snapshot(k)`).
 
-    scene: the material; radius (grain,), m: of all grains, those without contacts included; cell (3, 3), m: cell
-    vectors as columns; contacts; position (grain, 3), m: of the centres, not wrapped into the cell, None if not
-    known; time, s; axial_strain since the start of the path, None for a state; velocity (grain, 3), m/s, None for a
-    run file; number: of the snapshot in its run file.
+    scene: the material; radius (grain,), m: radii of all grains, including those without contacts; cell (3, 3), m: cell
+    vectors as columns; contacts; position (grain, 3), m: grain centres, not wrapped into the cell, None if unknown;
+    time, s; axial_strain since the start of the path, None for a State; velocity (grain, 3), m/s, None for a run file;
+    number: index of the snapshot in its run file.
     """
 
     scene: Material
@@ -72,22 +72,29 @@ class Snapshot:
 
     @property
     def number_of_grains(self) -> int:
-        """N_g, grains without contacts included."""
+        """Number of grains N_g, including those without contacts."""
         return len(self.radius)
 
     @property
     def young_modulus(self) -> float:
-        """E of the grains, Pa."""
+        """Young's modulus E of the contacts, Pa."""
         return self.scene.young_modulus
 
     @functools.cached_property
     def wrapped_position(self) -> np.ndarray:
-        """Centres moved by cell periods into the cell, which begins at the origin, shape (grain, 3), m."""
+        """Grain centres wrapped into the cell, whose corner is the origin, shape (grain, 3), m.
+
+        Raises ValueError if the positions are unknown.
+        """
+        if self.position is None:
+            raise ValueError("this snapshot has no grain positions")
         return np.mod(np.linalg.solve(self.cell, self.position.T).T, 1.0) @ self.cell.T
 
     def contact_ends(self) -> np.ndarray:
-        """Both ends of each contact, shape (n, 2, 3), m: the first centre, in the cell, and from there along the branch
-        to the second, which lies beyond the face of the cell if the contact goes through it.
+        """End points of the branch vector of each contact, shape (n, 2, 3), m.
+
+        The first is the centre of the first grain, wrapped into the cell; the second lies outside the cell if the
+        contact crosses a face of the cell.
         """
         first = self.wrapped_position[self.contacts.grain[:, 0]]
         branch = self.contacts.branch_length(self.radius)[:, None] * self.contacts.normal
@@ -95,7 +102,7 @@ class Snapshot:
 
 
 def contact_arms(snapshot: Snapshot) -> np.ndarray:
-    """|l| = R - delta/2 of the contact vector l on each side (Eq. 4), shape (n, 2), m."""
+    """Length |l| = R - delta/2 of the contact vector l on each side (Eq. 4), shape (n, 2), m."""
     contacts = snapshot.contacts
     return snapshot.radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
 

@@ -1,4 +1,4 @@
-"""Love's stress (Eq. 4) and the scalars drawn from a stress tensor."""
+"""Love's stress (Eq. 4) and scalar measures of a stress tensor."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from labkit.micro.snapshot import Snapshot
 
 
 def love_stress(snapshot: Snapshot) -> np.ndarray:
-    """sigma = -(1/V) sum over grains and their contacts of l (x) f, with l = (R - delta/2) n (Eq. 4).
+    """Love's stress sigma = -(1/V) sum of l (x) f over all contact sides, with l = (R - delta/2) n (Eq. 4).
 
-    The two sides of a contact have l f = (R - delta/2) n (x) f with opposite n and opposite f; added up
-    they are the branch vector times the force. Shape (3, 3), Pa, compression positive, first index the
-    branch; zero without contacts.
+    On the two sides of a contact both n and f are opposite, so that the two terms add up to the branch vector times the
+    force. Shape (3, 3), Pa, compression positive, first index: branch vector; zero without contacts.
     """
     contacts = snapshot.contacts
     weighted_normal = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
@@ -20,20 +19,20 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:
-    """p = tr(sigma)/3. `stress` (..., 3, 3) Pa; shape (...)."""
+    """Mean stress p = tr(sigma)/3, Pa. `stress` (..., 3, 3) Pa; shape (...)."""
     return np.trace(stress, axis1=-2, axis2=-1) / 3.0
 
 
 def deviatoric_stress(stress: np.ndarray) -> np.ndarray:
-    """q = sigma_zz - (sigma_xx + sigma_yy)/2, the triaxial q with its sign (the paper's sigma_1 - sigma_3).
+    """Deviatoric stress q = sigma_zz - (sigma_xx + sigma_yy)/2, Pa; negative in triaxial extension.
 
-    `stress` (..., 3, 3) Pa; shape (...).
+    In triaxial compression this is the paper's sigma_1 - sigma_3. `stress` (..., 3, 3) Pa; shape (...).
     """
     return stress[..., 2, 2] - 0.5 * (stress[..., 0, 0] + stress[..., 1, 1])
 
 
 def relative_error(stress: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Frobenius norm of the difference over that of the reference, shape (...); 0/0 is NaN."""
+    """Frobenius norm of the difference, divided by the norm of the reference, shape (...); 0/0 is NaN."""
     difference = np.linalg.norm(np.asarray(stress) - reference, axis=(-2, -1))
     norm = np.linalg.norm(reference, axis=(-2, -1))
     with np.errstate(divide="ignore", invalid="ignore"):

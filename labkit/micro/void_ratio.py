@@ -1,4 +1,4 @@
-"""The two void ratios: nominal (C0 needs it) and with the overlap lenses out (the paper reports it)."""
+"""Void ratios: nominal, as C0 requires, and corrected for overlaps, as reported in the paper."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from labkit.micro.snapshot import Snapshot
 
 
 def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """Volume common to two spheres that overlap by `overlap`, m3; any shape, zero where they do not touch.
+    """Volume of the lens common to two overlapping spheres, m3; any shape, zero without overlap.
 
-    V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta;
-    a sphere inside the other counts whole.
+    V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta; if a sphere lies
+    inside the other, V is its volume.
     """
     radius_a, radius_b, overlap = np.broadcast_arrays(radius_a, radius_b, overlap)
     smaller = np.minimum(radius_a, radius_b)
@@ -24,19 +24,19 @@ def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray)
 
 
 def grain_volume(radius: np.ndarray) -> float:
-    """V_g = sum of pi D^3/6, m3 (below Eq. 16). `radius` (grain,) m."""
+    """Total grain volume V_g, the sum of pi D^3/6, m3 (below Eq. 16). `radius` (grain,) m."""
     return 4.0 / 3.0 * np.pi * np.sum(np.asarray(radius) ** 3)
 
 
 def void_ratio_nominal(snapshot: Snapshot) -> float:
-    """e with 1 + e = V/V_g (above Eq. 17): what C0 needs to follow from Love."""
+    """Nominal void ratio e = V/V_g - 1 (above Eq. 17), with which C0 is derived from Love's stress."""
     return snapshot.volume / grain_volume(snapshot.radius) - 1.0
 
 
 def void_ratio(snapshot: Snapshot) -> float:
-    """e with the overlap lenses out of the solid volume (section 2): what the paper reports.
+    """Void ratio with the overlap lenses subtracted from the solid volume (section 2), as reported in the paper.
 
-    Lenses are counted pair by pair, exact while no three grains share a point.
+    Each lens is subtracted separately, which is exact as long as no point lies in three grains.
     """
     radius, contacts = snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]

@@ -1,17 +1,17 @@
 """The constitutive model: the stress from C0, its five statistics from the evolution equations C1 to C5.
 
-    parameters   Table 2, the readings of ambiguous equations, and both with E as a Model
-    equations    C0 to C5, 31 and 32, each a function that stands next to its number
-    state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic starts
-    driver       takes a state along a loading path of labkit.dem.paths, or any mixed control
+    parameters   Table 2, the interpretations of ambiguous equations (Readings), and both with E as a Model
+    equations    C0 to C5, Eqs. 31 and 32, one function per equation
+    state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
+    driver       loads a state along a loading path of labkit.dem.paths, or under any mixed control
     integrators  adaptive and fixed-step, explicit and implicit
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
-    observation  a run as a calibration sees it
+    observation  the data of a run that are used in calibration
     calibration  parameters from run files
     run_file     a result as a run file
 
-`from labkit.model import Model, isotropic_state, drive` and the like load what they need and no more.
+`from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.
 Compression is positive, z axial, SI units.
 """
 

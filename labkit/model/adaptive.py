@@ -1,4 +1,4 @@
-"""The pair of Dormand and Prince, 5(4), compiled as one loop: the integrator that a user gets.
+"""The Dormand-Prince 5(4) pair, compiled as one loop: the default integrator.
 
 Dormand and Prince, A family of embedded Runge-Kutta formulae, J. Comput. Appl. Math. 6 (1980) 19-26.
 """
@@ -23,9 +23,9 @@ NODES = np.array(
     ]
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-FLOOR = np.full(SIZE, 0.1)  # a component smaller than this is not resolved relative to itself ...
-FLOOR[2] = 1e-4  # ... Lambda is 1e-3 to 1e-2
-SMALLEST = 1e-13  # step in strain at which a boundary counts as reached
+FLOOR = np.full(SIZE, 0.1)  # the error of a smaller component is relative to this value, not to the component
+FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
+SMALLEST = 1e-13  # strain step at which a boundary counts as reached
 
 
 @compiled
@@ -39,12 +39,12 @@ def advance(
     tolerance: float,
     most_steps: int,
 ) -> tuple[int, float, int, float]:
-    """Integrates y (27,) over `span` in place. Returns (status, step to try next, steps taken, length travelled).
+    """Integrate y (27,) over `span` in place. Returns (status, next step length, number of steps, strain covered).
 
-    `step`: length to begin with; `x` (k,): the free rates, kept from call to call; `tolerance`: error of a step,
-    relative to each component or to FLOOR. A step whose stages leave the region of the equations is tried again
-    shorter, until it is FINE or so short that the boundary is reached: then y stands before the boundary and the status
-    says which.
+    `step`: initial step length; `x` (k,): the free rates, kept between calls; `tolerance`: error of a step, relative to
+    each component or to FLOOR. A step whose stages leave the domain of the equations is retried with a shorter length,
+    until it succeeds or is so short that the boundary is reached: y is then just inside the boundary, and the status
+    identifies the boundary.
     """
     k, new, trial = np.empty((7, SIZE)), np.empty(SIZE), x.copy()
     status = rates(y, control, x, c, k[0])

@@ -1,7 +1,7 @@
-"""The differentials of C1 to C5: how their right-hand sides change with the state and with the strain rate.
+"""Differentials of C1 to C5: the change of their right-hand sides with the state and with the strain rate.
 
-Each block is the differential of the equation whose number it bears, for one direction (dy, dD) at a time; what
-does not depend on the direction is computed once. Compiled. C0's differential is equations.stress_rate.
+Each block is the differential of the equation in its comment, for one direction (dy, dD) at a time; quantities that do
+not depend on the direction are computed once. Compiled. The differential of C0 is equations.stress_rate.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from labkit.model.parameters import Constants
 from labkit.model.rates import STATE, strain_driven
 from labkit.model.tensors import Six, deviator, dot, load, minus, norm, plus, store, times, trace
 
-ISOTROPIC = 1e-10  # deviatoric over whole strain rate: below it the direction is rounding
+ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
 
 
 @compiled
@@ -24,14 +24,14 @@ def _divided(a, b):
 
 @compiled
 def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
-    """d(g rate X) of C1 and C3, X = f A^c - A of this size and g = f^e |X|^gamma; loss: -d(ln f^e)."""
+    """d(g rate X) of C1 and C3, with X = f A^c - A, |X| = size and g = f^e |X|^gamma; loss: -d(ln f^e)."""
     dg = g * (gamma * _divided(dot(X, dX), size * size) - loss)
     return plus(times(dg * rate + g * drate, X), times(g * rate, dX))
 
 
 @compiled
 def _add_one_sided(y, dev, compressing, c, row):
-    """Adds the mean of the two one-sided derivatives of |rate| in the direction `dev` to a row."""
+    """Add the mean of the two one-sided derivatives of |rate| in the direction `dev` to a row."""
     forward, backward = np.empty(STATE + 6), np.empty(STATE + 6)
     strain_driven(y, dev, compressing, c, forward)
     strain_driven(y, times(-1.0, dev), compressing, c, backward)
@@ -43,10 +43,10 @@ def _add_one_sided(y, dev, compressing, c, row):
 def rates_differentials(
     y: np.ndarray, D: Six, compressing: bool, c: Constants, dy: np.ndarray, dD: np.ndarray, out: np.ndarray
 ) -> None:
-    """d(dy/dt) into `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6), at the state y (21,) and strain rate D.
+    """Write d(dy/dt) to `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6), at state y (21,) and strain rate D.
 
-    Where D is isotropic, |rate| has no derivative: there the mean of the two one-sided ones is taken, so that the
-    part of |rate| that does not change its sign with the direction falls away.
+    Where D is isotropic, |rate| has no derivative: the mean of the two one-sided derivatives is used, in which the part
+    of |rate| that does not change sign with the direction cancels.
     """
     e, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
     n, rate, volumetric = eq.split_rate(D, c)
@@ -59,8 +59,8 @@ def rates_differentials(
     Zc, Lamc = eq.critical_coordination_number(e, c), eq.critical_force(e, c)
     slope = eq.compression_slope(e, c)
     curvature = c.c_com * c.gamma_cZ * (c.gamma_cZ - 1.0) * distance ** (c.gamma_cZ - 2.0) if below else 0.0
-    Zc_slope = -c.c_cZ * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if below else 0.0
-    Lamc_slope = -c.c_cLam if below else 0.0
+    Z_c_slope = -c.c_cZ * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if below else 0.0
+    Lam_c_slope = -c.c_cLam if below else 0.0
     fd, feA, feF, feZ = eq.f_dA(e, Lam, c), eq.f_eA(Lam, c), eq.f_eF(Lam, c), eq.f_eZ(e, Lam, c)
     feLam, fvZ, fvLam = eq.f_eLam(e, Lam, c), eq.f_vZ(e, Z, Lam, compressing, c), eq.f_vLam(e, compressing, c)
     XA, XF = minus(times(fd * c.A_c, n), A), minus(times(fd * c.F_c, n), F)
@@ -76,7 +76,7 @@ def rates_differentials(
         along = 0.0 if isotropic else dot(n, dev)
         dn = times(0.0 if isotropic else 1.0 / size, minus(dev, times(along, n)))
         drate = _divided(dot(D, dDk), norm(D)) if c.total_rate else along
-        dLamc, dZc = Lamc_slope * de, Zc_slope * de
+        dLamc, dZc = Lam_c_slope * de, Z_c_slope * de
         dfd = c.beta_dA * fd * (dLamc - dLam)
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
         # C1

@@ -1,9 +1,9 @@
-"""C0 to C5 and Eqs. 31, 32: each a function that stands next to its number.
+"""C0 to C5 and Eqs. 31 and 32, one function per equation, labelled with its number.
 
 Compiled; tensors are the six-tuples of labkit.model.tensors, `c` is labkit.model.parameters.Constants. `n` is the
 direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the volumetric
 strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
-They take any e below e_cmax and any Lambda > 0: see `outside` in labkit.model.rates.
+The functions are defined for e below e_cmax and Lambda > 0: see `outside` in labkit.model.rates.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", float, np.ndarray)
 
-# The critical lines are for numbers in compiled code and, as they stand, for arrays of void ratios in Python.
+# The critical state lines accept numbers in compiled code, and arrays of void ratios in Python.
 
 
 @register_jitable
 def density_distance(e: Number, c: Constants | Parameters) -> Number:
-    """e_cmax - e; zero beyond e_cmax, which only the reading beyond_e_cmax = flat reaches."""
+    """e_cmax - e; zero beyond e_cmax, which is reached only with the reading beyond_e_cmax = flat."""
     return np.maximum(c.e_cmax - e, 0.0)
 
 
@@ -90,7 +90,7 @@ def f_eLam(e: float, Lam: float, c: Constants) -> float:
 def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> float:
     """f^{v,Z} of Eq. 31: -exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), or c_vZ/Lambda in dilation.
 
-    Both are positive: contacts are gained in compression and lost in dilation.
+    Both are positive: contacts form in compression and open in dilation.
     """
     if compressing:
         slope = compression_slope(e, c)
@@ -107,14 +107,14 @@ def f_vLam(e: float, compressing: bool, c: Constants) -> float:
 
 @compiled
 def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
-    """f |T^c - T|^gamma (T^c - T), the right-hand side that C1 and C3 share."""
+    """f |T^c - T|^gamma (T^c - T), the form of the right-hand sides of C1 and C3."""
     missing = minus(target, T)
     return times(stiffness * norm(missing) ** exponent, missing)
 
 
 @compiled
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
-    """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate|   (C1)"""
+    """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
     target = times(f_dA(e, Lam, c) * c.A_c, n)
     return times(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
@@ -123,21 +123,21 @@ def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c
 def coordination_number_rate(
     Z: float, e: float, Lam: float, A_rate: Six, rate: float, volumetric: float, compressing: bool, c: Constants
 ) -> float:
-    """dZ/dt = f^{e,Z} (Z^c - Z) |rate| + f^{v,Z} rate_v - c_Z f^{e,Z} |dA/dt|   (C2)"""
+    """dZ/dt = f^{e,Z} (Z^c - Z) |rate| + f^{v,Z} rate_v - c_Z f^{e,Z} |dA/dt| (C2)."""
     shear = critical_coordination_number(e, c) - Z
     return f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate)) + f_vZ(e, Z, Lam, compressing, c) * volumetric
 
 
 @compiled
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
-    """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate|   (C3)"""
+    """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
     target = times(f_dA(e, Lam, c) * c.F_c, n)
     return times(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
 
 
 @compiled
 def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compressing: bool, c: Constants) -> float:
-    """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v   (C4)"""
+    """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v (C4)."""
     factor = Lam if c.with_force else 1.0
     shear = f_eLam(e, Lam, c) * factor * (critical_force(e, c) - Lam) * rate
     return shear + f_vLam(e, compressing, c) * volumetric
@@ -145,22 +145,22 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
 
 @compiled
 def mobilisation_rate(Ft: Six, n: Six, rate: float, c: Constants) -> Six:
-    """dF^t/dt = c_M (F^tc - F^t) |rate|   (C5)"""
+    """dF^t/dt = c_M (F^tc - F^t) |rate| (C5)."""
     return times(c.c_M * rate, minus(times(c.Ft_c, n), Ft))
 
 
 @compiled
 def void_ratio_rate(e: float, volumetric: float) -> float:
-    """de/dt = -(1 + e) rate_v: grains keep their volume."""
+    """de/dt = -(1 + e) rate_v, as the grain volume is constant."""
     return -(1.0 + e) * volumetric
 
 
-component = compiled(c0.bracket)  # of the bracket of C0
+component = compiled(c0.bracket)  # one component of the bracket of C0
 
 
 @compiled
 def bracket(A: Six, F: Six, Ft: Six) -> Six:
-    """The bracket of C0 (labkit.sff.c0.bracket) of six-tuples."""
+    """The bracket of C0 (labkit.sff.c0.bracket) for six-tuples."""
     FA, tr = symmetric_product(F, A), dot(F, A)
     return (
         component(1.0, A[0], F[0], tr, FA[0], Ft[0]),
@@ -174,7 +174,7 @@ def bracket(A: Six, F: Six, Ft: Six) -> Six:
 
 @compiled
 def stress(e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, c: Constants) -> Six:
-    """sigma = E Z Lambda/(1+e) [...]   (C0)"""
+    """sigma = E Z Lambda/(1+e) [...] (C0)."""
     return times(c.E * Z * Lam / (1.0 + e), bracket(A, F, Ft))
 
 
@@ -206,7 +206,7 @@ def stress_rate(
 
 @compiled
 def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
-    """Strain rate -> (direction n, norm, volumetric rate). n is zero where the deviatoric rate is."""
+    """Strain rate -> (direction n, norm, volumetric rate); n is zero if the deviatoric rate is zero."""
     deviatoric = deviator(D)
     size = norm(deviatoric)
     n = times(1.0 / size if size > 0.0 else 0.0, deviatoric)

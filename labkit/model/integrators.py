@@ -1,8 +1,8 @@
-"""Integrators behind one small base. `Adaptive` is what a user gets; the others step with a fixed length.
+"""Integrators with a common base class. `Adaptive` is the default; the others, apart from `Scipy`, use fixed steps.
 
-An integrator takes a Problem and a state vector over a piece of a path without reversal, where the rates are
-smooth but for the change of branch in Eqs. 31 and 32. A step that leaves the region of the equations, or that does
-not converge, raises PhysicsError with the place; nothing is clipped.
+An integrator advances the state vector of a Problem along a piece of a path without reversal, where the rates are
+smooth except for the change of branch in Eqs. 31 and 32. A step that leaves the domain of the equations, or that does
+not converge, raises PhysicsError stating where; nothing is clipped.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from labkit.model.tensors import to_tensor
 
 
 class Failure(PhysicsError):
-    """A step that cannot be taken: its status in labkit.model.rates, and the last y, `travelled` into the piece."""
+    """A step that cannot be taken: status (labkit.model.rates), last valid y, and strain `travelled` in the piece."""
 
     def __init__(self, status: int, y: np.ndarray, travelled: float = 0.0) -> None:
-        """The message names the reason and the state y (27,) where it holds."""
-        super().__init__(f"{REASONS[status]} (e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g} there)")
+        """The message gives the reason and the state y (27,)."""
+        super().__init__(f"{REASONS[status]} (at e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g})")
         self.status = status
         self.y = y
         self.travelled = travelled
 
 
 class Problem:
-    """dy/dt = f(y) for a model and a control; `t` is the path's own measure of strain.
+    """dy/dt = f(y) for a model under a control; `t` is the measure of strain of the path.
 
-    Keeps the free rates x as the guess for the next call and counts the calls.
+    The free rates x are kept as the initial guess of the next call; `calls` counts the evaluations.
     """
 
     def __init__(self, model: Model, control: Control) -> None:
-        """Begins with free rates of zero."""
+        """The initial guess of the free rates is zero."""
         self.constants = model.constants
         self.control = control
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
 
     def rates(self, y: np.ndarray) -> np.ndarray:
-        """f(y), shape (27,). Raises Failure where it has no value."""
+        """f(y), shape (27,). Raises Failure where the equations are undefined."""
         out = np.empty(SIZE)
         self.calls += 1
         self._require(compiled_rates.rates(y, self.control, self.x, self.constants, out), y)
@@ -66,7 +66,7 @@ class Problem:
         return to_tensor(np.array(compiled_rates.stress_of(y, self.constants)))
 
     def outside(self, y: np.ndarray) -> int:
-        """FINE, or why the equations have no value at y."""
+        """FINE, or the reason why the equations are undefined at y."""
         return compiled_rates.outside(y, self.constants)
 
     def _require(self, status: int, y: np.ndarray) -> None:
@@ -75,21 +75,21 @@ class Problem:
 
 
 class Integrator(abc.ABC):
-    """Takes a state vector over a piece of a path."""
+    """Advances a state vector along a piece of a path."""
 
     @abc.abstractmethod
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        """The state vector (27,) after `span` of strain; `y` (27,) stays as it is. Raises Failure."""
+        """State vector (27,) after a strain of `span`; `y` (27,) is not modified. Raises Failure."""
 
 
 class Adaptive(Integrator):
-    """Dormand and Prince 5(4), compiled, with error control and steps that are kept from piece to piece.
+    """Dormand-Prince 5(4), compiled, with error control; the step length is kept from one piece to the next.
 
-    tolerance: error of one step, of each component or of its natural size (labkit.model.adaptive.FLOOR).
+    tolerance: error of one step, relative to each component or to its FLOOR (labkit.model.adaptive).
     """
 
     def __init__(self, tolerance: float = 1e-6, most_steps: int = 100_000) -> None:
-        """`most_steps` within one piece. Raises InputError for a tolerance outside 1e-13 to 0.1."""
+        """`most_steps`: limit within one piece. Raises InputError for a tolerance outside 1e-13 to 0.1."""
         if not 1e-13 <= tolerance <= 1e-1:
             raise InputError(f"--tolerance {tolerance:g} is not possible: give a number from 1e-13 to 0.1")
         self.tolerance = tolerance
@@ -112,13 +112,13 @@ class Scipy(Integrator):
     """A method of scipy.integrate.solve_ivp: RK45, DOP853, LSODA, Radau, BDF."""
 
     def __init__(self, method: str, tolerance: float = 1e-6) -> None:
-        """`method`: as scipy names it; `tolerance`: relative, and absolute in units of FLOOR."""
+        """`method`: name in scipy; `tolerance`: relative tolerance, and absolute tolerance in units of FLOOR."""
         self.method = method
         self.tolerance = tolerance
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         jacobian = {"jac": lambda t, y: problem.jacobian(y)} if self.method in ("LSODA", "Radau", "BDF") else {}
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             lambda t, y: problem.rates(y),
             (0.0, span),
             y,
@@ -128,14 +128,14 @@ class Scipy(Integrator):
             t_eval=(span,),
             **jacobian,
         )
-        if not found.success:
-            raise Failure(TOO_MANY_STEPS, y, found.t[-1] if len(found.t) else 0.0)
-        return found.y[:, -1]
+        if not solution.success:
+            raise Failure(TOO_MANY_STEPS, y, solution.t[-1] if len(solution.t) else 0.0)
+        return solution.y[:, -1]
 
 
 @dataclasses.dataclass
 class FixedStep(Integrator):
-    """Steps of one length, at most `length` of strain, that fit into a piece. `order` is the one in theory."""
+    """Equal steps of at most `length` of strain that fill a piece. `order`: theoretical order of convergence."""
 
     length: float
 
@@ -158,7 +158,7 @@ class FixedStep(Integrator):
 
     @abc.abstractmethod
     def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
-        """The state vector one step of strain `h` later."""
+        """State vector after a step of strain `h`."""
 
 
 class ForwardEuler(FixedStep):
@@ -194,10 +194,10 @@ class RungeKutta4(FixedStep):
 
 
 class BackwardEuler(FixedStep):
-    """y1 = y + h f(y1): damps what is stiff. Newton with one Jacobian per step, renewed where it stalls."""
+    """y1 = y + h f(y1): damps stiff components. Newton with one Jacobian per step, recomputed if it stalls."""
 
     order = 1
-    theta = 1.0  # weight of the end of the step
+    theta = 1.0  # weight of f at the end of the step
     iterations = 12
 
     def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
@@ -214,7 +214,7 @@ class BackwardEuler(FixedStep):
             if size > 0.1 * before:
                 factors = self._factors(problem, new, h)
             before = size
-        if size < 1e-9:  # rounding
+        if size < 1e-9:  # limited by rounding
             return new
         raise Failure(NO_CONVERGENCE, y)
 
@@ -223,7 +223,7 @@ class BackwardEuler(FixedStep):
 
     @staticmethod
     def _within(y, change):
-        """Newton's correction, shortened where it would take Z or Lambda to zero: the iterate, not the solution."""
+        """Newton's correction, shortened if it would make Z or Lambda zero; the solution is not affected."""
         shrink = max((-change[k] / (0.9 * y[k]) for k in (1, 2)), default=0.0)
         return change / max(1.0, shrink)
 
@@ -254,7 +254,7 @@ class Rosenbrock(FixedStep):
 
 
 class ExponentialEuler(FixedStep):
-    """y + h phi(h J) f(y), phi(z) = (exp z - 1)/z: exact for linear equations, order two, stable however stiff."""
+    """y + h phi(h J) f(y), phi(z) = (exp z - 1)/z: exact for linear equations, order two, unconditionally stable."""
 
     order = 2
 

@@ -1,8 +1,8 @@
 """The finite-element interface: states and strain increments in, states, stresses and consistent tangents out.
 
-Many points at once, each for itself. A symmetric tensor is six numbers in Mandel's order (xx, yy, zz, sqrt2 yz,
-sqrt2 xz, sqrt2 xy; labkit.model.tensors.to_six and to_tensor), compression positive. A finite-element code that
-counts tension positive changes the sign of strain and stress; the tangent is the same.
+Many points are updated at once, each independently. A symmetric tensor is six numbers in Mandel's order (xx, yy, zz,
+sqrt2 yz, sqrt2 xz, sqrt2 xy; labkit.model.tensors.to_six and to_tensor), compression positive. A finite-element code
+that takes tension as positive must change the sign of strain and stress; the tangent is the same.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ MOST_SUBSTEPS = 100_000
 class Update:
     """state (n, 21), stress (n, 6) Pa, tangent (n, 6, 6) Pa or None, status (n,), substeps (n,).
 
-    The status of a point is 0, or why its increment could not be taken (labkit.model.rates.REASONS): then its state
-    is the one before, its stress and tangent are NaN, and the calling code should halve its increment.
+    The status of a point is 0 or the reason why its increment failed (labkit.model.rates.REASONS): its state is then
+    unchanged, its stress and tangent are NaN, and the calling code should halve the increment.
     """
 
     state: np.ndarray
@@ -49,7 +49,7 @@ class Update:
     substeps: np.ndarray
 
     def require(self) -> Update:
-        """The update itself. Raises PhysicsError if a point failed."""
+        """Return the update. Raises PhysicsError if a point failed."""
         failed = np.flatnonzero(self.status)
         if failed.size:
             point = failed[0]
@@ -60,20 +60,20 @@ class Update:
 
 
 def states(state: ModelState, number: int) -> np.ndarray:
-    """The state (a ModelState) at `number` points: an array (number, 21)."""
+    """Array (number, 21) with the same ModelState at `number` points."""
     return np.tile(state.vector()[:STATE], (number, 1))
 
 
 def update(
     model: Model, state: np.ndarray, increment: np.ndarray, tangent: bool = True, tolerance: float = 1e-4
 ) -> Update:
-    """One increment of strain at every point; an Update.
+    """Apply one increment of strain at every point; returns an Update.
 
-    state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Every point takes as many substeps of Heun's method as
-    keep the error of each below `tolerance` (Sloan's modified Euler with error control), and the tangent is
-    the derivative of just these substeps: it belongs to the numbers that come out, not to the equations alone.
-    Where the increment is isotropic see labkit.model.differentials. Raises InputError for shapes that do not fit
-    and for strains that are not finite.
+    state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Each point is advanced by substeps of Heun's method, whose
+    number keeps the error of each substep below `tolerance` (Sloan's modified Euler with error control). The tangent is
+    the exact derivative of these substeps, and therefore consistent with the computed stress increment. For isotropic
+    increments see labkit.model.differentials. Raises InputError for shapes that do not match and for strains that are
+    not finite.
     """
     state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
     if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
@@ -91,7 +91,7 @@ def update(
 
 
 def voigt(tangent: np.ndarray) -> np.ndarray:
-    """The tangent for engineering shear strains and plain shear stresses, order xx, yy, zz, yz, xz, xy; (n, 6, 6)."""
+    """Tangent in Voigt notation, with engineering shear strains, order xx, yy, zz, yz, xz, xy; (n, 6, 6)."""
     weight = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
     return tangent / (weight[:, None] * weight)
 
@@ -122,38 +122,38 @@ def _update_all(state, increment, c, tolerance, with_tangent, stress, tangent, s
 
 @compiled
 def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
-    """Heun with error control over the increment D; `y` is changed only when all of it was possible.
+    """Heun's method with error control over the increment D; `y` is changed only if the whole increment succeeds.
 
-    Its derivative with respect to D is left in sensitivity[0].
+    The derivative of `y` with respect to D is left in sensitivity[0].
     """
     now, k1, k2, trial, new = work[0], work[1], work[2], work[3], work[4]
     S, S1, dk1, dk2 = sensitivity[0], sensitivity[1], sensitivity[2], sensitivity[3]
     now[:STATE] = y
     S[:] = 0.0
-    found = outside(now, c)
-    if found != FINE:
-        return found, 0
+    reason = outside(now, c)
+    if reason != FINE:
+        return reason, 0
     compressing = trace(D) > 0.0
     done, h, substeps, tries = 0.0, 1.0, 0, 0
     while done < 1.0:
         if tries >= MOST_SUBSTEPS:
-            return (found if found != FINE else TOO_MANY_STEPS), substeps
+            return (reason if reason != FINE else TOO_MANY_STEPS), substeps
         tries += 1
         h = min(h, 1.0 - done)
         strain_driven(now, D, compressing, c, k1)
         for i in range(STATE):
             trial[i] = now[i] + h * k1[i]
-        found = outside(trial, c)
-        if found == FINE:
+        reason = outside(trial, c)
+        if reason == FINE:
             strain_driven(trial, D, compressing, c, k2)
             error = 0.0
             for i in range(STATE):
                 new[i] = now[i] + 0.5 * h * (k1[i] + k2[i])
                 error = max(error, abs(0.5 * h * (k2[i] - k1[i])) / max(abs(new[i]), FLOOR[i]))
-            found = outside(new, c)
-        if found != FINE:
-            if found == NOT_FINITE and h < 1e-9:
-                return found, substeps
+            reason = outside(new, c)
+        if reason != FINE:
+            if reason == NOT_FINITE and h < 1e-9:
+                return reason, substeps
             h *= 0.25
             continue
         if error > tolerance:

@@ -1,4 +1,4 @@
-"""Parameters of the model (Table 2), the readings of what is ambiguous in print, and both with E as a Model."""
+"""Parameters of the model (Table 2), interpretations of ambiguous equations (Readings), and both with E as a Model."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a t
 
 @dataclasses.dataclass(frozen=True)
 class Parameters:
-    """Table 2. A_c, F_c and Ft_c are norms: 0.45 sqrt(3/2) is A_zz = 0.45. All are dimensionless.
+    """Parameters of Table 2, all dimensionless. A_c, F_c and Ft_c are norms: 0.45 sqrt(3/2) means A_zz = 0.45.
 
-    Raises InputError for a value that is not a number or not positive (gamma_A, gamma_F, beta_* and c_Z may be zero).
+    Raises InputError for a value that is not a number or not positive; the exponents and factors in MAY_BE_ZERO may be
+    zero.
     """
 
     # critical state
@@ -48,14 +49,14 @@ class Parameters:
     c_M: float = 100.0
 
     def __post_init__(self) -> None:
-        """Raises InputError for a value that is not possible."""
+        """Raises InputError for an invalid value."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if not (isinstance(value, (int, float)) and math.isfinite(value)):
                 raise InputError(f"parameter {field.name} is {value!r}: give a finite number")
             if value < 0.0 or (value == 0.0 and field.name not in MAY_BE_ZERO):
-                what = "0 or more" if field.name in MAY_BE_ZERO else "a positive number"
-                raise InputError(f"parameter {field.name} is {value:g}: give {what}")
+                allowed = "0 or more" if field.name in MAY_BE_ZERO else "a positive number"
+                raise InputError(f"parameter {field.name} is {value:g}: give {allowed}")
 
 
 MAY_BE_ZERO = ("gamma_A", "gamma_F", "gamma_eA", "gamma_eLam", "beta_dA", "beta_eZ", "beta_vZ", "c_Z")
@@ -63,24 +64,27 @@ MAY_BE_ZERO = ("gamma_A", "gamma_F", "gamma_eA", "gamma_eLam", "beta_dA", "beta_
 
 @dataclasses.dataclass(frozen=True)
 class Readings:
-    """How to read what the print leaves open. Each default with its evidence; the other value is there to see it fail.
+    """Interpretation of ambiguous points in the paper.
+
+    Each default is given with its evidence; the alternative is available to demonstrate that it fails.
 
     strain_rate: `deviatoric`: |rate| in C1 to C5 is the norm of the deviatoric strain rate, along which A^c, F^c
-        and F^tc point; `total`: the norm of the whole strain rate multiplies C1 to C5. Evidence: Eqs. 31 and 32 are
-        fitted to isotropic tests, in which C2 and C4 must leave the volumetric terms alone; with `total` an isotropic
-        compression would also pull Z and Lambda to their critical values.
-    force_rate: `plain`: C4 is f^{e,L} (Lambda^c - Lambda) |rate|; `with_force`: the factor |Lambda| that the scan
-        shows. Evidence: with Table 2 the factor makes C4 about a hundred times slower, so that 60 % of axial
-        strain do not reach the critical state which Figs. 4 to 6 reach (tests/model/test_readings.py).
-    compression: `minus`: f^{v,Z} = -exp(...) dZ^com/de (1 + e) in Eq. 31; `as_printed`: without the sign. Evidence:
-        dZ^com/de is negative, and contacts are gained in compression; as printed they are lost, and no longer
-        tend to the compression line.
-    beyond_e_cmax: `error`: the equations end at e_cmax, where (e_cmax - e)^0.7 ends to have a value; `flat`: there
-        Z^c = Z^com = 4 and Lambda^c = 0, one-sided and continuous. Evidence: Figs. 8 to 10 start at e0 = 0.77,
-        beyond e_cmax = 0.76, so that the authors' code went on somehow; above the critical state line a sheared
-        specimen loses its pressure, which is Lambda^c = 0, and Z^c cannot fall below its value at zero force, 4.
-        A linear continuation would make Lambda^c negative and Z^c complex. It is not the default, because it is
-        no equation of the paper.
+        and F^tc point; `total`: |rate| is the norm of the total strain rate. Evidence: Eqs. 31 and 32 are fitted to
+        isotropic tests, in which only the volumetric terms of C2 and C4 may act; with `total`, isotropic compression
+        would also pull Z and Lambda towards their critical values.
+    force_rate: `plain`: C4 is f^{e,L} (Lambda^c - Lambda) |rate|; `with_force`: with the additional factor |Lambda|
+        that is visible in the scanned paper. Evidence: with Table 2 the factor makes C4 about a hundred times slower,
+        so that 60 % axial strain is not enough to reach the critical state of Figs. 4 to 6
+        (tests/model/test_readings.py).
+    compression: `minus`: f^{v,Z} = -exp(...) dZ^com/de (1 + e) in Eq. 31; `as_printed`: without the minus sign.
+        Evidence: dZ^com/de is negative, and contacts form in compression; as printed they would be lost, and Z would
+        no longer tend to the compression line.
+    beyond_e_cmax: `error`: the equations end at e_cmax, beyond which (e_cmax - e)^0.7 is undefined; `flat`: beyond
+        e_cmax Z^c = Z^com = 4 and Lambda^c = 0, one-sided and continuous. Evidence: Figs. 8 to 10 start at e0 = 0.77,
+        beyond e_cmax = 0.76, so the authors' code must have handled this case; above the critical state line a sheared
+        specimen loses its pressure, which corresponds to Lambda^c = 0, and Z^c cannot fall below 4, its value at zero
+        force. A linear continuation would make Lambda^c negative and Z^c complex. `flat` is not the default, because
+        it is not in the paper.
     """
 
     strain_rate: str = "deviatoric"
@@ -102,20 +106,46 @@ READINGS = {
     "beyond_e_cmax": ("error", "flat"),
 }
 
-Constants = NamedTuple(
-    "Constants",
-    [
-        ("E", float),
-        *((field.name, float) for field in dataclasses.fields(Parameters)),
-        *((name, bool) for name in ("total_rate", "with_force", "as_printed", "flat")),
-    ],
-)
-Constants.__doc__ = "What compiled code takes: E in Pa, the parameters, and whether each reading is its second value."
+
+class Constants(NamedTuple):
+    """Argument of compiled code: E in Pa, the fields of Parameters, and the readings as flags.
+
+    A flag is True if the reading is the second of its READINGS. The values come from `Model.constants`, which raises
+    TypeError if these fields differ from those of Parameters.
+    """
+
+    E: float
+    e_cmax: float
+    c_cZ: float
+    gamma_cZ: float
+    c_cLam: float
+    A_c: float
+    F_c: float
+    Ft_c: float
+    c_eA: float
+    gamma_eA: float
+    beta_dA: float
+    gamma_A: float
+    c_eZ: float
+    beta_eZ: float
+    c_Z: float
+    c_com: float
+    c_vZ: float
+    beta_vZ: float
+    gamma_F: float
+    gamma_eLam: float
+    c_eLam: float
+    c_vLamd: float
+    c_M: float
+    total_rate: bool
+    with_force: bool
+    as_printed: bool
+    flat: bool
 
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """Everything that is constant: parameters, readings and the modulus E of the grains, Pa."""
+    """The constants of the model: parameters, readings and Young's modulus E of the grains, Pa."""
 
     parameters: Parameters = Parameters()
     readings: Readings = Readings()
@@ -128,17 +158,24 @@ class Model:
 
     @functools.cached_property
     def constants(self) -> Constants:
-        """The Constants of compiled code."""
-        second = [getattr(self.readings, name) == choices[1] for name, choices in READINGS.items()]
-        values = (float(value) for value in dataclasses.astuple(self.parameters))
-        return Constants(float(self.young_modulus), *values, *second)
+        """Constants for compiled code."""
+        values = {name: float(value) for name, value in dataclasses.asdict(self.parameters).items()}
+        second = {name: getattr(self.readings, name) == choices[1] for name, choices in READINGS.items()}
+        return Constants(
+            E=float(self.young_modulus),
+            **values,
+            total_rate=second["strain_rate"],
+            with_force=second["force_rate"],
+            as_printed=second["compression"],
+            flat=second["beyond_e_cmax"],
+        )
 
     def with_parameters(self, **changes: float) -> Model:
-        """The model with other values of some Parameters, by name. Raises InputError."""
+        """Copy of the model with other values of the named Parameters. Raises InputError."""
         return dataclasses.replace(self, parameters=dataclasses.replace(self.parameters, **changes))
 
     def reading(self, **changes: str) -> Model:
-        """The model with other Readings, by name. Raises InputError."""
+        """Copy of the model with other values of the named Readings. Raises InputError."""
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
     def to_json(self) -> str:
@@ -147,9 +184,12 @@ class Model:
 
     @classmethod
     def from_json(cls, text: str) -> Model:
-        """The model of `to_json`. Raises InputError if the text is not a model."""
+        """Model from the text of `to_json`. Raises InputError if the text is not a model."""
         try:
-            found = json.loads(text)
-            return cls(Parameters(**found["parameters"]), Readings(**found["readings"]), found["young_modulus"])
+            values = json.loads(text)
+            return cls(Parameters(**values["parameters"]), Readings(**values["readings"]), values["young_modulus"])
         except (TypeError, ValueError, KeyError) as error:
-            raise InputError(f"not the parameters of a model: {error}") from None
+            raise InputError(f"these are not the parameters of a model: {error}") from None
+
+
+TABLE_2 = Model()  # Table 2 with the default readings

@@ -1,7 +1,7 @@
-"""The equations together: from a state vector and a strain rate, or a control, to the rate of the state vector.
+"""Rate of the state vector from a strain rate or a control, by C1 to C5.
 
-A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel's order (labkit.model.tensors), and
-behind them the strain, on which nothing depends. Everything here is compiled and works on one point.
+A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel's order (labkit.model.tensors), followed by
+the strain, on which the rates do not depend. All functions are compiled and treat one point.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from labkit.model.parameters import Constants
 from labkit.model.tensors import Six, load, store
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
-SIZE = 27  # and the strain
-# Why a rate has no value. The first is no failure; REASONS are for messages.
+SIZE = 27  # STATE and the strain
+# Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
 FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE = range(9)
 REASONS = {
     NOT_FINITE: "the state became NaN",
-    NO_FORCE: "Lambda falls to zero: the contacts have lost their forces",
+    NO_FORCE: "Lambda falls to zero: the contacts no longer carry force",
     NO_CONTACTS: "Z falls to zero: there are no contacts left",
-    TOO_LOOSE: "the void ratio reaches e_cmax, beyond which Z^c has no value: "
-    "end the path before, or choose the reading beyond_e_cmax = flat (--beyond-e-cmax flat)",
-    NO_VOIDS: "the void ratio falls to zero: the grains fill all space, end the path before",
-    UNREACHABLE: "no strain rate brings the stress where the control wants it: the control asks for more than the "
-    "material bears, hold other stresses or give more of the strain rates",
+    TOO_LOOSE: "the void ratio reaches e_cmax, beyond which Z^c is undefined: "
+    "end the path earlier, or choose the reading beyond_e_cmax = flat (--beyond-e-cmax flat)",
+    NO_VOIDS: "the void ratio falls to zero: the grains fill the whole volume; end the path earlier",
+    UNREACHABLE: "no strain rate keeps the stress at its target: the target exceeds the strength of the material; "
+    "hold other stresses, or prescribe more strain rates",
     TOO_MANY_STEPS: "too many steps: the equations are too stiff here for this integrator",
     NO_CONVERGENCE: "Newton's iteration of the implicit step does not converge: take smaller steps",
 }
@@ -36,8 +36,8 @@ REASONS = {
 class Control(NamedTuple):
     """Strain rate D = given + free @ x, with x such that d(measure @ sigma)/dt = gain (target - measure @ sigma).
 
-    given (6,), free (6, k), measure (k, 6), target (k,) Pa. The strain rate is per unit of the path's own measure
-    of strain. `gain`, per unit of strain, takes the drift of the integrator back; it is no stiffness.
+    given (6,), free (6, k), measure (k, 6), target (k,) Pa. The strain rate is per unit of the measure of strain of
+    the path. `gain`, per unit of strain, corrects the drift of the integrator; it is not a stiffness.
     """
 
     given: np.ndarray
@@ -49,11 +49,12 @@ class Control(NamedTuple):
 
 @compiled
 def outside(y: np.ndarray, c: Constants) -> int:
-    """FINE, or why the equations have no value at e, Z, Lambda, A, F, F^t.
+    """FINE, or the reason why the equations are undefined at e, Z, Lambda, A, F, F^t.
 
-    1/Lambda^gamma and c_vZ/Lambda end at Lambda = 0, Z^c and Z^com at e_cmax, and C0 makes no stress of Z = 0. Z = 4 is
-    no end: the lines reach it at e_cmax, where dZ^com/de is infinite, and C2 goes through it. In dilation Eqs. 31
-    and 32 take Z to zero before Lambda, as dZ/dLambda is proportional to 1/Lambda.
+    1/Lambda^gamma and c_vZ/Lambda are singular at Lambda = 0, Z^c and Z^com are undefined beyond e_cmax, and C0 gives
+    no stress at Z = 0. Z = 4 is not a boundary: Z^c and Z^com reach it at e_cmax, where dZ^com/de is infinite, and C2
+    passes through it. In dilation Eqs. 31 and 32 reduce Z to zero before Lambda, as dZ/dLambda is proportional to
+    1/Lambda.
     """
     for k in range(STATE):
         if not np.isfinite(y[k]):
@@ -71,9 +72,9 @@ def outside(y: np.ndarray, c: Constants) -> int:
 
 @compiled
 def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
-    """dy/dt into `out` (at least 21,) for the strain rate D, C1 to C5.
+    """Write dy/dt to `out` (at least 21,) for the strain rate D, C1 to C5.
 
-    `compressing` chooses the branch of Eqs. 31 and 32.
+    `compressing` selects the branch of Eqs. 31 and 32.
     """
     e, Z, Lam = y[0], y[1], y[2]
     n, rate, volumetric = eq.split_rate(D, c)
@@ -111,8 +112,8 @@ def _strain_rate(control, x):
 
 
 @compiled
-def _missing(y, control, x, compressing, c, out, found):
-    """d(measure @ sigma)/dt - gain (target - measure @ sigma) into `found`; its scale, Pa. Fills `out` too."""
+def _missing(y, control, x, compressing, c, out, missing):
+    """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, fill `out`; returns the scale, Pa."""
     D = _strain_rate(control, x)
     strain_driven(y, D, compressing, c, out)
     sigma, sigma_rate = stress_of(y, c), stress_rate_of(y, out, c)
@@ -122,22 +123,22 @@ def _missing(y, control, x, compressing, c, out, found):
         for i in range(6):
             held += control.measure[k, i] * sigma[i]
             change += control.measure[k, i] * sigma_rate[i]
-        found[k] = change - control.gain * (control.target[k] - held)
+        missing[k] = change - control.gain * (control.target[k] - held)
         size = max(size, abs(control.gain * control.target[k]))
     return size + np.sqrt(eq.dot(sigma_rate, sigma_rate))
 
 
 NEWTON_STEPS = 20
-FASTEST = 1e4  # strain rate over the one that is given: beyond it the target counts as unreachable
+FASTEST = 1e4  # free over prescribed strain rate, above which the target counts as unreachable
 
 
 @compiled
 def _newton(y, control, x, compressing, c, out):
-    """Finds x on one branch of Eqs. 31, 32; whether it was found. Leaves x and `out` at the last iterate."""
+    """Solve for x on one branch of Eqs. 31, 32; True if it converged. Leaves x and `out` at the last iterate."""
     k = x.size
-    found, tried, jacobian = np.empty(k), np.empty(k), np.empty((k, k))
-    size = _missing(y, control, x, compressing, c, out, found)
-    error = np.sqrt(np.sum(found * found))
+    missing, tried, jacobian = np.empty(k), np.empty(k), np.empty((k, k))
+    size = _missing(y, control, x, compressing, c, out, missing)
+    error = np.sqrt(np.sum(missing * missing))
     for _ in range(NEWTON_STEPS):
         if error <= 1e-13 * size or error == 0.0:
             return True
@@ -147,35 +148,36 @@ def _newton(y, control, x, compressing, c, out):
             _missing(y, control, x, compressing, c, out, tried)
             x[j] = kept
             for i in range(k):
-                jacobian[i, j] = (tried[i] - found[i]) / step
+                jacobian[i, j] = (tried[i] - missing[i]) / step
         if not np.isfinite(jacobian).all() or abs(np.linalg.det(jacobian / (np.abs(jacobian).max() + 1e-300))) < 1e-14:
             return False
-        step = np.linalg.solve(jacobian, found)
+        step = np.linalg.solve(jacobian, missing)
         before, length = error, 1.0
         start = x.copy()
         while True:
             x[:] = start - length * step
-            size = _missing(y, control, x, compressing, c, out, found)
-            error = np.sqrt(np.sum(found * found))
+            size = _missing(y, control, x, compressing, c, out, missing)
+            error = np.sqrt(np.sum(missing * missing))
             if error < before or length < 1e-3:
                 break
             length *= 0.5
         if not np.isfinite(error) or np.abs(x).max() > FASTEST:
             return False
-        if error >= before:  # rounding is all that is left, or nothing helps
+        if error >= before:  # limited by rounding, or not converging
             x[:] = start
-            error = np.sqrt(np.sum(found * found))
-            _missing(y, control, x, compressing, c, out, found)
+            error = np.sqrt(np.sum(missing * missing))
+            _missing(y, control, x, compressing, c, out, missing)
             return before <= 1e-9 * size
     return error <= 1e-9 * size
 
 
 @compiled
 def rates(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
-    """dy/dt into `out` (27,) under a control; FINE or why there is none. `x` (k,): the free rates, first the guess.
+    """Write dy/dt under a control to `out` (27,); returns FINE, or the reason why it is undefined.
 
-    The branch of Eqs. 31 and 32 must fit the volumetric rate that comes out. The branch of the guess is tried
-    first; at most one of them fits where the volumetric stiffness is positive.
+    `x` (k,): the free rates; on input, the initial guess. The branch of Eqs. 31 and 32 must agree with the sign of the
+    resulting volumetric rate. The branch of the guess is tried first; if the volumetric stiffness is positive, at most
+    one branch agrees.
     """
     status = outside(y, c)
     if status != FINE:
@@ -202,7 +204,7 @@ def rates(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.
 
 @compiled
 def jacobian(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
-    """d(dy/dt)/dy (27, 27) by central differences into `out`; FINE or why there is none."""
+    """Write d(dy/dt)/dy (27, 27) by central differences to `out`; returns FINE, or the reason why it is undefined."""
     plus, minus, shifted, guess = np.empty(SIZE), np.empty(SIZE), y.copy(), x.copy()
     for k in range(SIZE):
         step = 1e-6 * max(abs(y[k]), 1e-3 if k != 2 else 0.0)

@@ -1,8 +1,8 @@
-"""A Result of the model as a run file: the same variables as a simulation's, so that the same code reads both.
+"""A Result of the model as a run file, with the variables of a simulation, so that the same code reads both.
 
-What has no meaning without grains is NaN (inertial number, overlap, rattlers, kinetic energy, unbalanced force,
-drift); the groups `contacts` and `grains` are there and empty. Both stresses are C0, and both void ratios the e
-of the model. The cell is a cube of 1 m at zero strain. The attribute `engine` is `model`.
+Quantities that have no meaning without grains are NaN (inertial number, overlap, rattlers, kinetic energy, unbalanced
+force, drift); the groups `contacts` and `grains` are present but empty. Both stresses are computed from C0, and both
+void ratios are the e of the model. The cell is a cube of 1 m at zero strain. The attribute `engine` is `model`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 import labkit
-import labkit.runs.dataset  # gives the accessor .lab to as_run
+import labkit.runs.dataset  # registers the accessor .lab for as_run
 from labkit.dem.paths import travelled
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
@@ -27,16 +27,17 @@ from labkit.io.provenance import data_sha256, provenance
 from labkit.io.schema import CONTACTS, GRAINS, RECORD
 from labkit.model.driver import Result
 from labkit.model.parameters import Model
+from labkit.runs.accessor import with_axes
 
 ENGINE = "model"
 
 
 def records(result: Result) -> dict[str, np.ndarray]:
-    """The variables of labkit.io.schema.RECORD of a Result, name -> array along time."""
+    """Variables of labkit.io.schema.RECORD of a Result: name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
-        "time": travelled(result.axial_strain) / result.path.rate,
+        "time": travelled(result.axial_strain) / result.path.axial_rate,
         "axial_strain": result.axial_strain,
         "strain": result.strain,
         "cell": cell,
@@ -61,14 +62,14 @@ def records(result: Result) -> dict[str, np.ndarray]:
 
 
 def as_run(result: Result) -> xr.Dataset:
-    """The Result as labkit.open_run would give its run file, without the file: for labkit.visuals.plots."""
+    """The Result as the Dataset that labkit.open_run would return for its run file, without a file."""
     values = records(result)
     attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in RECORD.items()}
     run = xr.Dataset(
         {name: (v.dimensions, values[name], attributes[name]) for name, v in RECORD.items()},
         attrs={"engine": ENGINE, "path": result.path.name, "complete": int(result.failure is None)},
     )
-    return run.set_coords(["time", "axial_strain"])
+    return with_axes(run.set_coords(["time", "axial_strain"]))
 
 
 def write_result(
@@ -78,9 +79,9 @@ def write_result(
     wall_time: float = 0.0,
     parameters: dict[str, Any] | None = None,
 ) -> None:
-    """Writes a run file, whole or not at all.
+    """Write a run file atomically.
 
-    history: the command; wall_time: s; parameters: what else decides the result, for JSON. Raises OSError.
+    history: the command; wall_time: s; parameters: further values that determine the result, for JSON. Raises OSError.
     """
     with whole_file(file) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
         dataset.Conventions = "CF-1.10"
@@ -89,7 +90,7 @@ def write_result(
         dataset.engine = ENGINE
         dataset.scene = dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json()
         dataset.model = result.model.to_json()
-        dataset.setncattr("path", result.path.name)  # `dataset.path` is netCDF4's own
+        dataset.setncattr("path", result.path.name)  # `dataset.path` is a property of netCDF4
         dataset.path_parameters = json.dumps(result.path.parameters() | (parameters or {}))
         dataset.complete = np.int32(result.failure is None)
         dataset.failure = result.failure or ""
@@ -108,19 +109,19 @@ def write_result(
 
 
 def model_of(run: xr.Dataset) -> Model | None:
-    """The Model that made a run file, or None for a simulation."""
+    """Model that predicted a run, or None for a simulation."""
     return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == ENGINE else None
 
 
 def read_model(file: str | None) -> Model:
-    """The Model of a JSON file of labkit calibrate, Table 2 without a file. Raises InputError."""
+    """Model from a JSON file written by labkit calibrate; Table 2 if no file is given. Raises InputError."""
     if file is None:
         return Model()
     try:
         return Model.from_json(Path(file).read_text())
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
-            f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file of labkit calibrate"
+            f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file written by labkit calibrate"
         ) from None
     except InputError as error:
         raise InputError(f"{file}: {error}") from None

@@ -1,4 +1,4 @@
-"""ModelState: the internal state of the model at a point, and the starts of a test."""
+"""ModelState, the internal state of the model at a point, and the initial states of tests."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.model.equations import compression_coordination_number
-from labkit.model.parameters import Model
+from labkit.model.parameters import TABLE_2, Model
 from labkit.model.tensors import require_symmetric, to_six, to_tensor
 from labkit.sff.c0 import c0_stress, symmetric_product
 
 
-def _zero():
+def _zero() -> np.ndarray:
     return np.zeros((3, 3))
 
 
@@ -21,8 +21,8 @@ def _zero():
 class ModelState:
     """e, Z, Lambda (scalars) and A, F, F^t (3, 3), symmetric and deviatoric, compression positive.
 
-    Raises InputError for a state that cannot be: e not positive, Z or Lambda negative, a tensor that is not
-    symmetric or not deviatoric, or an A whose density of contact normals (Eq. 9) is negative somewhere.
+    Raises InputError for an impossible state: e not positive, Z or Lambda negative, a tensor that is not symmetric or
+    not deviatoric, or an A for which the density of contact normals (Eq. 9) is negative in some direction.
     """
 
     e: float
@@ -33,47 +33,47 @@ class ModelState:
     Ft: np.ndarray = dataclasses.field(default_factory=_zero)
 
     def __post_init__(self) -> None:
-        """Converts to float and checks. Raises InputError."""
-        for name, words, least in (
+        """Convert to float and check. Raises InputError."""
+        for name, label, least in (
             ("e", "void ratio", "above 0"),
             ("Z", "coordination number", "0 or more"),
             ("Lam", "mean normalised force", "0 or more"),
         ):
             value = float(getattr(self, name))
             if not np.isfinite(value) or value < 0.0 or (name == "e" and value == 0.0):
-                raise InputError(f"{words} {value:g} is not possible: give a number {least}")
+                raise InputError(f"{label} {value:g} is not possible: give a number {least}")
             object.__setattr__(self, name, value)
-        for name, words in (("A", "contact anisotropy A"), ("F", "force anisotropy F"), ("Ft", "mobilisation F^t")):
-            tensor = require_symmetric(words, getattr(self, name), deviatoric=True)
+        for name, label in (("A", "contact anisotropy A"), ("F", "force anisotropy F"), ("Ft", "mobilisation F^t")):
+            tensor = require_symmetric(label, getattr(self, name), deviatoric=True)
             object.__setattr__(self, name, tensor)
         if np.linalg.eigvalsh(self.A)[0] < -1.0:
             raise InputError(
-                "contact anisotropy A has an eigenvalue below -1: it would make the density of contact "
-                "normals 1 + n.A n negative, give a smaller A"
+                "contact anisotropy A has an eigenvalue below -1, for which the density of contact "
+                "normals 1 + n.A n is negative: give a smaller A"
             )
 
     def vector(self) -> np.ndarray:
-        """(27,): e, Z, Lambda, the tensors in Mandel's order, and no strain."""
+        """Vector (27,): e, Z, Lambda, the tensors in Mandel's order, and a strain of zero."""
         six = (to_six(self.A), to_six(self.F), to_six(self.Ft), np.zeros(6))
         return np.concatenate([[self.e, self.Z, self.Lam], *six])
 
     @classmethod
     def from_vector(cls, y: np.ndarray) -> ModelState:
-        """The state of a vector (27,)."""
+        """ModelState from a vector (27,)."""
         return cls(float(y[0]), float(y[1]), float(y[2]), to_tensor(y[3:9]), to_tensor(y[9:15]), to_tensor(y[15:21]))
 
-    def stress(self, model: Model = Model()) -> np.ndarray:
-        """C0, shape (3, 3), Pa, compression positive. Zero without contacts or without forces."""
+    def stress(self, model: Model = TABLE_2) -> np.ndarray:
+        """Stress according to C0, shape (3, 3), Pa, compression positive; zero without contacts or forces."""
         return c0_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
 
     def rotated(self, Q: np.ndarray) -> ModelState:
-        """The state seen in axes turned by the orthogonal Q (3, 3): T -> Q T Q^T."""
-        turn = {name: Q @ getattr(self, name) @ Q.T for name in ("A", "F", "Ft")}
-        symmetric = {name: _clean(tensor) for name, tensor in turn.items()}
-        return dataclasses.replace(self, **symmetric)
+        """The state rotated by the orthogonal tensor Q (3, 3): T -> Q T Q^T."""
+        A, F, Ft = (_clean(Q @ tensor @ Q.T) for tensor in (self.A, self.F, self.Ft))
+        return dataclasses.replace(self, A=A, F=F, Ft=Ft)
 
 
-def _clean(tensor):
+def _clean(tensor: np.ndarray) -> np.ndarray:
+    """The symmetric deviatoric part of a tensor (3, 3)."""
     tensor = 0.5 * (tensor + tensor.T)
     return tensor - np.trace(tensor) / 3 * np.eye(3)
 
@@ -81,11 +81,11 @@ def _clean(tensor):
 def isotropic_state(
     model: Model, void_ratio: float, pressure: float, Z: float | None = None, Lam: float | None = None
 ) -> ModelState:
-    """An isotropic start: C0 with A = F = F^t = 0 ties e, p, Z and Lambda, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
+    """Isotropic initial state: e, p, Z and Lambda satisfy C0 with A = F = F^t = 0, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
 
-    `pressure`, Pa. Without Z and Lam, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings any
-    isotropically compressed specimen, and Lambda follows from p. One of Z and Lam may be given, then the other
-    follows; the reading of beyond_e_cmax says what Z^com is there. Raises InputError.
+    `pressure`, Pa. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings
+    any isotropically compressed specimen, and Lambda follows from p. If one of them is given, the other follows. Beyond
+    e_cmax, Z^com is determined by the reading beyond_e_cmax. Raises InputError.
     """
     if not (np.isfinite(void_ratio) and 0.0 < void_ratio):
         raise InputError(field="void_ratio", value=void_ratio, allowed="a positive number, e.g. 0.67")
@@ -99,8 +99,8 @@ def isotropic_state(
     if Z is not None and Lam is not None:
         if abs(Z * Lam / product - 1.0) > 1e-6:
             raise InputError(
-                f"Z Lambda = {Z * Lam:g} does not make {pressure:g} Pa at e = {void_ratio:g}, where C0 wants "
-                f"{product:g}: give the coordination number or the mean normalised force, not both"
+                f"Z Lambda = {Z * Lam:g} is inconsistent with {pressure:g} Pa at e = {void_ratio:g}, where C0 requires "
+                f"{product:g}: give either the coordination number or the mean normalised force, not both"
             )
     elif Lam is not None:
         Z = product / Lam
@@ -111,13 +111,13 @@ def isotropic_state(
 
 
 def require_density(model: Model, void_ratio: float) -> None:
-    """Raises InputError where the equations have no value at this void ratio."""
+    """Raises InputError if the equations are undefined at this void ratio."""
     limit = model.parameters.e_cmax
     if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
         raise InputError(
-            f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state has no value: give "
-            "a denser state, or the reading beyond_e_cmax = flat (--beyond-e-cmax flat), which goes on with Z^c = 4 "
-            "and Lambda^c = 0 as Fig. 8 must"
+            f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state is undefined: use "
+            "a denser state, or the reading beyond_e_cmax = flat (--beyond-e-cmax flat), which continues with Z^c = 4 "
+            "and Lambda^c = 0, as needed for Fig. 8"
         )
 
 
@@ -128,8 +128,9 @@ def contact_anisotropy(a1: float, angle: float) -> np.ndarray:
 
 
 def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: float) -> ModelState:
-    """The state with A0 of size `a1` at `angle` (rad from z), the F0 that keeps the stress isotropic, and Lambda
-    changed so that the mean stress stays (section 5.3).
+    """The state with inherent anisotropy A0 of magnitude `a1` at `angle` (rad from z) (section 5.3).
+
+    F0 is chosen such that the stress remains isotropic, and Lambda is adjusted so that the mean stress is unchanged.
     """
     if a1 == 0.0:
         return state
@@ -140,11 +141,12 @@ def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: 
 
 
 def isotropic_force_anisotropy(A: np.ndarray, exact: bool = True) -> np.ndarray:
-    """The F0 that makes the stress of C0 isotropic when the contacts are anisotropic and F^t = 0; (3, 3).
+    """F0 for which the stress of C0 is isotropic although the contacts are anisotropic, with F^t = 0; (3, 3).
 
-    exact: the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), set to zero: five linear equations.
-    Otherwise the paper's F0 = -A [I + 4/7 A]^-1, which solves the same without `dev`; its trace is taken off, as
-    F is deviatoric. With a1 = 0.3 the paper's leaves (sigma_1 - sigma_3)/p = 0.0025, the exact one rounding.
+    exact: the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), is set to zero: five linear equations.
+    Otherwise the paper's F0 = -A [I + 4/7 A]^-1, which solves the same equations without `dev`; its trace is
+    subtracted, as F is deviatoric. With a1 = 0.3 the paper's formula leaves (sigma_1 - sigma_3)/p = 0.0025, the exact
+    one only rounding error.
     """
     A = require_symmetric("contact anisotropy A", A, deviatoric=True)
     if not exact:

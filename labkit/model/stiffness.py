@@ -1,7 +1,7 @@
 """Incremental stiffness: d sigma/d epsilon of the equations (Eq. 33), and the hypoplastic form (Eq. 34).
 
-sigma' = d sigma/dt is homogeneous of degree one in the strain rate D, and depends on its direction: there is no
-stiffness but for a direction. The consistent tangent of a finite increment is in labkit.model.material_point.
+sigma' = d sigma/dt is homogeneous of degree one in the strain rate D and depends on its direction: a stiffness is
+defined only for a given direction. The consistent tangent of a finite increment is in labkit.model.material_point.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from labkit.model.tensors import load, require_symmetric, store, to_six, to_tens
 
 
 def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """C1 to C5 for the strain rates D (..., 3, 3), 1/s: (..., 21), e, Z, Lambda, A, F, F^t in Mandel's order.
+    """Rates of e, Z, Lambda, A, F, F^t from C1 to C5 for strain rates D (..., 3, 3), 1/s; (..., 21), Mandel's order.
 
     Raises InputError unless D is symmetric and finite.
     """
@@ -27,7 +27,7 @@ def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
 
 
 def stress_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """d sigma/dt (..., 3, 3), Pa/s, for the strain rates D (..., 3, 3), 1/s: Eq. 33 with C0's coupled terms.
+    """Stress rate d sigma/dt (..., 3, 3), Pa/s, for strain rates D (..., 3, 3), 1/s: Eq. 33 with C0's coupled terms.
 
     Raises InputError unless D is symmetric and finite.
     """
@@ -35,7 +35,7 @@ def stress_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
 
 
 def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """d(sigma')/dD at the strain rate D (3, 3): (6, 6) in Mandel's order, Pa.
+    """Tangent d(sigma')/dD at the strain rate D (3, 3); (6, 6) in Mandel's order, Pa.
 
     sigma' = tangent : D, as for any function that is homogeneous of degree one (Euler). Raises InputError unless D is
     symmetric and finite.
@@ -50,8 +50,8 @@ def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
 class HypoplasticForm:
     """sigma' = Lv rate_v + Ls : dev D + N |dev D| on one branch of Eqs. 31 and 32 (Eq. 34).
 
-    Lv (3, 3), Ls (3, 3, 3, 3), N (3, 3), Pa. `misfit`: RMS of what this form leaves of sigma' under deviatoric
-    strain rates, over the RMS of sigma' itself.
+    Lv (3, 3), Ls (3, 3, 3, 3), N (3, 3), Pa. `misfit`: RMS residual of this form under deviatoric strain rates,
+    relative to the RMS of sigma'.
     """
 
     Lv: np.ndarray
@@ -60,7 +60,7 @@ class HypoplasticForm:
     misfit: float
 
     def stress_rate(self, D: np.ndarray) -> np.ndarray:
-        """The form at the strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
+        """Stress rate of the form at strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
         volumetric = np.trace(D, axis1=-2, axis2=-1)[..., None, None]
         deviator = D - volumetric / 3 * np.eye(3)
         size = np.linalg.norm(deviator, axis=(-2, -1))[..., None, None]
@@ -70,28 +70,28 @@ class HypoplasticForm:
 def hypoplastic_form(
     model: Model, state: ModelState, compressing: bool = True, directions: int = 500, seed: int = 0
 ) -> HypoplasticForm:
-    """Extracts Lv, Ls and N from the equations by evaluating them; a HypoplasticForm.
+    """Determine Lv, Ls and N by evaluating the equations; returns a HypoplasticForm.
 
-    Ls and N are the least-squares fit to sigma' over random directions of the deviatoric unit sphere. What is found:
+    Ls and N are the least-squares fit to sigma' over random directions of the deviatoric unit sphere. Properties:
 
-    * sigma' is the sum of a volumetric and a deviatoric part, exactly, on each branch of Eqs. 31, 32.
-    * The volumetric part is along sigma: Lv = sigma (f^{v,Z}/Z + f^{v,L}/Lambda + 1), where Eq. 34 prints L^v I. The
-      two agree in isotropic stress only.
-    * The deviatoric part is Ls : dev D + N |dev D| exactly if gamma_A = gamma_F = c_Z = 0, and where A = F = 0.
-      Elsewhere, with Table 2, the factors |f A^c - A|^gamma and |dA/dt| depend on the angle between the strain
-      rate and A: Eq. 34 is then an approximation whose error is `misfit`, as the paper's "conceptually" says.
+    * On each branch of Eqs. 31 and 32, sigma' is exactly the sum of a volumetric and a deviatoric part.
+    * The volumetric part is parallel to sigma: Lv = sigma (f^{v,Z}/Z + f^{v,L}/Lambda + 1), whereas Eq. 34 has L^v I.
+      The two agree only for an isotropic stress.
+    * The deviatoric part is exactly Ls : dev D + N |dev D| if gamma_A = gamma_F = c_Z = 0, or where A = F = 0.
+      Otherwise the factors |f A^c - A|^gamma and |dA/dt| depend on the angle between the strain rate and A: Eq. 34,
+      which the paper calls conceptual, is then an approximation with the error `misfit`.
     """
     sign = 1.0 if compressing else -1.0
-    Lv = sign * stress_rate(model, state, sign * np.eye(3) / 3)
+    volumetric = sign * stress_rate(model, state, sign * np.eye(3) / 3)
     basis = deviatoric_basis()
     weights = np.random.default_rng(seed).normal(size=(directions, 5))
     weights /= np.linalg.norm(weights, axis=1)[:, None]
-    found = to_six(stress_rate(model, state, np.einsum("dk,kij->dij", weights, basis)))
+    rates = to_six(stress_rate(model, state, np.einsum("dk,kij->dij", weights, basis)))
     design = np.column_stack([weights, np.ones(directions)])
-    columns = np.linalg.lstsq(design, found, rcond=None)[0]
-    misfit = np.linalg.norm(design @ columns - found) / np.linalg.norm(found)
-    Ls = np.einsum("kij,kmn->ijmn", to_tensor(columns[:5]), basis)
-    return HypoplasticForm(Lv, Ls, to_tensor(columns[5]), float(misfit))
+    columns = np.linalg.lstsq(design, rates, rcond=None)[0]
+    misfit = np.linalg.norm(design @ columns - rates) / np.linalg.norm(rates)
+    linear = np.einsum("kij,kmn->ijmn", to_tensor(columns[:5]), basis)
+    return HypoplasticForm(volumetric, linear, to_tensor(columns[5]), float(misfit))
 
 
 def _evaluate(model, state, D):

@@ -1,62 +1,31 @@
 """Symmetric tensors in compiled code: six numbers (xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy), Mandel's order.
 
-With the roots the sum of squares is the Euclidean norm of the tensor, and A:B is a dot product. In compiled code
-a tensor is a tuple, which costs no memory; outside it is a (..., 3, 3) array.
+With the sqrt2 factors the sum of squares is the squared Euclidean norm of the tensor, and A:B is a dot product. In
+compiled code a tensor is a tuple, which needs no memory allocation; elsewhere it is a (..., 3, 3) array.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.micro.tensors import ROOT2, require_symmetric, to_six, to_tensor
 from labkit.model.compiled import compiled
 
 Six = tuple[float, float, float, float, float, float]
 
-ROOT2 = float(np.sqrt(2.0))
 IDENTITY: Six = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 ZERO: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_WEIGHT = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
-_ROW, _COLUMN = np.array([0, 1, 2, 1, 0, 0]), np.array([0, 1, 2, 2, 2, 1])
-_PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
-
-
-def to_six(tensor: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) symmetric -> (..., 6). The antisymmetric part is ignored: see require_symmetric."""
-    return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
-
-
-def to_tensor(six: np.ndarray) -> np.ndarray:
-    """(..., 6) -> (..., 3, 3)."""
-    return (np.asarray(six, dtype=float) / _WEIGHT)[..., _PLACE]
-
-
-def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -> np.ndarray:
-    """The tensor as a float array (..., 3, 3); `name` is for the message. Raises InputError unless it is finite,
-    symmetric and, with `deviatoric`, traceless, within rounding.
-    """
-    tensor = np.asarray(tensor, dtype=float)
-    if tensor.shape[-2:] != (3, 3):
-        raise InputError(f"{name} has the shape {tensor.shape}: give 3 x 3 tensors")
-    if not np.isfinite(tensor).all():
-        raise InputError(f"{name} has a component that is not finite: give finite components")
-    size = 1e-9 * np.linalg.norm(tensor, axis=(-2, -1)).max(initial=0.0) + 1e-300
-    if np.abs(tensor - np.swapaxes(tensor, -1, -2)).max(initial=0.0) > size:
-        raise InputError(f"{name} is not symmetric: give its symmetric part, (T + T^T)/2")
-    if deviatoric and np.abs(np.trace(tensor, axis1=-2, axis2=-1)).max(initial=0.0) > size:
-        raise InputError(f"{name} is not deviatoric: give it without its trace, T - tr(T)/3 I")
-    return tensor
 
 
 @compiled
 def load(array: np.ndarray, start: int) -> Six:
-    """The tensor in array[start] to array[start + 5]."""
+    """Read the tensor in array[start] to array[start + 5]."""
     return (array[start], array[start + 1], array[start + 2], array[start + 3], array[start + 4], array[start + 5])
 
 
 @compiled
 def store(array: np.ndarray, start: int, T: Six) -> None:
-    """Writes T to array[start] to array[start + 5]."""
+    """Write T to array[start] to array[start + 5]."""
     array[start], array[start + 1], array[start + 2] = T[0], T[1], T[2]
     array[start + 3], array[start + 4], array[start + 5] = T[3], T[4], T[5]
 

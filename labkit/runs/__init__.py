@@ -1,13 +1,15 @@
-"""What came out: runs as values and as xarray, checks, the critical state; and the front door in Python."""
+"""Results: runs as value objects and as xarray datasets, checks, the critical state; and the Python interface."""
 
 from labkit.lazy import attach
 
 _NAMES = {
+    "ENOUGH_STRAIN": "critical",
     "SHEAR": "critical",
     "TENSORS": "critical",
     "WINDOW": "critical",
     "critical_states": "critical",
     "is_shear": "critical",
+    "require_critical": "critical",
     "HELD_AFTER": "verify",
     "SFF_PRESSURE": "verify",
     "SFF_TOLERANCE": "verify",

@@ -1,4 +1,4 @@
-"""The critical state: where shear tests end up, and how much they scatter there."""
+"""Critical state of shear tests: means over the end of each test, and their scatter."""
 
 from __future__ import annotations
 
@@ -9,22 +9,55 @@ import pandas
 import xarray
 
 from labkit.dem.paths import PATHS
+from labkit.errors import InputError
 
 WINDOW = 0.25  # the last quarter of the strain of a test
-
-
-SHEAR = ("cv", "cr", "cp")  # the paper's shear tests
+ENOUGH_STRAIN = 0.15  # axial strain from which the end of a shear test counts as critical
+SHEAR = ("cv", "cr", "cp")  # the shear tests of the paper
+TENSORS = {"contact_anisotropy": "A_zz", "normal_force_anisotropy": "F_zz", "mobilisation": "Ft_zz"}
 
 
 def is_shear(run: xarray.Dataset) -> bool:
-    """Whether the path of a run ends, if long enough, in a critical state; False for a path unknown here."""
+    """True if the path of the run leads to a critical state; False for a path that is not registered here."""
     return run.attrs["path"] in PATHS and PATHS[run.attrs["path"]].shear
 
 
-def at_end(axial_strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
-    """Which records count as critical: those of the last quarter of the strain, shape (time,) of bool.
+def require_critical(
+    runs: Mapping[str, xarray.Dataset], least_strain: float = ENOUGH_STRAIN
+) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
+    """Select the runs that end in a critical state: (name -> run, name -> reason for leaving a run out).
 
-    `axial_strain` (time,) of a test in compression or extension; `window`: another share than the last quarter.
+    A run is left out if its path is not a shear test, if it is unfinished, if it ends before an axial strain of
+    `least_strain`, or if it is a prediction of the model while other runs are simulations. `runs`: name -> run opened
+    with labkit.open_run. Raises InputError if no run is left.
+    """
+    left_out = {}
+    for name, run in runs.items():
+        reached = abs(float(run["axial_strain"][-1]))
+        if not is_shear(run):
+            left_out[name] = f"path {run.attrs['path']} is not a shear test"
+        elif not run.attrs["complete"]:
+            left_out[name] = f"unfinished, stopped at {reached:.2%} axial strain"
+        elif reached < least_strain * (1.0 - 1e-6):  # strains of some files are in single precision
+            left_out[name] = f"ends at {reached:.2%} axial strain, before {least_strain:.3g}"
+    kept = {name: run for name, run in runs.items() if name not in left_out}
+    if any(run.attrs.get("engine") != "model" for run in kept.values()):
+        predicted = [name for name, run in kept.items() if run.attrs.get("engine") == "model"]
+        left_out |= dict.fromkeys(predicted, "prediction of the model, not a simulation")
+    kept = {name: run for name, run in kept.items() if name not in left_out}
+    if not kept:
+        shear = any(is_shear(run) for run in runs.values())
+        problem = "none of these runs reaches a critical state" if shear else "none of these runs is a shear test"
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise InputError(f"{problem}: give complete runs of cv, cr, cp or another shear path ({reasons})")
+    return kept, left_out
+
+
+def at_end(axial_strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
+    """Records that count as critical, those in the last quarter of the strain; shape (time,) of bool.
+
+    `axial_strain` (time,) of a test in compression or extension; `window`: fraction of the strain to use instead of the
+    last quarter.
     """
     return np.abs(axial_strain) >= (1.0 - window) * np.abs(axial_strain[-1])
 
@@ -32,14 +65,15 @@ def at_end(axial_strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
 def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and the scatter of M.
 
-    `runs`: name -> run of SHEAR opened with labkit.open_run. M = q/p; its scatter is the standard deviation of the
-    records. `window`: another share of the strain than the last quarter.
+    M = q/p, and its scatter is the standard deviation over the records. `runs`: name -> run opened with
+    labkit.open_run; all of them are used, see `require_critical` for those that have reached a critical state.
+    `window`: fraction of the strain to use instead of the last quarter.
     """
     rows = []
     for name, run in runs.items():
         strain = run["axial_strain"].values
         last = at_end(strain, window)
-        ratio = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[last]
+        ratio = run.lab.stress_ratio().values[last]
         mean = {key: float(run[key].values[last].mean()) for key in ("void_ratio", "coordination_number")}
         zz = {key: float(run[key].values[last, 2, 2].mean()) for key in TENSORS}
         rows.append(
@@ -57,6 +91,3 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
             }
         )
     return pandas.DataFrame(rows)
-
-
-TENSORS = {"contact_anisotropy": "A_zz", "normal_force_anisotropy": "F_zz", "mobilisation": "Ft_zz"}

@@ -1,7 +1,7 @@
-"""The figures of a run by name, for `labkit figure` and Run.plot; drawn in labkit.visuals.
+"""Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.visuals.
 
-A figure is a function of a run opened with labkit.open_run, the number of size groups and a snapshot; it returns a
-matplotlib Figure and the pandas.DataFrame behind it. One of your own: `labkit.register_figure`.
+A figure is a function of a run opened with labkit.open_run, the number of size groups and the number of a snapshot; it
+returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FIGURES: Registry = Registry(
 
 
 def register_figure(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """A decorator that makes a function known as a figure."""
+    """Decorator that registers a function as a figure under `name`."""
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         function.name = name  # type: ignore[attr-defined]

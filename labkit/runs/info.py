@@ -1,60 +1,123 @@
-"""What is in a state or run file, as text."""
+"""Contents of a state or run file as text, and the check of its hashes."""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
-from labkit.dem.specimen import summary
+import numpy as np
+
+from labkit.dem.paths import PATHS
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe, summary
 from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io import provenance
 from labkit.io.files import labkit_kind, open_netcdf
 from labkit.io.schema import RECORD, STATE
+from labkit.parameters import parameters_of
+
+UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # of the attributes of a file
+WIDTH = 18  # characters of a label
 
 
 def describe_file(path: str | os.PathLike[str]) -> str:
-    """A few lines on a labkit file. Raises InputError for another file."""
+    """Description of a labkit file in lines of text. Raises InputError for any other file."""
     kind = file_kind(path)
     if kind in ("figure", "statistics", "output"):
-        return "\n".join([f"{path}: labkit {kind}", *provenance.words(provenance.of_file(path))])
+        return "\n".join([f"{path}: labkit {kind}", *_lines(provenance.rows(provenance.of_file(path) or {}))])
     lines = [f"{path}: labkit {kind} file"]
     with open_netcdf(path, kind) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
-        known = RECORD if kind == "run" else STATE
-        extra = sorted(set(dataset.variables) - set(known))
+        further = sorted(set(dataset.variables) - set(RECORD if kind == "run" else STATE))
         sizes = {name: len(d) for g in (dataset, *dataset.groups.values()) for name, d in g.dimensions.items()}
-        groups = ", ".join(dataset.groups)
-    known = attributes.pop("provenance", "")
+        groups = list(dataset.groups)
+    made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
-        lines.append(f"  {name:<18} {value}")
-    lines.append("  sizes              " + ", ".join(f"{name} {size}" for name, size in sizes.items()))
-    if groups:
-        lines.append(f"  groups             {groups}")
-    if extra:
-        lines.append("  other variables    " + ", ".join(extra))
-    if known:
-        lines += ["provenance", *provenance.words(json.loads(known))]
+        lines += _attribute(name, value, attributes)
+    lines += _lines({"sizes": ", ".join(f"{name} {size}" for name, size in sizes.items())})
+    lines += _lines({"groups": ", ".join(groups)} if groups else {})
+    lines += _lines({"other variables": ", ".join(further)} if further else {})
+    if made_by:
+        lines += ["provenance", *_lines(provenance.rows(json.loads(made_by)))]
     if kind == "state":
-        for name, (value, unit) in summary(read_state(path)).items():
-            lines.append(f"  {name:<24} {value:.6g} {unit}".rstrip())
+        values = summary(read_state(path))
+        lines += ["summary", *_lines({name: f"{number(value)} {unit}" for name, (value, unit) in values.items()}, 24)]
     return "\n".join(lines)
 
 
+def number(value: Any) -> str:
+    """A value as text: integers in full, other numbers with six significant digits, lists with commas."""
+    if isinstance(value, (bool, str, np.bool_)) or value is None:
+        return str(value)
+    if isinstance(value, Iterable):
+        return ", ".join(number(each) for each in value)
+    if isinstance(value, (int, np.integer)):
+        return f"{value:d}"
+    return f"{value:.6g}"
+
+
+def _attribute(name: str, value: Any, attributes: Mapping[str, Any]) -> list[str]:
+    """Lines of one attribute of a file; an attribute in JSON has one line per entry."""
+    entries = _entries(value)
+    if entries is None:
+        return _lines({name: f"{number(value)} {UNITS.get(name, '')}"})
+    if name.endswith("provenance"):
+        return [f"  {name}", *_lines(provenance.rows(entries), width=WIDTH + 4, indent=4)]
+    kinds: dict[str, type] = {"scene": Scene, "recipe": Recipe}
+    if attributes.get("path") in PATHS:
+        kinds["path_parameters"] = PATHS[attributes["path"]]
+    known = parameters_of(kinds[name]) if name in kinds else {}
+    units = {key: parameter.unit for key, parameter in known.items() if parameter.unit != "1"}
+    return [f"  {name}", *_lines(_flat(entries, units), width=WIDTH + 4, indent=4)]
+
+
+def _flat(entries: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, str]:
+    """Name -> value with its unit; nested entries get names with a dot."""
+    flat: dict[str, str] = {}
+    for name, value in entries.items():
+        if isinstance(value, Mapping):
+            flat |= {f"{name}.{inner}": text for inner, text in _flat(value, {}).items()}
+        else:
+            flat[name] = f"{number(value)} {units.get(name, '')}"
+    return flat
+
+
+def _entries(value: Any) -> dict[str, Any] | None:
+    """The entries of an attribute that holds a JSON object, else None."""
+    if not isinstance(value, str) or not value.startswith("{"):
+        return None
+    try:
+        return json.loads(value)
+    except ValueError:
+        return None
+
+
+def _lines(rows: Mapping[str, str], width: int = WIDTH, indent: int = 2) -> list[str]:
+    return [f"{'':{indent}}{name:<{width}} {text}".rstrip() for name, text in rows.items()]
+
+
 def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
-    """Recomputes the hashes of a file: lines of text, and whether all are the same. Raises InputError for a file that
-    has none.
+    """Recompute the hashes of a file: (lines of text, True if all hashes are the same).
+
+    Raises InputError for a file without hashes.
     """
     file_kind(path)
-    found = provenance.check(path)
-    if not found:
-        raise InputError(f"{path} holds no hashes: it is unfinished, or an earlier version of labkit made it")
-    return [f"  {what:<40} {verdict}" for what, verdict in found], all(verdict == "same" for _, verdict in found)
+    verdicts = provenance.check(path)
+    if not verdicts:
+        raise InputError(f"{path} holds no hashes: it is unfinished, or was written by an earlier version of labkit")
+    lines = [f"  {subject:<40} {verdict}" for subject, verdict in verdicts]
+    return lines, all(verdict == "same" for _, verdict in verdicts)
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:
-    """`state`, `run`, `statistics` of a campaign, `figure`, or `output` of another kind. Raises InputError."""
+    """Kind of a labkit file: `state`, `run`, `statistics` (of a campaign), `figure`, or `output` for any other output.
+
+    Raises InputError for a file that labkit did not write.
+    """
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist: give a labkit state or run file")
     if Path(path).suffix.lower() == ".png" and provenance.of_file(path):

@@ -1,10 +1,10 @@
-"""The front door: specimens, consolidation and tests from Python, on any engine.
+"""Main Python interface: specimens, consolidation and tests, on any engine.
 
     scene = labkit.Scene(friction=0.5)
     state = labkit.make_specimen(labkit.Recipe(void_ratio=0.67, grains=1000), scene)
     run = labkit.run(state, labkit.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05))
 
-The engine `fused` works in this process, `yade` in one of its own. Without a file the result lives in memory.
+The `fused` engine runs in this process, `yade` in a separate one. Without a file the result is kept in memory.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ from __future__ import annotations
 import dataclasses
 import os
 import tempfile
+import warnings
 from pathlib import Path as File
 from typing import Any
 
 from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import require_pressure
+from labkit.dem.limits import rate_warning, require_pressure
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
 from labkit.dem.simulation import Options, Schedule
@@ -38,10 +39,10 @@ def make_specimen(
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
 ) -> State:
-    """A specimen at rest, and its state file if `file` is given.
+    """Make a specimen at rest, and write its state file if `file` is given.
 
-    progress: whether it is shown, or a function of the fraction done and a text. Raises InputError for values that are
-    not possible, PhysicsError if the specimen does not come to rest.
+    scene: default labkit.Scene(), Table 1 of the paper; progress: True to show it, or a function of the completed
+    fraction and a text. Raises InputError for invalid values, PhysicsError if the specimen does not come to rest.
     """
     _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
@@ -57,11 +58,11 @@ def consolidate(
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
 ) -> State:
-    """The specimen brought to the same normal stress in all directions, and its state file if `file` is given.
+    """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    pressure: Pa, or text with a unit. Raises InputError, PhysicsError.
+    pressure: Pa, or text with a unit; progress: as for make_specimen. Raises InputError, PhysicsError.
     """
-    _require(state, State, "state", "what labkit.make_specimen or labkit.read_state gives")
+    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     path = make_path("cr", {"pressure": pressure})
     reached = path.start_pressure()
     if reached is None:
@@ -81,23 +82,27 @@ def run(
     options: Options | None = None,
     **recording: Any,
 ) -> Run:
-    """Takes a specimen along a loading path; the Run.
+    """Load a specimen along a path; returns the Run.
 
-    A path that holds a stress consolidates the specimen first where that is needed. `file`: a run file, with which an
-    unfinished run goes on; without one the Run lives in memory. recording: fields of labkit.Options (record_strain,
-    snapshots, save_every), in place of `options`. Raises InputError, PhysicsError if the simulation fails, Interrupted
-    after Ctrl-C or SIGTERM, with a checkpoint in the file.
+    If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
+    it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
+    recording: fields of labkit.Options (record_strain, snapshots, save_every), which override those of `options`.
+    Raises InputError, PhysicsError if the simulation fails, Interrupted after Ctrl-C or SIGTERM, with a checkpoint in
+    the file.
     """
-    _require(state, State, "state", "what labkit.make_specimen or labkit.read_state gives")
+    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     _require(path, Path, "path", "labkit.paths.ConstantVolume()")
     known = [field.name for field in dataclasses.fields(Options)]
     for name in recording:
         if name not in known:
             raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(known))
     options = dataclasses.replace(options or Options(), **recording)
-    path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    path = path.for_scene(state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
-    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # refuses before work begins
+    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
+    warning = rate_warning(path, state)
+    if warning is not None:
+        warnings.warn(warning, stacklevel=2)
     shown = _shown(progress, path.name)
     if file is not None:
         require_writable(file, "run")
@@ -110,7 +115,7 @@ def run(
         except Interrupted as error:
             raise Interrupted("stopped by a signal: a run without a file keeps nothing", error.code) from None
         with Run.open(output).data as data:
-            data.load().encoding.pop("source", None)  # the file that is gone in a moment
+            data.load().encoding.pop("source", None)  # the temporary file, about to be deleted
             return Run(data)
 
 
@@ -132,10 +137,10 @@ def _shown(progress: bool | Progress, title: str) -> Progress:
 
 
 def _require(value: object, kind: type, field: str, example: str) -> None:
-    """Raises InputError for an argument of another type."""
+    """Raises InputError if an argument is not of type `kind`."""
     if not isinstance(value, kind):
         given = type(value).__name__
-        raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"one, e.g. {example}")
+        raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")
 
 
 def _state(made: State | None) -> State:

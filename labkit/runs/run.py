@@ -1,4 +1,4 @@
-"""Run: what came out of a test, as values."""
+"""Run: the results of a test as a value object."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from labkit.runs.figures import FIGURES
 
 
 class Snapshots(Sequence[Snapshot]):
-    """The snapshots of a run; one is read when it is asked for."""
+    """Snapshots of a run as a sequence; each snapshot is read when it is accessed."""
 
     def __init__(self, data: xarray.Dataset) -> None:
-        """data: of labkit.open_run."""
+        """`data`: Dataset opened with labkit.open_run."""
         self._data = data
 
     def __len__(self) -> int:
@@ -39,8 +39,10 @@ class Snapshots(Sequence[Snapshot]):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Run:
-    """The result of a test. data: the xarray.Dataset that labkit.open_run gives for a run file, with the accessor
-    `.lab`; file: the run file, None for a run in memory.
+    """The results of a test.
+
+    data: xarray.Dataset as returned by labkit.open_run, with the accessor `.lab`; file: the run file, None for a run in
+    memory.
     """
 
     data: xarray.Dataset
@@ -48,64 +50,64 @@ class Run:
 
     @classmethod
     def open(cls, file: str | os.PathLike[str]) -> Run:
-        """The run in a file; nothing is read before it is asked for. Raises InputError if it is not a run file."""
+        """Open a run file; values are read when they are accessed. Raises InputError if it is not a run file."""
         return cls(open_run(file), File(file))
 
     @property
     def complete(self) -> bool:
-        """Whether the path has been followed to its end."""
+        """True if the loading path was completed."""
         return bool(self.data.attrs["complete"])
 
     @property
     def exceeded(self) -> tuple[Exceeded, ...]:
-        """The limits that it left, each an Exceeded with name, limit, largest, records, of and strain; empty if none.
+        """Limits of quasi-static tests that the run exceeded, each an Exceeded with name, limit and largest value.
 
-        They are those of the inertial number (3e-4), of the mean overlap (2 % of D) and of the mean stress (0.02 E).
+        The limits are those of the inertial number (3e-4), the mean overlap (2 % of D) and the mean stress (0.02 E).
         """
         return exceeded({name: self.data[name].values for name in RECORDED}, self.scene)
 
     @property
     def snapshots(self) -> Snapshots:
-        """The Snapshots: `run.snapshots[-1]` is the last."""
+        """Snapshots of the run; `run.snapshots[-1]` is the last one."""
         return Snapshots(self.data)
 
     @property
     def scene(self) -> Scene:
-        """The Scene of its grains."""
+        """Scene of the run: material, grading and contact law."""
         return self.data.lab.scene
 
     @property
     def path(self) -> Path | None:
-        """Its loading path; None where nobody in this process knows it (see labkit.use)."""
+        """Loading path; None if the path is not registered in this process (see labkit.use)."""
         return path_of(self.data.attrs["path"], json.loads(self.data.attrs["path_parameters"]))
 
     @property
     def engine(self) -> str:
-        """Name of the engine."""
+        """Name of the engine that computed the run."""
         return str(self.data.attrs["engine"])
 
     @property
     def threads(self) -> int | None:
-        """Threads of the last command that worked on it; None if the file does not say."""
+        """Number of threads of the last command that extended the run; None if the file does not record it."""
         return int(self.data.attrs["threads"]) if "threads" in self.data.attrs else None
 
     @property
     def wall_time(self) -> float:
-        """Seconds that it took."""
+        """Wall time of the simulation, s."""
         return float(self.data.attrs["wall_time"])
 
     @property
     def steps(self) -> int:
-        """Time steps."""
+        """Number of time steps."""
         return int(self.data.attrs["steps"])
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """What made it (labkit.io.provenance)."""
+        """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
     def plot(self, figure: str = "test", **options: Any) -> Any:
-        """A matplotlib Figure, one of labkit.runs.figures.FIGURES. Raises InputError for an unknown name."""
+        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError."""
         return FIGURES.require(figure, "figure")(self.data, **options)[0]
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""SFF against Love for a run: a table, checks, limits and a figure."""
+"""Verification of a run: C0 against Love's stress, the conditions held by the path, and the limits."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ import xarray
 
 from labkit.dem.energy import BALANCE_LIMIT
 from labkit.dem.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
-from labkit.dem.paths import Held, path_of, travelled
+from labkit.dem.loading import Held
+from labkit.dem.paths import path_of
 from labkit.dem.recorded import recorded
 from labkit.dem.specimen import mean_grain_volume
 from labkit.errors import InputError
+from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
 from labkit.runs.dataset import open_run
 from labkit.runs.run import Run
 
-SFF_TOLERANCE = 0.02  # of Love, Frobenius norm
-SFF_PRESSURE = 50e3  # Pa: below it C0 is not judged
+SFF_TOLERANCE = 0.02  # of Love's stress, Frobenius norm
+SFF_PRESSURE = 50e3  # Pa: mean stress below which C0 is not judged
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
-HELD_RMS, HELD_WORST = 0.005, 0.02  # of the stress that a path holds
-HELD_AFTER = 0.005  # axial strain travelled until then
+HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path
+HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One line of the report; `decides` tells a check, which fails a verification, from a limit."""
+    """One line of the report; `decides` is True for a check, which can fail the verification, and False for a limit."""
 
     name: str
     value: float
@@ -46,19 +48,20 @@ class Finding:
 
 
 def require_contacts(runs: Mapping[str, xarray.Dataset]) -> None:
-    """Raises InputError for a run without grains, a prediction of the model. `runs`: name -> run."""
+    """Raises InputError if a run is a prediction of the model, which has no grains. `runs`: name -> run."""
     for name, run in runs.items():
         if run.attrs.get("engine") == "model":
             raise InputError(
-                f"{name} is a prediction of the model (engine = model): it has no contacts, its stress is C0 itself "
-                "and there is nothing to verify; give runs of grains, or look at it with labkit watch or critical"
+                f"{name} is a prediction of the model (engine = model): it has no contacts and its stress is computed "
+                "from C0, so there is nothing to verify; give simulations, or view it with labkit watch or critical"
             )
 
 
 def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
-    """The checks and limits of a run, an open one or a file: C0 against Love, what the path holds, the limits.
+    """Verify a run: compare C0 with Love's stress, and check the conditions held by the path and the limits.
 
-    It passes if every Finding that `decides` holds. Raises InputError for a run without grains.
+    `run`: a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding that
+    `decides` holds. Raises InputError for a prediction of the model.
     """
     if isinstance(run, (str, os.PathLike)):
         run = open_run(run)
@@ -68,17 +71,17 @@ def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
 
 
 def findings(run: xarray.Dataset) -> list[Finding]:
-    """The checks and limits of a run opened with labkit.open_run, a list of Finding."""
+    """Checks and limits of a run opened with labkit.open_run, a list of Finding."""
     return [*_checks(run), *_limits(run)]
 
 
 def findings_csv(found: Mapping[str, Sequence[Finding]]) -> str:
-    """All findings of some runs as CSV text; `found`: name of the run -> list of Finding."""
+    """Findings of several runs as CSV text; `found`: name of the run -> list of Finding."""
     rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in found.items() for finding in lines]
     return pandas.DataFrame(rows).to_csv(index=False, float_format="%.5g")
 
 
-def _checks(run):
+def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     judged = run.lab.mean_stress().values > SFF_PRESSURE
     error = run.lab.sff_error().values
     worst = float(error[judged].max()) if judged.any() else np.nan
@@ -88,10 +91,10 @@ def _checks(run):
             _difference(run.lab.sff_stress().values, run.lab.at_snapshots("stress_sff").values),
         ]
     )
-    unknown = int((~np.isfinite(run["stress"].values)).any(axis=(1, 2)).sum())
-    yield Finding("records whose stress is no number", unknown, "0", unknown == 0, True)
+    invalid = int((~np.isfinite(run["stress"].values)).any(axis=(1, 2)).sum())
+    yield Finding("records with a stress that is not finite", invalid, "0", invalid == 0, True)
     if judged.any():
-        name = f"C0 against Love, worst of {judged.sum()} records, p > 50 kPa"
+        name = f"C0 against Love, largest of {judged.sum()} records, p > 50 kPa"
         yield Finding(name, worst, f"< {SFF_TOLERANCE}", worst < SFF_TOLERANCE, True)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
@@ -108,18 +111,18 @@ def _checks(run):
 
 
 def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
-    """The statistics of one's own that the run holds, against its contacts."""
+    """Compare the registered statistics that the run recorded with values recomputed from its contacts."""
     for statistic in recorded():
         if statistic.name in run and run.sizes["snapshot"]:
-            found = np.array([statistic(snapshot) for snapshot in run.lab.snapshots()])
+            recomputed = np.array([statistic(snapshot) for snapshot in run.lab.snapshots()])
             stored = run.lab.at_snapshots(statistic.name).values
             size = np.maximum(np.abs(stored).max(initial=0.0), np.finfo(float).tiny)
-            difference = float(np.nanmax(np.abs(found - stored), initial=0.0) / size)
+            difference = float(np.nanmax(np.abs(recomputed - stored), initial=0.0) / size)
             yield _below(f"stored {statistic.name} against its contacts", difference, RECOMPUTED_TOLERANCE)
 
 
 def _held(run: xarray.Dataset) -> Iterator[Finding]:
-    """Whether the run kept what its path says that it holds; stresses after the first half per cent of strain."""
+    """Check the conditions that the path declares as held; stresses are checked after the first 0.5 % of strain."""
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
         name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
@@ -130,33 +133,46 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
             volume = run["volume"].values
             yield _below(f"held: {held.name}, drift", np.abs(volume / volume[0] - 1.0).max(), VOLUME_TOLERANCE)
         elif held.kind == "strain":
-            strains = np.diagonal(run["strain"].values, axis1=1, axis2=2) @ np.transpose(held.measure)
+            strains = _measured(run["strain"], held)
             yield _below(f"held: {held.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
         else:
-            yield from _held_stress(run, held)
+            yield from _held_stress(run, held, path.for_scene(run.lab.scene).axial_rate)
 
 
-def _held_stress(run: xarray.Dataset, held: Held) -> Iterator[Finding]:
-    stress = np.diagonal(run["stress"].values, axis1=1, axis2=2) @ np.transpose(held.measure)
-    error = stress[travelled(run["axial_strain"].values) > HELD_AFTER] / held.target - 1.0
+def _held_stress(run: xarray.Dataset, held: Held, rate: float) -> Iterator[Finding]:
+    """Errors of held stresses relative to their targets, or to the mean stress if a target is or becomes zero."""
+    assert held.target is not None, held
+    travelled = rate * run["time"].values
+    judged = travelled > HELD_AFTER
+    stress = _measured(run["stress"], held)[judged]
+    target = held.target
+    targets = np.array([target(t) if callable(target) else target for t in travelled[judged]]).reshape(stress.shape)
+    constant = not callable(target) and np.all(targets != 0.0)
+    error = (stress - targets) / (targets if constant else run.lab.mean_stress().values[judged, None])
     if not error.size:
         yield Finding(f"held: {held.name}, not checked below {HELD_AFTER:.1%} strain", np.nan, "", True, False)
     else:
         yield _below(f"held: {held.name}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS)
-        yield _below(f"held: {held.name}, error at worst", np.abs(error).max(), HELD_WORST)
+        yield _below(f"held: {held.name}, largest error", np.abs(error).max(), HELD_WORST)
 
 
-def _below(name, value, limit):
+def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
+    """The combinations of components that a path holds, shape (time, k)."""
+    assert held.measure is not None, held
+    return to_six(symmetric(tensor.values)) @ np.transpose(held.measure)
+
+
+def _below(name: str, value: float, limit: float) -> Finding:
     return Finding(name, float(value), f"< {limit:g}", bool(value < limit), True)
 
 
-def _difference(found, stored):
-    """Largest relative difference of tensors; 0 where both are zero, NaN where one is no number."""
+def _difference(found: np.ndarray, stored: np.ndarray) -> float:
+    """Largest relative difference between tensors; 0 where both are zero, NaN where one of them is NaN."""
     size = np.maximum(np.linalg.norm(stored, axis=(-2, -1)), np.finfo(float).tiny)
     return float(np.max(np.linalg.norm(found - stored, axis=(-2, -1)) / size, initial=0.0))
 
 
-def _limits(run):
+def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     scene = run.lab.scene
     radius = run["radius"].values
     most = {
@@ -165,9 +181,9 @@ def _limits(run):
         "largest inertial number": (run["inertial_number"].values, INERTIAL_LIMIT),
     }
     if _known(run, "drift_velocity"):
-        most["momentum: share of drift in the kinetic energy"] = drift_share(run), DRIFT_LIMIT
+        most["momentum: drift, fraction of the kinetic energy"] = drift_share(run), DRIFT_LIMIT
     if _known(run, "energy_balance_error"):
-        most["energy balance, error over the work"] = np.abs(run["energy_balance_error"].values), BALANCE_LIMIT
+        most["energy balance, error relative to the work"] = np.abs(run["energy_balance_error"].values), BALANCE_LIMIT
     for name, (values, limit) in most.items():
         value = _largest(values)
         yield Finding(name, value, f"< {limit:g}", value < limit, False)
@@ -176,7 +192,7 @@ def _limits(run):
     cube = len(radius) * 64e-9 / float(run["volume"][0])
     yield Finding(f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False)
     yield Finding(
-        "grains over what the mean grain makes of the solid",
+        "grains, over solid volume / mean grain volume",
         len(radius) / expected,
         "0.97 to 1.03",
         abs(len(radius) / expected - 1.0) < 0.03,
@@ -185,25 +201,25 @@ def _limits(run):
 
 
 def _known(run: xarray.Dataset, name: str) -> bool:
-    """Whether the file holds the variable; an earlier version may not have recorded it."""
+    """True if the file holds the variable, which earlier versions may not have recorded."""
     return not bool(np.isnan(run[name].values).all())
 
 
 def drift_share(run: xarray.Dataset) -> np.ndarray:
-    """Share of the moving centre of mass in the kinetic energy at each record, shape (time,); 0 where nothing moves."""
+    """Fraction of the kinetic energy due to motion of the centre of mass, shape (time,); 0 where nothing moves."""
     mass = run.lab.scene.mass(run["radius"].values).sum()
     drift = 0.5 * mass * (run["drift_velocity"].values ** 2).sum(axis=1)
     kinetic = run["kinetic_energy"].values
     return np.divide(drift, kinetic, out=np.zeros_like(drift), where=kinetic > 0.0)
 
 
-def _largest(values):
-    """The largest value; NaN and inf count, and are within no limit."""
+def _largest(values: np.ndarray) -> float:
+    """The largest value; NaN and inf are kept, and exceed every limit."""
     return float(np.max(np.asarray(values), initial=0.0))
 
 
 def table(run: xarray.Dataset, rows: int = 20) -> str:
-    """The table of a run as text: about so many records, the first and the last among them."""
+    """Table of a run as text, with approximately `rows` records, including the first and the last."""
     heading = "{:>8} {:>9} {:>9} {:>7} {:>9} {:>7} {:>7} {:>7} {:>9}"
     header = heading.format("strain", "p", "q", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz", "C0 error")
     units = heading.format("%", "MPa", "MPa", "", "", "", "", "", "%")

@@ -1,13 +1,13 @@
-"""The error of C0 taken apart: parts that add up to C0 - Love exactly.
+"""Error budget of C0: contributions whose sum is exactly C0 - Love.
 
-Between C0 and Love lies a chain of stresses, each with one assumption less; a part is the difference of two
-neighbours:
+A chain of stresses leads from C0 to Love's stress, each with one assumption fewer than the one before. A contribution
+is the difference between two successive stresses:
 
     C0 -> E_PDF to order 4 -> Lambda_n to order 4 -> tangential force to order 2 -> the contacts themselves (Eq. 20)
        -> with lambda' -> with the volume of whole grains -> each side with its own weight: Love (Eq. 4)
 
-What is left between the fits and the contacts themselves is the scatter of a finite sample, and orders beyond the
-fourth: `sampling`. It is the part that has a standard error of its own size (see `standard_errors`).
+The contribution `sampling`, between the fits and the contacts themselves, contains the scatter of a finite sample and
+all orders above the fourth. Its standard error is comparable to its magnitude (see `standard_errors`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ PARTS = {
     "normal_forces": "truncation of Lambda_n",
     "tangential_forces": "truncation of Lambda_t",
     "sampling": "sampling, higher orders",
-    "overlap_correction": "lambda' left out",
+    "overlap_correction": "lambda' neglected",
     "grain_volume": "overlaps in V_g",
     "equal_stress": "equal stress of all sizes",
 }
@@ -39,10 +39,11 @@ VOID_RATIOS = {"nominal": void_ratio_nominal, "reported": void_ratio}
 
 
 def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = True) -> dict[str, np.ndarray]:
-    """The parts of C0 - Love, name -> (3, 3) Pa, in the order of PARTS; all zero without contacts or forces.
+    """Contributions to C0 - Love, name -> (3, 3) Pa, in the order of PARTS; all zero without contacts or forces.
 
-    C0 is taken as the paper derives it: `e = "nominal"` and lambda' in f~; both of these parts are zero then. With
-    `e = "reported"` it has the void ratio of Fig. 1, overlaps taken out; `with_lambda=False` leaves lambda' out.
+    By default C0 is evaluated as derived in the paper, with the nominal void ratio and with lambda' in f~, so that
+    `grain_volume` and `overlap_correction` are zero. `e = "reported"` uses the void ratio of Fig. 1, corrected for
+    overlaps; `with_lambda=False` neglects lambda'.
     """
     if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
         return {name: np.zeros((3, 3)) for name in PARTS}
@@ -68,27 +69,27 @@ def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = Tru
 
 
 def standard_errors(snapshot: Snapshot, samples: int = 50, seed: int = 1) -> dict[str, np.ndarray]:
-    """Standard errors of the parts from `samples` bootstraps of the contacts: name -> (3, 3) Pa."""
+    """Standard errors of the contributions from `samples` bootstrap samples of the contacts, name -> (3, 3) Pa."""
     rng = np.random.default_rng(seed)
     contacts = len(snapshot.contacts)
-    budgets = [error_budget(_chosen(snapshot, rng.integers(0, contacts, contacts))) for _ in range(samples)]
+    budgets = [error_budget(_with_contacts(snapshot, rng.integers(0, contacts, contacts))) for _ in range(samples)]
     return {name: np.std([budget[name] for budget in budgets], axis=0, ddof=1) for name in PARTS}
 
 
-def _chosen(snapshot, rows):
-    """The snapshot with some of its contacts, repeated or left out."""
+def _with_contacts(snapshot, rows):
+    """The snapshot with a selection of its contacts; a row may occur several times."""
     contacts = Contacts(*(getattr(snapshot.contacts, name)[rows] for name in Contacts.__dataclass_fields__))
     return dataclasses.replace(snapshot, contacts=contacts)
 
 
 def _mean_stress_of(vectors):
-    """<Lambda_n nn - n (x) Lambda_t> over the contacts themselves (Eq. 20), shape (3, 3)."""
+    """Mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3)."""
     n = vectors.normal
     return ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)
 
 
 def _without_lambda(snapshot):
-    """Vectors with f~ = 3 f/(pi D^2)."""
+    """Vectors of the contacts with f~ = 3 f/(pi D^2), neglecting lambda'."""
     contacts = snapshot.contacts
     diameter = 2.0 * snapshot.radius[contacts.grain]
     weight = (3.0 / (np.pi * diameter**2 * snapshot.young_modulus)).mean(axis=1)

@@ -1,12 +1,14 @@
-"""C0, the modified stress-force-fabric relationship of the paper: it follows from Eqs. 19-27 and stands before Eq. 28.
+"""C0, the paper's modified stress-force-fabric equation, derived from Eqs. 19-27 and printed before Eq. 28.
 
     sigma = E Z Lambda/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
 
-Eqs. 19-21 are the stress with the normalised contact force Lambda, Eq. 22 splits it into a normal and a tangential
-part, and Eqs. 23-27 are the fits that C0 puts in. Eqs. 28-30 are C0 without the product of A and F.
+Eqs. 19-21 express the stress by the normalised contact force Lambda, Eq. 22 splits it into a normal and a tangential
+part, and Eqs. 23-27 are the fits that are inserted to obtain C0. Eqs. 28-30 are C0 without the product of A and F.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -15,34 +17,35 @@ from labkit.micro.snapshot import Snapshot
 from labkit.micro.void_ratio import void_ratio_nominal
 
 IDENTITY = np.eye(3)
+Values = np.ndarray | float
 
 
 def symmetric_product(F: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """sym(FA) = (FA + AF)/2. The paper prints FA, which is symmetric only for coaxial tensors.
+    """Symmetric product sym(FA) = (FA + AF)/2, shapes (..., 3, 3).
 
-    Shapes (..., 3, 3).
+    The paper prints FA, which is symmetric only for coaxial tensors.
     """
     return 0.5 * (F @ A + A @ F)
 
 
-def bracket(
-    delta: np.ndarray, A: np.ndarray, F: np.ndarray, trace_FA: np.ndarray, FA: np.ndarray, Ft: np.ndarray
-) -> np.ndarray:
-    """I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, the bracket of C0, component by component.
+def bracket(delta: Values, A: Values, F: Values, trace_FA: Values, FA: Values, Ft: Values) -> Any:
+    """Bracket of C0, I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, component by component.
 
-    `delta`: of the identity; `FA`: of sym(FA); `trace_FA`: tr(FA). Arrays of any shape that numpy broadcasts, or the
-    numbers of one component: labkit.model.equations compiles it for these.
+    delta: component of the identity; trace_FA: tr(FA); FA: component of sym(FA). All are arrays that broadcast, or
+    numbers for a single component; labkit.model.equations compiles the function for numbers.
     """
     return delta / 3 + 2 / 15 * A + 2 / 15 * F + 2 / 105 * trace_FA * delta + 8 / 105 * FA + Ft
 
 
 def c0_stress(
-    young_modulus: float, Z: np.ndarray, Lam: np.ndarray, e: np.ndarray, A: np.ndarray, F: np.ndarray, Ft: np.ndarray
+    young_modulus: float, Z: Values, Lam: Values, e: Values, A: np.ndarray, F: np.ndarray, Ft: np.ndarray
 ) -> np.ndarray:
-    """sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
+    """Stress that C0 predicts from its five statistics, shape (..., 3, 3), Pa, compression positive.
 
-    `young_modulus` E, Pa; `e` is the nominal void ratio, V/V_g - 1. Z, Lam, e (...); A, F, Ft (..., 3, 3); the stress
-    has shape (..., 3, 3), Pa, compression positive. It is zero where Z Lam = 0, whatever the tensors.
+    sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
+
+    young_modulus: E, Pa; e: nominal void ratio, V/V_g - 1. Z, Lam, e (...); A, F, Ft (..., 3, 3). The stress is zero
+    where Z Lam = 0, even if the tensors are NaN.
     """
     Z, Lam, e = (np.asarray(x, dtype=float)[..., None, None] for x in (Z, Lam, e))
     A, F, Ft = (np.asarray(x, dtype=float) for x in (A, F, Ft))
@@ -53,21 +56,21 @@ def c0_stress(
 
 
 def sff_stress(snapshot: Snapshot) -> np.ndarray:
-    """The stress that C0 predicts from the five statistics of a snapshot, shape (3, 3), Pa, compression positive.
+    """Stress that C0 predicts from the statistics of a snapshot, shape (3, 3), Pa, compression positive.
 
-    Zero without contacts. Love's stress of the same contacts is labkit.micro.stress.love_stress.
+    Zero without contacts. labkit.love_stress gives Love's stress of the same contacts.
     """
     if len(snapshot.contacts) == 0:
         return np.zeros((3, 3))
-    found = statistics(snapshot)
+    fabric = statistics(snapshot)
     return c0_stress(
         snapshot.young_modulus,
-        found.coordination_number,
-        found.mean_normalised_force,
+        fabric.coordination_number,
+        fabric.mean_normalised_force,
         void_ratio_nominal(snapshot),
-        found.contact_anisotropy,
-        found.normal_force_anisotropy,
-        found.mobilisation,
+        fabric.contact_anisotropy,
+        fabric.normal_force_anisotropy,
+        fabric.mobilisation,
     )
 
 
@@ -75,10 +78,10 @@ TERMS = ("A", "F", "Ft", "coupled")
 
 
 def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray) -> dict[str, np.ndarray]:
-    """What each term of C0 adds to q/p: name of TERMS -> shape (...), q = sigma_zz - (sigma_xx + sigma_yy)/2.
+    """Contribution of each term of C0 to q/p, name in TERMS -> shape (...); q = sigma_zz - (sigma_xx + sigma_yy)/2.
 
-    2/15 A, 2/15 F, F^t and 8/105 sym(FA), over the mean stress of the bracket, 1/3 + 2/45 tr(FA): they add up
-    to the q/p of C0. A, F, Ft (..., 3, 3); NaN where these are undefined.
+    The terms 2/15 A, 2/15 F, F^t and 8/105 sym(FA) are divided by the mean stress of the bracket, 1/3 + 2/45 tr(FA),
+    and add up to the q/p of C0. A, F, Ft (..., 3, 3); NaN where the tensors are NaN.
     """
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)

@@ -1,21 +1,21 @@
-"""The family of stress-force-fabric relationships under one interface: what each keeps of Love's sum (sections 3, 4).
+"""Nine stress-force-fabric equations, which approximate Love's stress to different orders (sections 3, 4).
 
-Every form takes a snapshot and gives a stress: `stress(form, snapshot)`.
+`stress(form, snapshot)` evaluates each of them.
 
-| form | order of normals and normal force | of the tangential force | sizes of grains |
+| form | order of normals and normal force | order of tangential force | treatment of grain size |
 |---|---|---|---|
-| `classical` (Eq. 12) | 2, of f itself | 2, of f itself | one mean diameter |
-| `classical_groups` (Eq. 16) | the same in each size group | | summed with Eq. 15 |
-| `linear` (Eqs. 28-30) | 2, without the product of A and F | 0 | f~, all sizes alike |
-| `c0` (C0) | 2 | 0 | f~, all sizes alike |
-| `c0_tangential` | 2 | 2 | f~, all sizes alike |
+| `classical` (Eq. 12) | 2, fitted to f | 2, fitted to f | one mean diameter |
+| `classical_groups` (Eq. 16) | as `classical`, in each size group | | sum of Eq. 15 |
+| `linear` (Eqs. 28-30) | 2, without the product of A and F | 0 | f~ |
+| `c0` (C0) | 2 | 0 | f~ |
+| `c0_tangential` | 2 | 2 | f~ |
 | `c0_volume` | 2 | 0 | l f over the mean grain volume |
-| `c0_groups` | C0 in each size group | | summed with Eq. 17 |
-| `c0_fourth` | 4 | 0 | f~, all sizes alike |
+| `c0_groups` | C0 in each size group | | sum of Eq. 17 |
+| `c0_fourth` | 4 | 0 | f~ |
 | `fourth` | 4 | 2 | l f over the mean grain volume |
 
-With l f over the mean grain volume the average over contact sides is Love's sum, whatever the sizes: Eq. 17 with one
-group. The assumption that all sizes carry the same stress, which f~ makes (below Eq. 19), is not needed then.
+f~ assumes that grains of all sizes carry the same stress (below Eq. 19). The average of l f over the mean grain volume,
+taken over all contact sides, equals Love's stress without that assumption (Eq. 17 with a single group).
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ GROUPS = 5
 def product_integral(
     A: np.ndarray, F: np.ndarray, A4: np.ndarray | None = None, F4: np.ndarray | None = None
 ) -> np.ndarray:
-    """integral of (1 + n.A n + A4::nnnn) (1 + n.F n + F4::nnnn) n n over the sphere, over 4 pi; shape (3, 3).
+    """Mean of (1 + n.A n + A4::nnnn) (1 + n.F n + F4::nnnn) n n over the sphere, shape (3, 3).
 
-    I/3 + 2/15 (A + F) + 2/105 tr(FA) I + 8/105 sym(FA), the normal part of C0, and with fourth orders
-    + 8/315 (A4:F + F4:A) + 8/3465 (A4::F4) I + 64/3465 sym(A4_iklm F4_jklm). A, F (3, 3); A4, F4 (3, 3, 3, 3).
+    I/3 + 2/15 (A + F) + 2/105 tr(FA) I + 8/105 sym(FA), the normal part of C0, and with fourth-order terms also
+    8/315 (A4:F + F4:A) + 8/3465 (A4::F4) I + 64/3465 sym(A4_iklm F4_jklm). A, F (3, 3); A4, F4 (3, 3, 3, 3).
     """
     FA = symmetric_product(F, A)
     value = bracket(IDENTITY, A, F, np.trace(FA), FA, 0.0)
-    if A4 is not None:
+    if A4 is not None and F4 is not None:
         both = np.einsum("iklm,jklm->ij", A4, F4)
         value = value + 8 / 315 * (np.einsum("ijkl,kl->ij", A4, F) + np.einsum("ijkl,kl->ij", F4, A))
         value = value + 8 / 3465 * np.trace(both) * IDENTITY + 32 / 3465 * (both + both.T)
@@ -53,22 +53,23 @@ def product_integral(
 
 
 def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = None) -> np.ndarray:
-    """What C0's tangential term leaves out when contacts are not isotropic; shape (3, 3), to be added to F^t.
+    """Correction to F^t for anisotropic contact normals, which C0 neglects; shape (3, 3).
 
-    F^t = <n (x) t> over the isotropic sphere with t = -Lambda_t/Lambda. To the lowest order t = G n - (n.G n) n + W n
-    with G = 5 sym(F^t) and W = 3 skew(F^t)^T, and the integral of n (x) t with the weight n.A n + A4::nnnn is
-    2/3 A S - 2/21 tr(AS) I - 8/21 sym(AS) + 2/5 A K - 8/63 A4:S, S = sym(F^t), K = skew(F^t).
+    F^t is the mean of n (x) t over the sphere with uniform weight, t = -Lambda_t/Lambda. To lowest order
+    t = G n - (n.G n) n + W n with G = 5 sym(F^t) and W = 3 skew(F^t)^T. The mean with the additional weight
+    n.A n + A4::nnnn is 2/3 A S - 2/21 tr(AS) I - 8/21 sym(AS) + 2/5 A K - 8/63 A4:S with S = sym(F^t) and
+    K = skew(F^t).
     """
     S, K = 0.5 * (Ft + Ft.T), 0.5 * (Ft - Ft.T)
-    AS = symmetric_product(A, S)
-    value = 2 / 3 * A @ S - 2 / 21 * np.trace(AS) * IDENTITY - 8 / 21 * AS + 2 / 5 * A @ K
+    product = symmetric_product(A, S)
+    value = 2 / 3 * A @ S - 2 / 21 * np.trace(product) * IDENTITY - 8 / 21 * product + 2 / 5 * A @ K
     return value if A4 is None else value - 8 / 63 * np.einsum("ijkl,kl->ij", A4, S)
 
 
 def sphere_integral(series: Series, tangential: int) -> np.ndarray:
-    """The integrals of Eq. 22 over the series: Lambda times the bracket of C0 or its like of any order; shape (3, 3).
+    """Integrals of Eq. 22 over a Series: Lambda times the bracket of C0 or its higher-order analogue; shape (3, 3).
 
-    `tangential`: order of the tangential term, 0 (F^t alone) or 2.
+    tangential: order of the tangential term, 0 (only F^t) or 2.
     """
     density, force = series.density, series.normal_force
     fourth = density.fourth if density.fourth.any() else None
@@ -79,18 +80,18 @@ def sphere_integral(series: Series, tangential: int) -> np.ndarray:
 
 
 def mean_volume(snapshot: Snapshot) -> np.ndarray:
-    """V_g/N_g for every grain, shape (grain,), m3."""
+    """Mean grain volume V_g/N_g, repeated for every grain, shape (grain,), m3."""
     return np.full(snapshot.number_of_grains, (4.0 / 3.0 * np.pi * snapshot.radius**3).mean())
 
 
 def _scale(snapshot):
-    """E Z/(1 + e), e nominal."""
+    """Factor E Z/(1 + e) with the nominal void ratio."""
     Z = 2 * len(snapshot.contacts) / snapshot.number_of_grains
     return snapshot.young_modulus * Z / (1.0 + void_ratio_nominal(snapshot))
 
 
 def _normalised(order, tangential, grain_volume=lambda snapshot: None):
-    """C0 and its relatives: E Z/(1 + e) Lambda [...] with series of an order, f~ made with `grain_volume`."""
+    """Equation of the type of C0, E Z/(1 + e) Lambda [...], for the given orders; f~ contains `grain_volume`."""
 
     def stress_of(snapshot):
         series = series_of(vectors_of_contacts(snapshot, grain_volume(snapshot)), order)
@@ -100,25 +101,26 @@ def _normalised(order, tangential, grain_volume=lambda snapshot: None):
 
 
 def _linear(snapshot):
-    """Eqs. 28 and 29: E Z Lambda/(1 + e) [I/3 + 2/15 A + 2/15 F + F^t], the bracket of C0 without the product FA."""
+    """Eqs. 28, 29: E Z Lambda/(1 + e) [I/3 + 2/15 A + 2/15 F + F^t], which is C0 without the product FA."""
     series = series_of(vectors_of_contacts(snapshot), 2)
     A, F, Lam = series.density.second, series.normal_force.second, series.normal_force.mean
     return _scale(snapshot) * Lam * bracket(IDENTITY, A, F, 0.0, 0.0, series.mobilisation)
 
 
 def _classical(snapshot, side):
-    """Eq. 12 for the chosen sides (n, 2): N_c D f/(6V) [I + 2/5 (A + G^n + 3/2 G^t)].
+    """Eq. 12 for the selected sides (n, 2): N_c D f/(6V) [I + 2/5 (A + G^n + 3/2 G^t)].
 
-    The paper prints 3V: that is right when a contact counts once. With its own N_c, both sides, it is 6V. D is the
-    mean of 2|l| and f the directional mean of f_n over the sides; 3/2 G^t = 15/2 F^t with F^t that of Eq. 27 for f.
+    The paper prints 3V, which applies if each contact counts once. With the paper's N_c, which counts both sides, it is
+    6V. D is the mean of 2|l|, and f is the directional mean of f_n over the sides; 3/2 G^t = 15/2 F^t, where F^t is
+    Eq. 27 evaluated with f.
     """
     contacts = snapshot.contacts
     row, _ = np.nonzero(side)
     D = 2.0 * contact_arms(snapshot)[side].mean()
     series = series_of(Vectors(contacts.normal[row], contacts.normal_force[row], contacts.tangential_force[row]), 2)
-    A, Gn, Gt = series.density.second, series.normal_force.second, 5.0 * series.mobilisation
+    A, normal, tangential = series.density.second, series.normal_force.second, 5.0 * series.mobilisation
     scale = len(row) * D * series.normal_force.mean / (6.0 * snapshot.volume)
-    return scale * (IDENTITY + 0.4 * (A + Gn + 1.5 * Gt))
+    return scale * (IDENTITY + 0.4 * (A + normal + 1.5 * tangential))
 
 
 def _classical_whole(snapshot):
@@ -126,12 +128,12 @@ def _classical_whole(snapshot):
 
 
 def _classical_groups(snapshot, group):
-    """Eq. 16: the classical form of each group, which holds N_c(k)/N_c in its own number of contacts."""
+    """Eq. 16: sum of the classical form of each group; its number of contacts already contains N_c(k)/N_c."""
     return sum(_classical(snapshot, side) for _, side in _sides_of_groups(snapshot, group))
 
 
 def _c0_groups(snapshot, group):
-    """Eq. 17 with C0 in each group, f~ made with the mean grain volume of the group."""
+    """Eq. 17 with C0 in each group; f~ contains the mean grain volume of the group."""
     solid, E = 4.0 / 3.0 * np.pi * snapshot.radius**3, snapshot.young_modulus
     arm = contact_arms(snapshot)
     total = np.zeros((3, 3))
@@ -144,7 +146,7 @@ def _c0_groups(snapshot, group):
 
 
 def _sides_of_groups(snapshot, group):
-    """(k, sides (n, 2) of bool) of every group that has contacts."""
+    """Yield (k, sides (n, 2) of bool) for every group with contacts."""
     of_side = group[snapshot.contacts.grain]
     for k in np.unique(of_side):
         yield k, of_side == k
@@ -164,10 +166,10 @@ FORMS: dict[str, Callable[..., np.ndarray]] = {
 
 
 def stress(form: str, snapshot: Snapshot, group: np.ndarray | None = None) -> np.ndarray:
-    """The stress of one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
+    """Stress by one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
 
-    `group` (grain,): index of the size group of each grain for the forms that end in `_groups`; default: five equal
-    intervals of the diameter. Raises InputError if the form is unknown.
+    `group` (grain,): index of the size group of each grain, for the forms whose names end in `_groups`; default: five
+    equal intervals of the diameter. Raises InputError if the form is unknown.
     """
     if form not in FORMS:
         raise InputError(f"the form {form!r} is unknown: use one of {', '.join(FORMS)}")

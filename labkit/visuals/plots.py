@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from labkit.dem.paths import PATHS, travelled
 from labkit.errors import InputError
 from labkit.io.files import whole_file
-from labkit.io.provenance import provenance, tell
+from labkit.io.provenance import provenance, write_provenance
 
 Runs = Mapping[str, xarray.Dataset]
 
@@ -250,5 +250,5 @@ def save(
     with whole_file(path) as temporary:
         figure.savefig(temporary, dpi=dpi, format=ending, metadata=metadata)
     if ending != "png":
-        tell(path, inputs, command)
+        write_provenance(path, inputs, command)
     plt.close(figure)

@@ -25,7 +25,7 @@ def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     """What A, F, F^t and their product add to q/p of C0 over strain, stacked, with q/p of Love."""
     found = run.lab.strength_shares()
     strain = found["axial_strain"].values * 100
-    love = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values
+    love = run.lab.stress_ratio().values
     figure, (left, right) = plt.subplots(1, 2, figsize=(WIDTH, 4.2), layout="constrained")
     colors = stack_shares(left, run)
     left.set(xlabel="axial strain (%)", ylabel="q/p", title="stacked: they add up to C0")
@@ -47,7 +47,7 @@ shares.of_records = True  # type: ignore[attr-defined]  # it needs no snapshots
 def stack_shares(axes: Axes, run: xarray.Dataset) -> tuple:
     """Stacks what the terms of C0 add to q/p of a run, with q/p of Love over them; returns the colours of the terms."""
     found, colors = run.lab.strength_shares(), plt.get_cmap("tab10").colors[: len(TERMS)]
-    strain, love = found["axial_strain"].values * 100, run.lab.deviatoric_stress() / run.lab.mean_stress()
+    strain, love = found["axial_strain"].values * 100, run.lab.stress_ratio()
     axes.stackplot(strain, *found.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in TERMS])
     axes.plot(strain, love.values, "k-", lw=1.2, label="Love")
     return colors

@@ -1,4 +1,4 @@
-"""The studies as a user runs them."""
+"""Fixtures that run the studies as a user does."""
 
 import os
 import subprocess
@@ -10,10 +10,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def run_study(*words, cwd=None):
-    """`./lab words` for a study, with the Python of the tests; the finished process with its output as text."""
+def run_study(*arguments, cwd=None):
+    """Runs `./lab ARGUMENTS` for a study with the Python of the tests; the finished process with its output as text."""
     return subprocess.run(
-        [sys.executable, "-P", "-m", "analysis", *map(str, words)],
+        [sys.executable, "-P", "-m", "analysis", *map(str, arguments)],
         cwd=cwd,
         env=in_the_clone(),
         capture_output=True,
@@ -23,7 +23,7 @@ def run_study(*words, cwd=None):
 
 
 def in_the_clone():
-    """The environment in which `analysis` is found, as ./lab sets it."""
+    """Environment in which `analysis` can be imported, as set by ./lab."""
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])}
 
 

@@ -1,4 +1,4 @@
-"""Every notebook of analysis/ runs headless on the stored results and leaves its figures."""
+"""Every notebook of analysis/ runs headless on the stored results and saves its figures."""
 
 import re
 import shutil
@@ -14,17 +14,17 @@ from analysis.__main__ import main
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "results" / "paper"
 NOTEBOOKS = sorted((ROOT / "analysis").glob("*.ipynb"))
-there = pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is not there yet")
+there = pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is missing")
 
 
 def figures_of(file):
-    """Names of the figures that a notebook says it writes."""
+    """Names of the figures that the code of a notebook writes."""
     code = "".join(cell.source for cell in nbformat.read(file, 4).cells if cell.cell_type == "code")
     return set(re.findall(r"\{output\}/(\w+\.png)", code))
 
 
 def alone(file, folder):
-    """A folder with this notebook alone, where its paths lead to the same places."""
+    """A folder with only this notebook, in which its relative paths are valid."""
     (folder / "analysis").mkdir()
     (folder / "results").symlink_to(ROOT / "results")
     shutil.copy(file, folder / "analysis")
@@ -36,22 +36,22 @@ def alone(file, folder):
 )
 def test_runs_and_draws(file, tmp_path):
     figures = tmp_path / "figures"
-    words = ["notebooks", alone(file, tmp_path), "--results", RESULTS, "-o", figures]
-    assert main([str(word) for word in words]) == 0
-    assert {found.name for found in figures.iterdir()} == figures_of(file) != set()
+    arguments = ["notebooks", alone(file, tmp_path), "--results", RESULTS, "-o", figures]
+    assert main([str(argument) for argument in arguments]) == 0
+    assert {drawn.name for drawn in figures.iterdir()} == figures_of(file) != set()
     for drawn in figures.iterdir():
-        assert different(drawn, RESULTS / drawn.name) < 1e-3, f"{drawn.name} is not the stored picture any more"
+        assert different(drawn, RESULTS / drawn.name) < 1e-3, f"{drawn.name} differs from the stored picture"
 
 
 def different(first, second):
-    """The share of the pixels of two pictures of one size that differ by more than a font's smoothing does."""
+    """Share of the pixels of two pictures of equal size that differ by more than font smoothing explains."""
     first, second = (np.asarray(Image.open(file).convert("L"), dtype=int) for file in (first, second))
     assert first.shape == second.shape
     return np.mean(np.abs(first - second) > 60)
 
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
-def test_is_stored_without_outputs_and_says_what_one_sees(file):
+def test_is_stored_without_outputs_and_describes_its_figures(file):
     cells = nbformat.read(file, 4).cells
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
     drawn = [k for k, cell in enumerate(cells) if cell.cell_type == "code" and "figures.save" in cell.source]
@@ -59,7 +59,7 @@ def test_is_stored_without_outputs_and_says_what_one_sees(file):
     assert all(k + 1 < len(cells) and cells[k + 1].cell_type == "markdown" for k in drawn)
 
 
-def test_no_two_notebooks_write_one_figure():
+def test_no_two_notebooks_write_the_same_figure():
     names = [name for file in NOTEBOOKS for name in figures_of(file)]
     assert len(names) == len(set(names)) and {f"fig{k}.png" for k in range(1, 11)} <= set(names)
 
@@ -74,4 +74,4 @@ def test_a_notebook_that_fails_is_named(tmp_path, capsys):
 
 def test_a_folder_without_notebooks(tmp_path, capsys):
     assert main(["notebooks", str(tmp_path)]) == 2
-    assert "holds no notebooks" in capsys.readouterr().err
+    assert "contains no notebooks" in capsys.readouterr().err

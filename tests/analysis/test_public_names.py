@@ -1,4 +1,4 @@
-"""The studies use what everybody may use: the public names of labkit and of its rooms."""
+"""The studies use only the public names of labkit and its subpackages."""
 
 import ast
 import importlib
@@ -16,7 +16,7 @@ ROOMS = {
 
 
 def imported(file):
-    """(module, name) of what a file takes from labkit, `labkit` itself for lk.name."""
+    """(module, name) of every import of a file from labkit; the module is `labkit` for lk.name."""
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
             yield from ((alias.name, None) for alias in node.names if alias.name.split(".")[0] == "labkit")
@@ -30,20 +30,22 @@ def imported(file):
 def test_only_public_names_are_imported(file):
     for module, name in imported(file):
         if name is None:
-            assert module == "labkit", f"{module}: import names of a room"
+            assert module == "labkit", f"{module}: import names from a subpackage"
         elif module not in FRAME:
-            assert module in ROOMS | {"labkit"}, f"{module} is inside a room: import {name} from the room"
+            assert module in ROOMS | {"labkit"}, (
+                f"{module} is private to a subpackage: import {name} from the subpackage"
+            )
             assert name in importlib.import_module(module).__all__, f"{name} is not public in {module}"
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ANALYSIS)))
-def test_labkit_is_called_lk(file):
+def test_labkit_is_imported_as_lk(file):
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
             assert all(alias.asname == "lk" for alias in node.names if alias.name == "labkit")
 
 
-def test_the_library_does_not_know_the_studies():
+def test_the_library_does_not_import_the_studies():
     library = ANALYSIS.parent / "labkit"
     for file in library.rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text())):

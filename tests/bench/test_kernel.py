@@ -1,4 +1,4 @@
-"""What the engine fused costs, feature by feature and size by size: the tables, with real measurements."""
+"""The tables of the cost of the fused engine, by feature and by specimen size, from real measurements."""
 
 import re
 
@@ -14,25 +14,25 @@ from labkit.dem.time_step import critical_time_step
 from labkit.errors import InputError
 
 
-def test_every_feature_is_measured_and_put_beside_what_the_computer_can_do(specimen_file, capsys):
+def test_every_feature_is_measured_and_compared_with_the_limits_of_the_computer(specimen_file, capsys):
     assert main(["bench", str(specimen_file), "--what", "features", "--steps", "50", "--rounds", "1"]) == 0
     text = capsys.readouterr().out
     state = read_state(specimen_file)
     assert f"{state.number_of_grains} grains, {len(state.contact_grain)} contacts" in text
-    rows = dict(re.findall(r"^(law .*?|\.\.\. .*?) +([\d.]+) +[\d.]+ +[\d.]+$", text, re.MULTILINE))
+    rows = dict(re.findall(r"^(\w+ law, .*?|\.\.\. .*?) +([\d.]+) +[\d.]+ +[\d.]+$", text, re.MULTILINE))
     assert list(rows) == [
-        "law rolling_resistance, everything",
-        "... stress every 5 steps as well",
+        "rolling_resistance law, all features",
+        "... plus the stress every 5 steps",
         "... without energy sums",
         "... without local damping",
         "... without rolling",
         "... without rolling and friction",
-        "law spring_dashpot, everything",
+        "spring_dashpot law, all features",
         "... without dashpots",
     ]
     assert all(float(value) > 0.0 for value in rows.values())
-    for said in ("neighbour search: ", "pairs kept at hand: ", "bytes that pass per pair: ", "GFLOP/s"):
-        assert said in text
+    for label in ("neighbour searches: ", "stored pairs: ", "memory traffic in bytes per pair: ", "GFLOP/s"):
+        assert label in text
 
 
 def test_sizes(specimen_file, monkeypatch, capsys):
@@ -40,19 +40,19 @@ def test_sizes(specimen_file, monkeypatch, capsys):
     assert main(["bench", str(specimen_file), "--what", "sizes", "--steps", "2"]) == 0
     grains = read_state(specimen_file).number_of_grains
     lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.split()[:1] != ["bench:"]]
-    assert [int(words[0]) for words in lines[1:]] == [grains, 4 * grains]
-    assert all(float(word) > 0.0 for words in lines[1:] for word in words)
+    assert [int(row[0]) for row in lines[1:]] == [grains, 4 * grains]
+    assert all(float(value) > 0.0 for row in lines[1:] for value in row)
 
 
-def test_copies_are_the_same_grains_in_another_cell(specimen_file):
+def test_copies_are_the_same_grains_in_a_larger_cell(specimen_file):
     state = read_state(specimen_file)
     many = kernel.copies(state, (2, 1, 1))
     assert many.number_of_grains == 2 * state.number_of_grains and many.volume == pytest.approx(2 * state.volume)
     assert critical_time_step(many) == pytest.approx(critical_time_step(state), rel=1e-12)
 
 
-def test_the_input_of_lammps_has_the_grains_and_the_law(specimen_file, tmp_path):
-    """Where LAMMPS is not installed its input is written all the same."""
+def test_the_lammps_input_has_the_grains_and_the_contact_law(specimen_file, tmp_path):
+    """The input is written even if LAMMPS is not installed."""
     state = read_state(specimen_file).replace(scene=Scene(law="spring_dashpot"))
     text = write_input(tmp_path, state, np.array([5.0, 5.0, -10.0]), 100, 20, 50, 1).read_text()
     pair = next(line.split() for line in text.splitlines() if line.startswith("pair_coeff"))

@@ -1,4 +1,4 @@
-"""A campaign as one lazy object; a thousand runs are summarised without being in memory."""
+"""A campaign as one lazy object; a thousand runs are summarised without being loaded at once."""
 
 import json
 import shutil
@@ -18,7 +18,7 @@ RUNS = 1000
 
 @pytest.fixture(scope="module")
 def one(tmp_path_factory, labkit_command):
-    """A run file of 120 grains and some records."""
+    """A run file with 120 grains and some records."""
     folder = tmp_path_factory.mktemp("one")
     words = ["--void-ratio", 0.606, "--step1-friction", 0.06, "--grains", 120, "--engine", "fused", "-o", "s.state.nc"]
     assert labkit_command("specimen", *words, cwd=folder).returncode == 0
@@ -29,7 +29,7 @@ def one(tmp_path_factory, labkit_command):
 
 
 def compact(file, output):
-    """The same run file without its checkpoint and without room for more records."""
+    """Copies a run file without its checkpoint and without space for more records."""
     with netCDF4.Dataset(file) as old, netCDF4.Dataset(output, "w") as new:
         copy_group(old, new)
 
@@ -48,7 +48,7 @@ def copy_group(old, new):
 
 @pytest.fixture(scope="module")
 def thousand(tmp_path_factory, one):
-    """The folder of a synthetic campaign: copies with other seeds, and stresses that are multiples."""
+    """Folder of a synthetic campaign: copies with different seeds, and stresses that are multiples."""
     folder = tmp_path_factory.mktemp("thousand")
     (folder / "runs").mkdir()
     compact(one, folder / "one.run.nc")
@@ -68,7 +68,7 @@ import labkit, xarray
 from labkit.campaign.collection import open_campaign
 def most():
     return int(pathlib.Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
-open_campaign(sys.argv[2]).runs.summary()  # what one run needs
+open_campaign(sys.argv[2]).runs.summary()  # memory for one run
 before, begin = most(), time.perf_counter()
 campaign = open_campaign(sys.argv[1])
 opened = time.perf_counter() - begin
@@ -98,7 +98,7 @@ def test_it_is_lazy_and_labelled(thousand, one):
     assert (campaign["specimen"] == "s.state.nc").all() and np.allclose(campaign["specimen_void_ratio"], 0.606)
     single = labkit.open_run(one)
     for file in (thousand / "runs").glob("cv-0[1-9]*"):
-        file.rename(file.with_suffix(".away"))  # who reads another file than those that are asked for fails
+        file.rename(file.with_suffix(".away"))  # reading any file that is not selected fails
     try:
         some = campaign.isel(run=(campaign["seed"] < 3).values)
         multiples = np.array([1, 2, 3]).reshape(3, 1, 1, 1)
@@ -114,7 +114,7 @@ def test_it_is_lazy_and_labelled(thousand, one):
             file.rename(file.with_suffix(".nc"))
 
 
-def test_runs_of_different_length_end_in_nothing(one, tmp_path, labkit_command):
+def test_shorter_runs_are_padded_with_nan(one, tmp_path, labkit_command):
     words = ["--strain", 0.005, "--rate", 40, "--engine", "fused", "--snapshots", 0, "-o", tmp_path / "short.run.nc"]
     assert labkit_command("run", "cv", one.with_name("s.state.nc"), *words).returncode == 0
     shutil.copy(one, tmp_path / "long.run.nc")
@@ -132,6 +132,8 @@ def test_runs_of_different_length_end_in_nothing(one, tmp_path, labkit_command):
     assert (campaign["law"] == "rolling_resistance").all() and (campaign["void_ratio"].dims == ("run", "time"))
 
 
-def test_a_place_without_runs_is_refused(tmp_path):
-    with pytest.raises(InputError, match="holds no run files"):
+def test_a_folder_without_runs_or_a_missing_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match="contains no run files: give a campaign folder or run files"):
         open_campaign(tmp_path)
+    with pytest.raises(InputError, match="nowhere does not exist: give a campaign folder or run files"):
+        open_campaign(tmp_path / "nowhere")

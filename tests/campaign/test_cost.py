@@ -7,9 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from labkit.campaign.cost import TYPICAL, cost_of, expected_seconds
+from labkit.campaign.cost import announcement, cost_of, expected_seconds, rough_time, task_seconds
 from labkit.campaign.file import campaign_file, read_campaign
 from labkit.campaign.plan import plan_of
+from labkit.campaign.speeds import TYPICAL
+from labkit.dem.paths import ConstantVolume
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe
+from labkit.dem.state import read_state
+from labkit.engines.tasks import RunTask, SpecimenTask
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
@@ -43,7 +49,7 @@ def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
     assert many >= longest * 0.999
 
 
-def test_the_quick_campaign_is_what_it_says():
+def test_the_quick_campaign_has_six_paths_three_densities_and_both_engines():
     found = plan_of(read_campaign(campaign_file("quick")))
     assert {(run.path.name, run.engine) for run in found.campaign.runs} == {
         (path, engine) for path in ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp") for engine in ("yade", "fused")
@@ -53,13 +59,13 @@ def test_the_quick_campaign_is_what_it_says():
     assert expected_seconds(found, costs, 2) < 15 * 60
 
 
-def test_a_dry_run_measures_this_machine_and_writes_nothing(tmp_path, labkit_command):
+def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
     done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
     assert done.returncode == 0, done.stderr
     assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this computer" in done.stdout
-    assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "on the disk" in done.stdout
+    assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "cache"]
     again = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
     assert "measuring" not in again.stdout and again.stdout in done.stdout
@@ -85,3 +91,45 @@ def test_tables_need_yade(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
     done = labkit_command("campaign", "c.yaml", "--tables", "new", cwd=tmp_path)
     assert done.returncode == 2 and "has the engine fused" in done.stderr and not (tmp_path / "new").exists()
+
+
+@pytest.fixture
+def typical(monkeypatch, tmp_path):
+    """No speeds measured on this computer."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "nowhere"))
+
+
+def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen_file):
+    state = read_state(specimen_file)
+    path = ConstantVolume(strain=0.4)
+    slow = RunTask(state=state, path=path, engine="yade")
+    steps = round(path.strain / path.for_scene(state.scene).axial_rate / state.scene.time_step)
+    grains = state.number_of_grains
+    assert announcement(slow).startswith(f"yade, {grains:,} grains, {steps:,} steps, about ")
+    assert announcement(slow).endswith(f"; with --engine fused about {rough_time(task_seconds(slow, 'fused'))}")
+    assert announcement(slow, steps // 4).startswith(
+        f"yade, {grains:,} grains, {steps:,} steps, 25% of them done, about"
+    )
+    assert "--engine fused" not in announcement(RunTask(state=state, path=path, engine="fused"))
+    assert task_seconds(slow, "yade") > 3.0 * task_seconds(slow, "fused")
+
+
+def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
+    tasks = [
+        SpecimenTask(recipe=Recipe(void_ratio=0.67, grains=n), material=Scene(), engine="yade") for n in (100, 4000)
+    ]
+    few, many = map(announcement, tasks)
+    assert few.startswith("yade, about ") and "--engine fused" not in few
+    assert "--engine fused" in many
+
+
+def test_times_are_rounded():
+    assert [rough_time(t) for t in (0.2, 59.6, 600.0, 7200.0)] == ["1 s", "60 s", "10 min", "2 h"]
+
+
+def test_a_command_announces_itself_on_standard_error(labkit_command, tmp_path):
+    words = ("specimen", "--void-ratio", 0.67, "--grains", 150, "--engine", "fused", "-o", "s.state.nc")
+    done = labkit_command(*words, cwd=tmp_path)
+    assert re.fullmatch(r"specimen: fused, about 1\d\d grains, about 10,000 steps, about \d+ s\n", done.stderr)
+    again = labkit_command(*words, cwd=tmp_path)
+    assert again.returncode == 0 and again.stderr == ""

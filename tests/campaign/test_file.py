@@ -1,4 +1,4 @@
-"""Campaign files that are right, and many that are wrong: every mistake with its line, nothing started."""
+"""Valid campaign files, and many invalid ones: every error with its line, nothing started."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ def run(fields):
     return f"{HEAD}runs:\n  r: {{{fields}}}\n"
 
 
-# name -> (text, [(line, words)]): all that must be said, and nothing else
+# name -> (text, [(line, message)]): every error that must be reported, and no other
 BROKEN = {
     "empty": ("", [(1, "holds `specimens:`")]),
     "a list": ("- a\n- b\n", [(1, "holds `specimens:`")]),
@@ -61,7 +61,7 @@ BROKEN = {
     ),
     "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 is not possible")]),
     "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "snapshots 'many' is not a number: give e.g. 20")]),
-    "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "makes no name of a folder")]),
+    "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "cannot be the name of a folder")]),
     "void ratio missing": (specimen("grains: 150"), [(3, "void_ratio is missing")]),
     "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 is not possible")]),
     "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 is not possible")]),
@@ -72,7 +72,10 @@ BROKEN = {
     "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 is not possible: give 100 to")]),
     "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 is not possible")]),
     "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "grains 150.5 is not a whole number")]),
-    "a side without a unit": (specimen("void_ratio: 0.67, side: 4"), [(3, "side 4 has no unit: give e.g. 4 mm")]),
+    "a side without a unit": (
+        specimen("void_ratio: 0.67, side: 4"),
+        [(3, "side 4 is not possible: give a number above 0, at most 0.1 m")],
+    ),
     "a side in MPa": (
         specimen("void_ratio: 0.67, side: 4 MPa"),
         [(3, "side 4 MPa has an unknown unit 'MPa': give it in m, cm, mm")],
@@ -104,18 +107,21 @@ BROKEN = {
         HEAD + "  b: 3\n" + RUNS,
         [(4, "specimen b is a single value"), (4, "void_ratio is missing")],
     ),
-    "the same specimen twice": (HEAD + "  a: {void_ratio: 0.7}\n" + RUNS, [(4, "'a' is there twice, first in line 3")]),
+    "the same specimen twice": (
+        HEAD + "  a: {void_ratio: 0.7}\n" + RUNS,
+        [(4, "'a' is defined twice, first in line 3")],
+    ),
     "the same run twice": (
         HEAD + RUNS + "  cv: {path: cr, specimen: a}\n",
-        [(6, "'cv' is there twice, first in line 5")],
+        [(6, "'cv' is defined twice, first in line 5")],
     ),
     "names that come out the same": (
         HEAD + "  b: {void_ratio: 0.67, grains: 150}\nruns:\n  cv: {path: cv, specimen: "
         "[a, b]}\n  cv-a: {path: cv, specimen: a}\n",
-        [(7, "run cv-a is made twice, also in line 6")],
+        [(7, "run cv-a is defined twice, first in line 6")],
     ),
-    "a name with a slash": (HEAD + "  a/b: {void_ratio: 0.7}\n" + RUNS, [(4, "makes no name of a file")]),
-    "made of itself": (HEAD + "  b: {from: b, pressure: 1 MPa}\n" + RUNS, [(4, "made of itself (b from b)")]),
+    "a name with a slash": (HEAD + "  a/b: {void_ratio: 0.7}\n" + RUNS, [(4, "cannot be the name of a file")]),
+    "derived from itself": (HEAD + "  b: {from: b, pressure: 1 MPa}\n" + RUNS, [(4, "derived from itself (b from b)")]),
     "a cycle of three": (
         HEAD + "  b: {from: d, pressure: 1 MPa}\n  c: {from: b, pressure: 1 MPa}\n"
         "  d: {from: c, pressure: 1 MPa}\n" + RUNS,
@@ -125,12 +131,12 @@ BROKEN = {
         HEAD + "  b: {from: b, pressure: 1 MPa}\nruns:\n  r: {path: cv, specimen: b}\n",
         [(4, "itself")],
     ),
-    "made of nothing known": (
+    "derived from an unknown specimen": (
         HEAD + "  b: {from: aa, pressure: 1 MPa}\n" + RUNS,
         [(4, "no specimen 'aa': did you mean 'a'")],
     ),
     "consolidated to no pressure": (HEAD + "  b: {from: a}\n" + RUNS, [(4, "pressure is missing")]),
-    "consolidated too far": (HEAD + "  b: {from: a, pressure: 5 MPa}\n" + RUNS, [(4, "5e+06 Pa is not possible")]),
+    "consolidated too far": (HEAD + "  b: {from: a, pressure: 5 MPa}\n" + RUNS, [(4, "5e+06 Pa is too high")]),
     "consolidated with a void ratio": (
         HEAD + "  b: {from: a, pressure: 1 MPa, void_ratio: 0.6}\n" + RUNS,
         [(4, "'void_ratio' is unknown")],
@@ -141,7 +147,7 @@ BROKEN = {
     "specimen unknown": (run("path: cv, specimen: dense"), [(5, "no specimen 'dense'")]),
     "pressure without a unit": (
         run("path: cp, specimen: a, pressure: 0.5"),
-        [(5, "pressure 0.5 has no unit: give e.g. 0.5 MPa")],
+        [(5, "pressure 0.5 has no unit, and is less than 100 Pa: give 0.5 MPa or kPa")],
     ),
     "pressure in bar": (
         run("path: cp, specimen: a, pressure: 5 bar"),
@@ -155,12 +161,11 @@ BROKEN = {
     "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
     "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 is not possible")]),
     "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 is not possible")]),
-    "rate without a unit": (run("path: cv, specimen: a, rate: 10"), [(5, "rate 10 has no unit: give e.g. 10 1/s")]),
-    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps of the shortest leg")]),
+    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps for the shortest leg")]),
     "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 is not possible")]),
-    "reversals that do not turn": (
+    "reversals that do not alternate": (
         run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
-        [(5, "does not turn")],
+        [(5, "does not reverse")],
     ),
     "reversals of cv": (run("path: cv, specimen: a, reversals: [0.01]"), [(5, "not a parameter of cv")]),
     "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
@@ -175,9 +180,9 @@ BROKEN = {
         ),
         [(5, "its consolidation: engine yade")],
     ),
-    "a name that labkit gives": (
+    "a name that labkit reserves": (
         (HEAD + "  a-at-p500kPa-fused: {void_ratio: 0.67, grains: 150}\n" + RUNS),
-        [(4, "give another name")],
+        [(4, "labkit reserves this name")],
     ),
     "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
     "law paper in a run on yade": (
@@ -202,7 +207,7 @@ BROKEN = {
     ),
     "softer grains in a run": (
         run("path: cp, specimen: a, pressure: 1 MPa, young_modulus: 10 MPa"),
-        [(5, "pressure 1e+06 Pa is not possible for grains of E = 1e+07 Pa")],
+        [(5, "pressure 1e+06 Pa is too high for grains with E = 1e+07 Pa")],
     ),
     "a file to use that is not there": (
         "use: [own.py]\n" + HEAD + RUNS.replace("cv,", "own,"),
@@ -213,7 +218,7 @@ BROKEN = {
 }
 
 
-def test_a_good_file_is_multiplied_out(tmp_path):
+def test_the_lists_of_a_valid_file_are_expanded(tmp_path):
     file = tmp_path / "good.yaml"
     file.write_text(GOOD)
     campaign = read_campaign(file)
@@ -231,20 +236,22 @@ def test_a_good_file_is_multiplied_out(tmp_path):
     cv, cp = campaign.runs[:2]
     assert (cv.path, cv.options.snapshots, cv.engine) == (ConstantVolume(strain=0.05, rate=20.0), 3, "fused")
     quick = SETTINGS["quick"]
-    assert cp.path.rate == quick.rate_factor * type(cp.path).rate and cp.path.strain == type(cp.path).strain
+    default = cp.path.default_rate(campaign.origin(cp.specimen).scene)
+    assert cp.path.rate == quick.rate_factor * default and cp.path.strain == type(cp.path).strain
     steps = [cv.scene(campaign.origin(cv.specimen)).time_step_factor, campaign.specimens[0].scene.time_step_factor]
     assert steps == [quick.time_step_factor] * 2 and campaign.specimens[2].scene.time_step_factor == 0.2
 
 
-def test_the_material_is_a_key_of_specimens_and_what_may_change_of_runs(tmp_path):
-    """Units are read as everywhere; what the file says on top is for specimens that say nothing."""
+def test_keys_of_the_material_for_specimens_and_runs(tmp_path):
+    """Values may have a unit or be in SI units; those at the top of the file are defaults."""
     file = tmp_path / "material.yaml"
     file.write_text(
         "friction: 0.5\nspecimens:\n"
         "  a: {void_ratio: 67 %, grains: 150, young_modulus: 0.3 GPa, mean_diameter: 200 um, density: 2.7 g/cm3}\n"
         "  b: {void_ratio: 0.67, grains: 150, friction: 0.3}\n"
-        "runs:\n  cv: {path: cv, specimen: [a, b], rolling_friction: 0, record_strain: 0.2 %, save_every: 7}\n"
-        "  cp: {path: cp, specimen: a, pressure: 5 MPa}\n  low: {path: isod, specimen: a, pressure: 50 Pa}\n"
+        "runs:\n"
+        "  cv: {path: cv, specimen: [a, b], rolling_friction: 0, record_strain: 0.2 %, save_every: 7, rate: 20}\n"
+        "  cp: {path: cp, specimen: a, pressure: 5000000}\n  low: {path: isod, specimen: a, pressure: 50 Pa}\n"
     )
     campaign = read_campaign(file)
     a, b = campaign.specimens
@@ -254,28 +261,29 @@ def test_the_material_is_a_key_of_specimens_and_what_may_change_of_runs(tmp_path
     assert of_a.scene(a) == dataclasses.replace(a.scene, rolling_friction=0.0)
     assert of_b.scene(b) == dataclasses.replace(b.scene, rolling_friction=0.0)
     assert (of_a.options.record_strain, of_a.options.save_every) == (0.002, 7)
-    assert (cp.path.pressure, low.path.pressure) == (5e6, 50.0)  # 0.02 E is more for these grains
+    assert of_a.path.rate == 20.0
+    assert (cp.path.pressure, low.path.pressure) == (5e6, 50.0)  # below 0.02 E of these grains
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_file_is_refused_with_all_its_mistakes(name, tmp_path):
+def test_an_invalid_file_is_refused_with_all_its_errors(name, tmp_path):
     text, expected = BROKEN[name]
     file = tmp_path / "broken.yaml"
     file.write_text(text)
     with pytest.raises(InputError) as caught:
         read_campaign(file)
-    first, *said = str(caught.value).splitlines()
+    first, *reported = str(caught.value).splitlines()
     assert first.startswith(f"{file} has ") and first.endswith("nothing was started")
-    for line, words in expected:
-        assert any(one.startswith(f"  line {line}: ") and words in one for one in said), "\n".join(said)
-    assert len(said) == len(expected), "\n".join(said)
+    for line, message in expected:
+        assert any(one.startswith(f"  line {line}: ") and message in one for one in reported), "\n".join(reported)
+    assert len(reported) == len(expected), "\n".join(reported)
 
 
 def test_a_file_that_cannot_be_read(tmp_path):
     for make in (lambda f: None, lambda f: f.mkdir(), lambda f: f.write_bytes(b"\xff\xfe\x00")):
         file = tmp_path / "nothing.yaml"
         make(file)
-        with pytest.raises(InputError, match="cannot be read|not UTF-8"):
+        with pytest.raises(InputError, match=r"cannot be read|not UTF-8"):
             read_campaign(file)
         if file.is_dir():
             file.rmdir()

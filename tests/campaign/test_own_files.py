@@ -1,4 +1,4 @@
-"""A campaign with a path and a statistic of the user's own: validated, run for real, repeated when the file changes."""
+"""A campaign with a user-defined path and statistic: validated, carried out, repeated when the file changes."""
 
 import json
 import os
@@ -72,8 +72,8 @@ def write(folder, text=FILE, own=OWN):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, labkit_command):
-    """The campaign, done, in the folder `c` beside its file."""
-    pytest.importorskip("snakemake", reason="needs Snakemake: pip install 'labkit[campaign]'")
+    """The campaign, finished, in the folder `c` next to its file."""
+    pytest.importorskip("snakemake", reason="needs Snakemake, the extra `campaign`")
     folder = tmp_path_factory.mktemp("own")
     write(folder)
     done = labkit_command("campaign", "c.yaml", "--cores", 1, cwd=folder)
@@ -87,7 +87,7 @@ def place(finished, tmp_path):
     return shutil.copytree(finished, tmp_path / "copy")
 
 
-def test_a_path_and_a_statistic_of_ones_own_are_run_and_recorded(finished):
+def test_a_user_defined_path_is_run_and_a_statistic_recorded(finished):
     with netCDF4.Dataset(finished / "c/runs/own.run.nc") as run:
         assert run.getncattr("path") == "constant_axial_stress" and run.complete
         known = json.loads(run.path_parameters)
@@ -111,7 +111,7 @@ def test_the_runs_as_one_object_have_the_parameters_of_the_path_and_the_statisti
     assert np.isfinite(campaign.runs.summary()["final_sliding"]).all()
 
 
-def test_the_folder_has_all_that_it_needs(place, labkit_command):
+def test_the_folder_contains_all_that_it_needs(place, labkit_command):
     text = (place / "c/campaign.yaml").read_text()
     assert text.splitlines()[0] == 'use: ["extensions/own.py"]    # a comment that stays'
     assert text.splitlines()[1:] == FILE.splitlines()[1:]
@@ -140,23 +140,24 @@ def test_a_changed_file_repeats_what_depends_on_it(place, labkit_command):
     assert (place / "c/outdated/own.run.nc").exists()
 
 
-def mistakes(labkit_command, folder):
+def errors(labkit_command, folder):
     done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=folder)
     assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
     return done.stderr.splitlines()[1:]
 
 
-def test_broken_keys_of_a_path_of_ones_own_are_mistakes_with_their_lines(tmp_path, labkit_command):
+def test_invalid_keys_of_a_user_defined_path_are_reported_with_their_lines(tmp_path, labkit_command):
     runs = (
-        "  one: {path: constant_axial_stress, specimen: a,\n    axial: 400}\n"
+        "  one: {path: constant_axial_stress, specimen: a,\n    axial: 40}\n"
         "  two: {path: constant_axial_stress, specimen: a, share: 2}\n"
         "  three: {path: constant_axial_stress, specimen: a,\n    axal: 1 MPa}\n"
         "  four: {path: cv, specimen: a, share: 0.1}\n"
         "  five: {path: constant_axial_stress, specimen: a, axial: 1 mm}\n"
     )
     write(tmp_path, FILE.partition("  own:")[0] + runs)
-    assert mistakes(labkit_command, tmp_path) == [
-        "  line 9: run one: axial 400 has no unit: give e.g. 0.5 MPa or 500 kPa",
+    assert errors(labkit_command, tmp_path) == [
+        "  line 9: run one: axial 40 has no unit, and is less than 100 Pa: "
+        "give 40 MPa or kPa, or 40 Pa if that is meant",
         "  line 10: run two: share 2 is not possible: give 0 to 1",
         "  line 12: run three: 'axal' is unknown: did you mean 'axial'?",
         "  line 13: run four: share is not a parameter of cv: leave it out",
@@ -181,34 +182,34 @@ def test_a_required_parameter_and_a_rule_of_the_path(tmp_path, labkit_command):
         "  three: {path: constant_axial_stress, specimen: a, axial: 50 Pa, rate: 1e-9 1/s}\n"
     )
     write(tmp_path, FILE.partition("  own:")[0] + runs, own)
-    one, two, three = mistakes(labkit_command, tmp_path)
+    one, two, three = errors(labkit_command, tmp_path)
     assert one == "  line 8: run one: axial is missing: give it, e.g. 0.5 MPa or 500 kPa"
     assert two == "  line 9: run two: this share is not for me"
-    assert three.startswith("  line 10: run three: rate 1e-09 makes ")
+    assert three.startswith("  line 10: run three: rate 1e-09 gives ")
 
 
 @pytest.mark.parametrize(
-    "own, said",
+    "own, message",
     [
         ("import nothing_like_this\n", "cannot be loaded (ModuleNotFoundError"),
         ("def (:\n", "cannot be loaded (SyntaxError"),
         (OWN.replace('name = "constant_axial_stress"', 'name = "cp"'), "is the name of another path"),
     ],
 )
-def test_a_file_that_cannot_be_used_is_the_only_mistake(own, said, tmp_path, labkit_command):
+def test_a_file_that_cannot_be_loaded_is_the_only_error(own, message, tmp_path, labkit_command):
     write(tmp_path, own=own)
-    (line,) = mistakes(labkit_command, tmp_path)
-    assert line.startswith("  line 1: the file: use ") and said in line
+    (line,) = errors(labkit_command, tmp_path)
+    assert line.startswith("  line 1: the file: use ") and message in line
 
 
 def test_files_of_the_command_line_are_those_of_the_campaign(tmp_path, labkit_command):
-    """With --use in place of `use:`, the folder is as complete."""
-    pytest.importorskip("snakemake", reason="needs Snakemake: pip install 'labkit[campaign]'")
+    """With --use instead of `use:`, the folder is complete too."""
+    pytest.importorskip("snakemake", reason="needs Snakemake, the extra `campaign`")
     write(tmp_path, FILE.partition("\n")[2].replace("runs:\n", "runs:  # one\n").partition("  cv:")[0])
     done = labkit_command("campaign", "c.yaml", "--use", "files/own.py", "--cores", 1, cwd=tmp_path)
     assert done.returncode == 0 and "1 of 1 runs are finished" in done.stdout, done.stderr
     assert (tmp_path / "c/campaign.yaml").read_text().startswith('use: ["extensions/own.py"]\nsettings: quick\n')
-    environment = {**os.environ, "LABKIT_USE": str(tmp_path / "files/own.py")}  # the original beside its copy
+    environment = {**os.environ, "LABKIT_USE": str(tmp_path / "files/own.py")}  # the original as well as its copy
     words = [sys.executable, "-m", "labkit.cli.job", "statistics", "own"]
     again = subprocess.run(words, cwd=tmp_path / "c", env=environment, capture_output=True, text=True)
     assert again.returncode == 0, again.stderr
@@ -227,7 +228,7 @@ def test_files_of_the_command_line_are_those_of_the_campaign(tmp_path, labkit_co
         "  name: c\n",
     ],
 )
-def test_the_copy_of_a_campaign_file_differs_in_use_alone(text, tmp_path):
+def test_the_copy_of_a_campaign_file_differs_only_in_use(text, tmp_path):
     import yaml
 
     names = copied_names([tmp_path / "a/own.py", tmp_path / "b/own.py"])

@@ -1,4 +1,4 @@
-"""What a changed file leaves of earlier results."""
+"""Earlier results after a change of the campaign file."""
 
 from labkit.campaign.file import read_campaign
 from labkit.campaign.plan import OUTDATED, plan_of, write_recipes
@@ -17,8 +17,8 @@ def outputs(folder, plan):
     return {job.output for job in plan.jobs if (folder / job.output).exists()}
 
 
-def test_results_of_other_parameters_are_no_results(tmp_path):
-    """They are set aside at once: when what comes before them fails now, they must not be counted as finished."""
+def test_results_of_earlier_parameters_are_set_aside(tmp_path):
+    """They are moved at once, so that they do not count as finished if a job that they depend on fails now."""
     file = tmp_path / "c.yaml"
     file.write_text(TEXT)
     plan = plan_of(read_campaign(file))

@@ -1,4 +1,4 @@
-"""A tiny campaign carried out by Snakemake: resumed, changed, killed, with a run that fails. Real processes."""
+"""A tiny campaign carried out by Snakemake: resumed, changed, interrupted, killed, with a run that fails."""
 
 import os
 import shutil
@@ -10,7 +10,10 @@ import time
 import netCDF4
 import pytest
 
-pytest.importorskip("snakemake", reason="needs Snakemake: pip install 'labkit[campaign]'")
+from labkit.campaign.workflow import PROFILES
+from labkit.io.extras import install_command
+
+pytest.importorskip("snakemake", reason="needs Snakemake, the extra `campaign`")
 
 TINY = """\
 settings: quick
@@ -27,7 +30,7 @@ UNSTABLE = "  wild: {path: cv, specimen: a, strain: 0.2, time_step_factor: 2}\n"
 
 
 def files(folder):
-    """Name -> (time of change, hash of the data) of what took simulation to make."""
+    """Name -> (modification time, hash of the data) of the results of simulations."""
     return {
         file.name: (file.stat().st_mtime_ns, data_hash(file))
         for kind in ("specimens", "runs")
@@ -43,7 +46,7 @@ def data_hash(file):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory, labkit_command):
-    """The tiny campaign, done, in the folder `tiny` beside its file."""
+    """The tiny campaign, finished, in the folder `tiny` next to its file."""
     place = tmp_path_factory.mktemp("campaign")
     (place / "tiny.yaml").write_text(TINY)
     done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
@@ -58,7 +61,7 @@ def place(finished, tmp_path):
     return shutil.copytree(finished, tmp_path / "copy")
 
 
-def test_everything_is_there(finished):
+def test_all_results_are_written(finished):
     folder = finished / "tiny"
     assert sorted(p.name for p in (folder / "runs").iterdir()) == ["cp.run.nc", "cv-a.run.nc", "cv-b.run.nc"]
     assert {p.stem for p in (folder / "figures").iterdir()} == {"cp", "cv-a", "cv-b"}
@@ -66,14 +69,28 @@ def test_everything_is_there(finished):
     assert not list((folder / "unfinished").iterdir())
     report = (folder / "report.md").read_text()
     assert "3 of 3 runs are finished" in report and "| cv-b | cv | fused | b |" in report
+    assert "![q/p and void ratio of all runs](overview.png)" in report and (folder / "overview.png").exists()
 
 
-def test_every_output_says_where_it_comes_from(finished, labkit_command):
-    for file in ("specimens/a.state.nc", "runs/cp.run.nc", "statistics/cp.nc", "figures/cp.png"):
+def test_the_report_explains_the_limits_that_quick_settings_exceed(finished):
+    """All runs of `settings: quick` exceed the inertial limit: one table row and one sentence, not a list of runs."""
+    report = (finished / "tiny/report.md").read_text()
+    summary = report.splitlines()[2]
+    assert "3 exceed only the limit on the inertial number, as expected of runs above the standard rate." in summary
+    limits = report.split("## Limits")[1].split("##")[0]
+    (row,) = [line for line in limits.splitlines() if line.startswith("| inertial number |")]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[1:3] == ["0.0003", "3 of 3"] and float(cells[4]) > 3e-4
+    assert float(cells[5]) == pytest.approx(float(cells[4]) / 3e-4, rel=1e-3)
+    assert "3 of these runs are sheared at 4 times the standard rate (`settings: quick`)" in limits
+
+
+def test_every_output_has_its_provenance(finished, labkit_command):
+    for file in ("specimens/a.state.nc", "runs/cp.run.nc", "statistics/cp.nc", "figures/cp.png", "overview.png"):
         done = labkit_command("info", "--check", file, cwd=finished / "tiny")
         assert done.returncode == 0, done.stdout + done.stderr
-        for words in ("command ", "made ", "libraries ", "machine ", "inputs ", "hashes"):
-            assert words in done.stdout, (file, words)
+        for label in ("command ", "created ", "libraries ", "computer ", "inputs ", "hashes"):
+            assert label in done.stdout, (file, label)
         assert "differs" not in done.stdout and "missing" not in done.stdout
     assert "at-p500kPa-fused.state.nc sha256:" in labkit_command("info", "runs/cp.run.nc", cwd=finished / "tiny").stdout
 
@@ -100,12 +117,12 @@ def test_changed_parameters_repeat_what_depends_on_them(place, labkit_command):
     assert last["b.state.nc"][1] == before["b.state.nc"][1]
 
 
-def test_one_failed_run_does_not_stop_the_others_and_is_named(place, labkit_command):
+def test_a_failed_run_is_named_and_does_not_stop_the_others(place, labkit_command):
     shutil.rmtree(place / "tiny/runs")
     (place / "tiny.yaml").write_text(TINY + UNSTABLE)
     done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert "run wild failed: the time step" in done.stderr and "lower time_step_factor from 2" in done.stderr
+    assert "run wild failed: the time step" in done.stderr and "reduce time_step_factor from 2" in done.stderr
     assert "3 of 4 runs are finished" in done.stdout
     report = (place / "tiny/report.md").read_text()
     assert "run `wild`: the time step" in report and "| cp | cp | fused |" in report
@@ -141,9 +158,37 @@ def test_a_killed_campaign_repeats_no_finished_run_and_goes_on_with_the_others(f
     assert {name: one[1] for name, one in after.items()} == {n: one[1] for n, one in files(finished / "tiny").items()}
 
 
+LONGER = TINY.replace("strain: 0.01", "strain: 0.1").replace("grains: 120", "grains: 300")
+
+
+@pytest.mark.parametrize("send", [os.killpg, os.kill], ids=["terminal", "process"])
+def test_ctrl_c_ends_a_campaign_with_checkpoints_and_the_same_command_resumes_it(send, tmp_path, labkit_command):
+    """From a terminal the signal reaches the process group; `kill -INT` reaches only the first process."""
+    (tmp_path / "tiny.yaml").write_text(LONGER)
+    command = [sys.executable, "-m", "labkit.cli", "campaign", "tiny.yaml", "--cores", "1"]
+    first = subprocess.Popen(command, cwd=tmp_path, process_group=0, stderr=subprocess.PIPE, text=True)
+    unfinished = tmp_path / "tiny/unfinished"
+    end = time.monotonic() + 300
+    while not list(unfinished.glob("*.run.nc")):
+        assert first.poll() is None and time.monotonic() < end, "no run was started"
+        time.sleep(0.01)
+    send(first.pid, signal.SIGINT)
+    _, stderr = first.communicate(timeout=120)
+    assert first.returncode == 130 and "Traceback" not in stderr
+    assert stderr.splitlines()[-1] == "labkit: interrupted; repeat the same command to resume (tiny)"
+    assert working_in(tmp_path) == []
+    (checkpoint,) = unfinished.glob("*.run.nc")
+    with netCDF4.Dataset(checkpoint) as run:
+        assert run.complete == 0
+    if send is os.kill:  # once is enough
+        done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=tmp_path)
+        assert done.returncode == 0 and "3 of 3 runs are finished" in done.stdout, done.stderr
+        assert not list(unfinished.iterdir())
+
+
 def working_in(folder):
     """Processes whose working directory is in the folder."""
-    found = []
+    processes = []
     for process in os.listdir("/proc"):
         if process.isdigit():
             try:
@@ -151,8 +196,8 @@ def working_in(folder):
             except OSError:
                 continue
             if place.startswith(str(folder)):
-                found.append(process)
-    return found
+                processes.append(process)
+    return processes
 
 
 def test_a_second_campaign_in_the_same_folder_is_refused(finished, labkit_command):
@@ -163,40 +208,53 @@ def test_a_second_campaign_in_the_same_folder_is_refused(finished, labkit_comman
         fcntl.flock(handle, fcntl.LOCK_EX)
         done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=finished)
     lock.unlink(missing_ok=True)
-    assert done.returncode == 2 and "another campaign is under way in tiny" in done.stderr
+    assert done.returncode == 2 and "another campaign is running in tiny" in done.stderr
 
 
-def test_a_broken_file_starts_nothing(tmp_path, labkit_command):
+def test_an_invalid_file_starts_nothing(tmp_path, labkit_command):
     (tmp_path / "bad.yaml").write_text("specimens:\n  a: {void_ratio: 9}\nruns:\n  r: {path: cx, specimen: a}\n")
     for words in ([], ["--dry-run"]):
         done = labkit_command("campaign", "bad.yaml", *words, cwd=tmp_path)
-        assert done.returncode == 2 and "has 2 mistakes, nothing was started" in done.stderr
+        assert done.returncode == 2 and "has 2 errors, nothing was started" in done.stderr
         assert "line 2: " in done.stderr and "line 4: " in done.stderr and "Traceback" not in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["bad.yaml"]
 
 
-def test_a_profile_that_is_not_there_is_refused(tmp_path, labkit_command):
+def test_a_missing_profile_is_refused(tmp_path, labkit_command):
     (tmp_path / "tiny.yaml").write_text(TINY)
     done = labkit_command("campaign", "tiny.yaml", "--profile", "nowhere", cwd=tmp_path)
     assert done.returncode == 2
-    assert "--profile nowhere is not a folder with a config.yaml: give one, or slurm" in done.stderr
+    assert "--profile nowhere is not a folder with a config.yaml: give such a folder, or slurm" in done.stderr
     assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]
 
 
-def test_a_specimen_that_fails_keeps_its_runs_from_beginning(tmp_path, labkit_command):
+@pytest.mark.skipif(shutil.which("sbatch") is not None, reason="SLURM is installed here")
+def test_without_slurm_its_profile_is_refused_before_anything_starts(tmp_path, labkit_command):
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    shutil.copytree(PROFILES / "slurm", tmp_path / "mine")
+    for profile in ("slurm", "mine"):
+        done = labkit_command("campaign", "tiny.yaml", "--profile", profile, cwd=tmp_path)
+        assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+        assert f"--profile {profile} needs SLURM, but its command sbatch is not on the PATH" in done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine", "tiny.yaml"]
+
+
+def test_a_failed_specimen_keeps_its_runs_from_starting(tmp_path, labkit_command):
     (tmp_path / "loose.yaml").write_text(
         "settings: quick\nengine: fused\nsnapshots: 1\nspecimens:\n"
         "  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n  apart: {void_ratio: 1.4, grains: 120}\n"
         "runs:\n  cv: {path: cv, specimen: [a, apart], strain: 0.005}\n"
     )
     done = labkit_command("campaign", "loose.yaml", "--cores", 1, cwd=tmp_path)
-    assert done.returncode == 1 and "specimen apart failed: the grains have come apart" in done.stderr
-    assert "not begun because of these: cv-apart" in done.stderr and "1 of 2 runs are finished" in done.stdout
+    assert done.returncode == 1 and "specimen apart failed: the grains have separated" in done.stderr
+    assert (
+        "not started because of these failures: cv-apart" in done.stderr and "1 of 2 runs are finished" in done.stdout
+    )
     report = (tmp_path / "loose/report.md").read_text()
-    assert "specimen `apart`: the grains" in report and "Not begun: cv-apart." in report and "| cv-a | cv |" in report
+    assert "specimen `apart`: the grains" in report and "Not started: cv-apart." in report and "| cv-a | cv |" in report
 
 
-def test_without_snakemake_the_way_to_get_it_is_told(tmp_path):
+def test_without_snakemake_the_message_tells_how_to_install_it(tmp_path):
     (tmp_path / "tiny.yaml").write_text(TINY)
     code = (
         "import importlib.util, sys\n"
@@ -206,5 +264,6 @@ def test_without_snakemake_the_way_to_get_it_is_told(tmp_path):
         "sys.exit(cli.main(['campaign', 'tiny.yaml']))\n"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 2 and "pip install 'labkit[campaign]'" in done.stderr, done.stderr
+    assert done.returncode == 2 and done.stderr.rstrip().endswith(install_command("campaign")), done.stderr
+    assert "'labkit[campaign]'" not in done.stderr  # the public index may have another package of this name
     assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]

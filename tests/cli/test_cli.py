@@ -1,6 +1,8 @@
-"""Bad input: exit code 2, one clear line, nothing left behind."""
+"""Invalid input: exit code 2, one clear line, no file left behind. Help of every command."""
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -8,7 +10,11 @@ import sys
 import pytest
 
 from labkit.cli import main
-from labkit.cli.registry import helps
+from labkit.cli.descriptions import DESCRIPTIONS
+from labkit.cli.dispatch import parser_for
+from labkit.cli.registry import find, helps
+from labkit.dem.paths import PATHS
+from labkit.runs.figures import FIGURES
 
 
 @pytest.fixture
@@ -41,7 +47,10 @@ BAD = {
     "side": ("specimen --void-ratio 0.67 --side -1 -o new.state.nc", "side"),
     "a million kilometres": ("specimen --void-ratio 0.67 --side 1e9 -o new.state.nc", "side"),
     "unknown path": ("run cx s.state.nc -o new.run.nc", "cx"),
-    "unknown engine": ("run cv s.state.nc --engine warp -o new.run.nc", "warp"),
+    "unknown engine": (
+        "run cv s.state.nc --engine warp -o new.run.nc",
+        "--engine: 'warp' is unknown: give one of yade, fused, or load",
+    ),
     "negative strain": ("run cv s.state.nc --strain -0.1 -o new.run.nc", "strain -0.1"),
     "pressure above the overlap limit": ("run cr s.state.nc --pressure 5e6 -o new.run.nc", "2 %"),
     "pressure above the limit, consolidation": ("consolidate s.state.nc --pressure 4e6 -o new.state.nc", "pressure"),
@@ -51,7 +60,10 @@ BAD = {
         "strain 0.1 is not possible: give a negative number from -2",
     ),
     "empty reversals": ("run cyclic_cp s.state.nc --reversals= -o new.run.nc", "reversals is empty"),
-    "reversals that do not turn": ("run cyclic_cp s.state.nc --reversals 0.01,0.02 -o new.run.nc", "turn"),
+    "reversals that do not alternate": (
+        "run cyclic_cp s.state.nc --reversals 0.01,0.02 -o new.run.nc",
+        "does not reverse",
+    ),
     "reversals that are words": ("run cyclic_cp s.state.nc --reversals up,down -o new.run.nc", "reversals"),
     "pressure for cv": ("run cv s.state.nc --pressure 1e5 -o new.run.nc", "not a parameter of cv"),
     "zero threads": ("run cv s.state.nc --threads 0 -o new.run.nc", "threads"),
@@ -60,7 +72,7 @@ BAD = {
     "folder that cannot be written": ("run cv s.state.nc -o /proc/new.run.nc", "/proc"),
     "specimen that cannot be written": ("specimen --void-ratio 0.67 --grains 200 -o /proc/s.state.nc", "/proc"),
     "a run over a state": (f"{SPECIMEN} 0.67 -o r.run.nc", "run file"),
-    "figure over a run": ("verify r.run.nc -o r.run.nc", "ending of a figure"),
+    "figure over a run": ("verify r.run.nc -o r.run.nc", "no figure file extension"),
     "csv over a run": ("verify r.run.nc -o f.png --csv r.run.nc", "run file"),
     "a folder as run": ("verify .", "does not exist"),
     "a million million grains": ("specimen --void-ratio 0.67 --grains 1000000000000 -o new.state.nc", "grains"),
@@ -83,23 +95,33 @@ BAD = {
     ),
     "half a grain": (f"{SPECIMEN} 0.67 --grains 200.5", "--grains 200.5 is not a whole number"),
     "negative snapshots": ("run cv s.state.nc --snapshots -1 -o new.run.nc", "--snapshots -1 is not possible"),
-    "unknown settings": ("run cv s.state.nc --settings best -o new.run.nc", "--settings"),
+    "unknown settings": (
+        "run cv s.state.nc --settings best -o new.run.nc",
+        "--settings: 'best' is unknown: give one of quick, standard, reference (see labkit run --help)",
+    ),
+    "a path of a file that is not loaded": (
+        "run ca s.state.nc -o new.run.nc",
+        "the file that registers it (--use FILE",
+    ),
+    "a figure of a file that is not loaded": ("figure mine r.run.nc", "the file that registers it (--use FILE"),
     "a file to use that is not there": ("run cv s.state.nc --use mine.py", "--use mine.py does not exist"),
     "a file to use that is no Python": ("run cv s.state.nc --use text.nc -o new.run.nc", "--use "),
     "a material of a specimen for a run": ("run cv s.state.nc --mean-diameter 1mm -o new.run.nc", "--mean-diameter"),
     "unknown command": ("dance", "dance"),
     "no command": ("", "COMMAND"),
-    "unknown option": ("verify r.run.nc --loud", "--loud"),
+    "no run": ("verify", "the following arguments are required: RUN (see labkit verify --help)"),
+    "rows that are no number": ("verify r.run.nc --rows many", "--rows: 'many' is not a whole number above 0"),
+    "unknown option": ("verify r.run.nc --loud", "--loud is not an option of labkit verify (see labkit verify --help)"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input(name, folder, labkit_command):
-    words, said = BAD[name]
+    words, message = BAD[name]
     before = sorted(folder.iterdir())
     done = labkit_command(*words.split(), cwd=folder)
     assert done.returncode == 2, done.stdout + done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1 and said in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1 and message in done.stderr, done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(folder.iterdir()) == before
 
@@ -116,7 +138,7 @@ def test_a_directory_that_an_ordinary_user_cannot_write():
     assert "/usr is not writable" in done.stdout, done.stderr
 
 
-def test_without_yade_the_way_to_get_it_is_told(folder, labkit_command):
+def test_without_yade_the_message_tells_how_to_install_it(folder, labkit_command):
     environment = {**os.environ, "PATH": str(folder)}
     done = labkit_command("run", "cv", "s.state.nc", "-o", "new.run.nc", cwd=folder, environment=environment)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
@@ -141,7 +163,7 @@ def damage(file, group, name, index, value):
         ("cell", (2, 2), 0.0),
     ],
 )
-def test_a_state_that_cannot_be_is_refused(name, index, value, folder, labkit_command):
+def test_an_impossible_state_is_refused(name, index, value, folder, labkit_command):
     damage(folder / "s.state.nc", None, name, index, value)
     for words in (["run", "cv", "s.state.nc", "-o", "new.run.nc"], ["info", "s.state.nc"]):
         done = labkit_command(*words, cwd=folder)
@@ -160,7 +182,7 @@ def test_a_run_file_without_its_groups_is_refused(folder, labkit_command):
         assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_runs_of_the_same_name_are_told_apart(folder, labkit_command):
+def test_runs_of_the_same_name_are_distinguished(folder, labkit_command):
     for name in ("a", "b"):
         (folder / name).mkdir()
         shutil.copy(folder / "r.run.nc", folder / name / "t.run.nc")
@@ -168,20 +190,50 @@ def test_runs_of_the_same_name_are_told_apart(folder, labkit_command):
     assert "a/t.run.nc: path cv" in done.stdout and "b/t.run.nc: path cv" in done.stdout
 
 
-def test_info_tells_what_is_in_a_file(folder, labkit_command):
+def test_info_shows_the_contents_of_a_file(folder, labkit_command):
     done = labkit_command("info", "r.run.nc", cwd=folder)
     assert done.returncode == 0 and "cv" in done.stdout and "grain" in done.stdout
     done = labkit_command("info", "s.state.nc", cwd=folder)
     assert done.returncode == 0 and "void ratio" in done.stdout
 
 
-@pytest.mark.parametrize("name", sorted(helps()))
-def test_every_command_says_what_it_does(name, capsys):
+def help_of(capsys, *words):
     with pytest.raises(SystemExit) as ended:
-        main([name, "--help"])
-    said = " ".join(capsys.readouterr().out.split())
-    assert ended.value.code == 0 and said.startswith(f"usage: labkit {name} ") and "--use FILE" in said
-    assert helps()[name][1:].split(":")[0] in said.replace("- ", "-")
+        main([*words, "--help"])
+    assert ended.value.code == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", sorted(helps()))
+def test_the_help_of_every_command_has_a_description_and_an_example(name, capsys):
+    text = " ".join(help_of(capsys, name).split())
+    description, example = DESCRIPTIONS[name]
+    assert text.startswith(f"usage: labkit {name} ") and "--use FILE" in text
+    assert text.split("[options]", 1)[1].strip().startswith(description) and text.endswith(" ".join(example.split()))
+
+
+@pytest.mark.parametrize("name", sorted(helps()))
+def test_the_examples_of_the_help_can_be_parsed(name):
+    command = find(name)
+    for example in DESCRIPTIONS[name][1].splitlines():
+        words = shlex.split(example, comments=True)
+        assert words[:2] == ["labkit", name]
+        if "--help" not in words:
+            assert parser_for(command, words[1:]).parse_known_args(words[1:])[1] == []
+
+
+def test_the_help_of_a_path_has_only_its_options(capsys):
+    every, cv, isod = help_of(capsys, "run"), help_of(capsys, "run", "cv"), help_of(capsys, "run", "isod")
+    assert "--reversals" in every and "--pressure" in every and all(f"\n  {name} " in every for name in PATHS)
+    assert (
+        "--reversals" not in cv and "--pressure PRESSURE" not in cv and "--strain STRAIN" in cv and "\n  cv  CV, " in cv
+    )
+    assert "mean stress below which it stops" in isod and "stress that the path holds" not in isod
+
+
+def test_figures_are_explained(capsys):
+    text = help_of(capsys, "figure")
+    assert all(re.search(rf"^  {name} +\S+", text, re.MULTILINE) for name in FIGURES)
 
 
 def test_the_command_is_installed():

@@ -1,4 +1,4 @@
-"""The commands with the engine fused, on a system without YADE."""
+"""The commands with the fused engine, on a system without YADE."""
 
 import json
 import os
@@ -60,7 +60,7 @@ def test_a_run_that_is_killed_and_resumed_is_the_uninterrupted_one(specimen, lab
 
 
 @pytest.mark.parametrize("law", ["paper", "spring_dashpot"])
-def test_yade_does_not_know_the_law_spring_dashpot(law, specimen, labkit_command, tmp_path):
+def test_yade_does_not_support_the_spring_dashpot_law(law, specimen, labkit_command, tmp_path):
     refused = "labkit: --engine yade has no contact law spring_dashpot: give fused\n"
     done = labkit_command("run", "cv", specimen, "--engine", "yade", "-o", tmp_path / "r.run.nc")
     assert done.returncode == 2 and done.stderr == refused
@@ -69,7 +69,7 @@ def test_yade_does_not_know_the_law_spring_dashpot(law, specimen, labkit_command
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_takes_another_law_than_its_specimen(specimen, labkit_command, tmp_path):
+def test_a_run_may_have_another_law_than_its_specimen(specimen, labkit_command, tmp_path):
     file = tmp_path / "r.run.nc"
     done = labkit_command("run", "cv", specimen, *RUN, "--law", "yade", "-o", file, environment=BARE)
     assert done.returncode == 0, done.stderr
@@ -86,8 +86,8 @@ def test_a_specimen_is_not_made_again_under_another_name_of_its_law(specimen, la
     assert read_state(specimen).scene.law == "spring_dashpot" and read_state(specimen).engine == "fused"
 
 
-def test_a_specimen_that_is_there_is_not_made_again(labkit_command, tmp_path):
-    """The name of a file that nobody chose is that of its parameters."""
+def test_an_existing_specimen_is_not_made_again(labkit_command, tmp_path):
+    """The default name of a file is built from its parameters."""
     words = ("specimen", "--void-ratio", 0.67, "--settings", "quick", "--grains", 150, "--engine", "fused")
     assert labkit_command(*words, cwd=tmp_path, environment=BARE).returncode == 0
     (file,) = tmp_path.iterdir()
@@ -95,14 +95,14 @@ def test_a_specimen_that_is_there_is_not_made_again(labkit_command, tmp_path):
     before = file.read_bytes()
     for more in ((), ("-o", file.name), ("--step1-friction", "0.15", "--law", "yade")):
         again = labkit_command(*words, *more, cwd=tmp_path, environment=BARE)
-        assert again.returncode == 0 and again.stdout == f"{file.name}: holds this specimen already, nothing to do\n"
+        assert again.returncode == 0 and again.stdout == f"{file.name}: already holds this specimen, nothing to do\n"
     assert file.read_bytes() == before and list(tmp_path.iterdir()) == [file]
     other = labkit_command(*words, "--seed", 2, "-o", file.name, cwd=tmp_path, environment=BARE)
     assert other.returncode == 0 and "nothing to do" not in other.stdout and read_state(file).seed == 2
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_leaves_a_checkpoint_from_which_the_same_command_goes_on(number, specimen, labkit_command, tmp_path):
+def test_after_a_signal_the_same_command_resumes_from_the_checkpoint(number, specimen, labkit_command, tmp_path):
     file = tmp_path / "r.run.nc"
     words = [sys.executable, "-m", "labkit.cli", "run", "cv", str(specimen), *map(str, RUN), "-o", str(file)]
     child = subprocess.Popen(words, env=BARE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -110,15 +110,17 @@ def test_a_signal_leaves_a_checkpoint_from_which_the_same_command_goes_on(number
         if file.exists() and not line.startswith("cv:   0%"):
             child.send_signal(number)
             break
-    _, said = child.communicate()
+    _, stderr = child.communicate()
     assert child.returncode == 128 + number
-    assert said == f"labkit: stopped by signal {number}; {file} is saved, the same command goes on from there\n"
+    announced, stopped = stderr.splitlines()
+    assert announced.startswith("cv: fused, ")
+    assert stopped == f"labkit: stopped by signal {number}; {file} is saved: give the same command to resume it"
     with netCDF4.Dataset(file) as run:
         assert run.complete == 0 and 1 <= len(run["time"]) < 21
     done = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
     assert done.returncode == 0 and f"{file}: complete\n" in done.stdout, done.stderr
     again = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)
-    assert again.returncode == 0 and f"{file}: was complete already, nothing to do\n" in again.stdout
+    assert again.returncode == 0 and f"{file}: was already complete, nothing to do\n" in again.stdout
     assert list(tmp_path.iterdir()) == [file]
     with netCDF4.Dataset(file) as run:
         assert run.complete == 1 and len(run["time"]) == 21

@@ -1,9 +1,10 @@
-"""Names of files that nobody chose: those of version 0.1.0, so that the same command finds its file again."""
+"""Default names of files: those of version 0.1.0, so that the same command finds its file again."""
 
 import pytest
 
+from labkit.cli.naming import consolidated_name, run_name
 from labkit.cli.parser import Parser
-from labkit.cli.simulate import run_name, run_options, specimen_options, specimen_task
+from labkit.cli.simulate import run_options, specimen_options, specimen_task
 from labkit.dem.paths import PATHS
 
 SPECIMENS = {
@@ -16,7 +17,7 @@ SPECIMENS = {
     "--void-ratio 0.67 --settings reference": "e0.67_f0.15_r0.1_l0.004_s1_t0.1",
     "--void-ratio 0.67 --step1-friction 0.3 --step1-rolling-friction 0.05 --grains 1000": "e0.67_f0.3_r0.05_n1000_s1",
     "--void-ratio 0.67 --settings quick --grains 700 --time-step-factor 0.1": "e0.67_f0.15_r0.1_n700_s1_t0.1",
-    # what came later
+    # since version 0.1.0
     "--void-ratio 0.67 --law yade": "e0.67_f0.15_r0.1_l0.004_s1",
     "--void-ratio 0.67 --law paper --engine fused": "e0.67_f0.15_r0.1_l0.004_s1_spring_dashpot",
     "--void-ratio 0.67 --friction 0.5 --rolling-friction 0": "e0.67_f0.15_r0.1_l0.004_s1_mu0.5_mur0",
@@ -34,7 +35,7 @@ RUNS = {
     "cyclic_cp --pressure 0.5e6 --reversals 0.01,-0.01,0.02": "s_cyclic_cp_p500kPa_c0.01_-0.01_0.02",
     "cyclic_cp --reversals=-0.01,0.01 --rate 5": "s_cyclic_cp_r5_c-0.01_0.01",
     "cv --record-strain 1e-4 --snapshots 3 --threads 2 --engine fused": "s_cv",
-    # what came later
+    # since version 0.1.0
     "cp --pressure 0.5MPa --strain 10%": "s_cp_p500kPa_e0.1",
     "cv --law paper --friction 0.30": "s_cv_mu0.3_spring_dashpot",
 }
@@ -48,9 +49,13 @@ def test_names_of_specimens(words):
 
 
 @pytest.mark.parametrize("words", RUNS)
-def test_names_of_runs_lie_beside_their_specimens(words):
+def test_names_of_runs_in_the_folders_of_their_specimens(words):
     parser = Parser()
     run_options(parser)
     path, *more = words.split()
     options = parser.parse_args([path, "some/s.state.nc", *more])
     assert run_name(options, PATHS[path]) == f"some/{RUNS[words]}.run.nc"
+
+
+def test_names_of_consolidated_specimens():
+    assert consolidated_name("some/s.state.nc", 0.5e6) == "some/s_p500kPa.state.nc"

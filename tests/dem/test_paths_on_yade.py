@@ -1,4 +1,4 @@
-"""Every path on real YADE with a small specimen: what it holds, where it turns, when it stops."""
+"""Every path on real YADE with a small specimen: controlled stresses, reversals, early stops."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def path_run(request, tmp_path_factory, specimen_file, labkit_command):
     return request.param, labkit.open_run(file)
 
 
-def test_the_path_does_what_it_says(path_run):
+def test_the_path_follows_its_strains_and_stops(path_run):
     name, run = path_run
     strain = run["strain"].values
     pressure = run.lab.mean_stress().values
@@ -44,13 +44,13 @@ def test_the_path_does_what_it_says(path_run):
         assert np.isclose(axial[-1], 0.004, atol=1e-5)
 
 
-def test_the_path_holds_what_it_must(path_run):
+def test_the_path_holds_its_stresses(path_run):
     _, run = path_run
     held = [f for f in findings(run) if f.name.startswith("held:")]
     assert held and all(f.holds for f in held), [str(f) for f in held]
 
 
-def test_the_test_starts_isotropic_at_its_pressure(path_run):
+def test_a_test_starts_isotropic_at_its_pressure(path_run):
     name, run = path_run
     if name in ("cr", "cp", "cyclic_cp"):
         np.testing.assert_allclose(np.diag(run["stress"][0]), 0.5e6, rtol=2e-3)
@@ -59,10 +59,10 @@ def test_the_test_starts_isotropic_at_its_pressure(path_run):
 def test_consolidation_reaches_its_pressure(tmp_path, specimen_file, labkit_command):
     file = tmp_path / "c.state.nc"
     done = labkit_command("consolidate", specimen_file, "--pressure", 0.4e6, "-o", file)
-    assert done.returncode == 0 and "pressure off by 0.0" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0 and "deviation from the pressure 0.0" in done.stdout, done.stdout + done.stderr
 
 
-def test_a_run_says_where_it_left_the_limits(tmp_path, specimen_file, labkit_command):
+def test_a_run_reports_the_limits_that_it_exceeds(tmp_path, specimen_file, labkit_command):
     file = tmp_path / "fast.run.nc"
     done = labkit_command("run", "cv", specimen_file, "--rate", 100, "--strain", 0.005, "-o", file)
     assert done.returncode == 0 and "inertial number above 0.0003 at" in done.stdout, done.stdout + done.stderr

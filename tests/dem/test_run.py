@@ -14,7 +14,7 @@ def run(run_file):
     return labkit.open_run(run_file)
 
 
-def test_a_run_file_has_the_contracts_names_units_and_attributes(run_file):
+def test_a_run_file_has_the_documented_names_units_and_attributes(run_file):
     root = (
         "axial_strain strain cell volume stress stress_sff void_ratio void_ratio_nominal coordination_number "
         "contact_anisotropy mean_normalised_force normal_force_anisotropy mobilisation inertial_number "
@@ -61,7 +61,7 @@ def test_stored_stresses_are_recomputed_from_stored_contacts(run):
     )
 
 
-def test_the_accessor_gives_labelled_data(run):
+def test_the_accessor_returns_labelled_data(run):
     love = run.lab.love_stress()
     assert love.dims == ("snapshot", "i", "j") and love.attrs["units"] == "Pa"
     assert "axial_strain" in love.coords
@@ -73,7 +73,7 @@ def test_the_accessor_gives_labelled_data(run):
 
 
 def test_verification_of_a_small_specimen(run):
-    """500 grains are too few for C0 within 2 %: the other checks hold, and C0 stays near."""
+    """500 grains are too few for C0 to agree within 2 %: the other checks pass, and C0 is close."""
     found = {f.name: f for f in findings(run)}
     assert all(f.holds for name, f in found.items() if f.decides and "C0" not in name)
     assert next(f for name, f in found.items() if "C0" in name).value < 0.06
@@ -82,14 +82,20 @@ def test_verification_of_a_small_specimen(run):
 def test_a_finished_run_is_not_run_again(labkit_command, specimen_file, run_file):
     before = run_file.read_bytes()
     done = labkit_command("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", run_file)
-    assert done.returncode == 0 and "complete already" in done.stdout
+    assert done.returncode == 0 and "already complete" in done.stdout
     assert run_file.read_bytes() == before
 
 
-def test_a_run_file_with_another_run_is_left_alone(labkit_command, specimen_file, run_file):
+def test_a_run_file_with_another_run_is_left_alone_and_only_the_differences_are_named(
+    labkit_command, specimen_file, run_file
+):
     before = run_file.read_bytes()
     done = labkit_command("run", "cv", specimen_file, "--strain", 0.03, "-o", run_file)
-    assert done.returncode == 2 and "another run" in done.stderr
+    difference = "strain is 0.02 in the file, 0.03 here; snapshots is 5 in the file, 20 here"
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+    assert (
+        f"holds another run ({difference}): choose another file, or give the same options to resume it" in done.stderr
+    )
     assert run_file.read_bytes() == before
 
 

@@ -57,5 +57,7 @@ def test_rates_are_limited():
 def test_the_axial_rate_is_not_the_servos():
     path = make_path("cr", {"pressure": 0.5e6})
     for sign in (1.0, -1.0):
-        L = servo.velocity_gradient(path, path.control(), sign, 1e-7, np.zeros((3, 3)), np.eye(3) * 1e7, np.zeros((3, 3)))
+        L = servo.velocity_gradient(
+            path, path.control(), sign, 1e-7, np.zeros((3, 3)), np.eye(3) * 1e7, np.zeros((3, 3))
+        )
         assert np.isclose(-np.log1p(L[2, 2] * 1e-7) / 1e-7, sign * path.rate)

@@ -1,4 +1,4 @@
-"""The engine fused against YADE, against closed forms and against an independent integration."""
+"""The fused engine against YADE, closed-form solutions and an independent integration."""
 
 import dataclasses
 import subprocess
@@ -18,6 +18,7 @@ from labkit.dem.specimen import Recipe, make_specimen
 from labkit.dem.state import State, grains_in_cell, read_state, write_state
 from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
+from labkit.engines.threads import ThreadChoice, report
 from labkit.errors import InputError, PhysicsError
 from labkit.io.schema import STATE
 from labkit.micro.snapshot import contacts_per_grain
@@ -33,7 +34,7 @@ def shear(state, rate=10.0):
 
 @pytest.fixture(scope="module", params=LAWS)
 def specimen(request):
-    """About 1,100 grains at rest, of each law, made by the engine itself."""
+    """About 1,100 grains at rest for each contact law, made by the engine itself."""
     return make_specimen(Scene(law=request.param), Recipe(0.67, 0.15, grains=1100), FUSED)
 
 
@@ -72,34 +73,34 @@ def after(state, steps, gradient=STILL):
 
 
 @pytest.fixture(scope="module")
-def beside_yade(yade_specimen, in_yade, tmp_path_factory):
-    """(gradient, states of YADE after COUNTS steps, the same with the grains in reverse order)."""
-    folder = tmp_path_factory.mktemp("beside")
+def yade_results(yade_specimen, in_yade, tmp_path_factory):
+    """Velocity gradient, YADE's states and stresses after COUNTS steps, and those for the reverse order of grains."""
+    folder = tmp_path_factory.mktemp("yade_results")
     gradient = shear(yade_specimen)
     order = np.arange(yade_specimen.number_of_grains)[::-1]
-    found = []
+    results = []
     for name, by in (("given", order[::-1]), ("reverse", order)):
-        turned = yade_specimen.replace(
+        sorted_specimen = yade_specimen.replace(
             radius=yade_specimen.radius[by],
             position=yade_specimen.position[by],
             velocity=yade_specimen.velocity[by],
             angular_velocity=yade_specimen.angular_velocity[by],
             contact_grain=np.argsort(by)[yade_specimen.contact_grain].astype(np.int32),
         )
-        write_state(folder / f"{name}.state.nc", turned)
+        write_state(folder / f"{name}.state.nc", sorted_specimen)
         numbers = ",".join(repr(float(x)) for x in gradient.ravel())
         result = in_yade("advance.py", folder / f"{name}.state.nc", ",".join(map(str, COUNTS)), numbers)
-        found.append(
+        results.append(
             [(read_state(file), np.array(s)) for file, s in zip(result["files"], result["stress"], strict=True)]
         )
-    return gradient, *found
+    return gradient, *results
 
 
 COUNTS = (1, 100, 2000)
 
 
-def test_after_one_step_the_forces_are_yades(yade_specimen, beside_yade):
-    gradient, given, _ = beside_yade
+def test_after_one_step_the_forces_are_yades(yade_specimen, yade_results):
+    gradient, given, _ = yade_results
     engine = FusedEngine(yade_specimen)
     engine.advance(1, gradient)
     ours, (yades, stress) = engine.state(), given[0]
@@ -114,11 +115,12 @@ def test_after_one_step_the_forces_are_yades(yade_specimen, beside_yade):
     assert np.abs(engine.stress() - stress).max() < 1e-12 * np.abs(stress).max()
 
 
-def test_after_2000_steps_positions_and_stress_are_yades(yade_specimen, beside_yade):
-    """Rounding grows in a specimen in which contacts open and slide: YADE with its grains in another order is the
-    measure of how much. Ours is below 1e-8 D, or no further from YADE than YADE is from itself.
+def test_after_2000_steps_positions_and_stress_are_yades(yade_specimen, yade_results):
+    """The difference is below 1e-8 D, or at most ten times that of YADE with its grains in another order.
+
+    Rounding errors grow in a specimen whose contacts open and slide, in YADE too.
     """
-    gradient, given, reverse = beside_yade
+    gradient, given, reverse = yade_results
     diameter = 2 * yade_specimen.radius.mean()
     engine, done = FusedEngine(yade_specimen), 0
     for count, (yades, stress), (other, other_stress) in zip(COUNTS, given, reverse, strict=True):
@@ -131,17 +133,17 @@ def test_after_2000_steps_positions_and_stress_are_yades(yade_specimen, beside_y
         assert np.abs(engine.stress() - stress).max() / np.abs(stress).max() < max(1e-8, 10 * own)
 
 
-def test_work_and_losses_are_yades(yade_specimen, beside_yade):
-    gradient, given, _ = beside_yade
+def test_work_and_losses_are_yades(yade_specimen, yade_results):
+    gradient, given, _ = yade_results
     ours = after(yade_specimen, 2000, gradient).ledger
     yades = given[-1][0].ledger
-    assert np.isclose(ours.cell_work, yades.cell_work, rtol=1e-3)  # YADE's is a trapezium over 50 steps
+    assert np.isclose(ours.cell_work, yades.cell_work, rtol=1e-3)  # YADE's is a trapezoidal sum over 50 steps
     for name in ("friction_loss", "rolling_loss", "damping_loss"):
         assert np.isclose(getattr(ours, name), getattr(yades, name), rtol=1e-2), name
 
 
-def test_a_state_goes_from_yade_to_fused_and_back_without_a_jump(yade_specimen, beside_yade, in_yade, tmp_path):
-    gradient, given, _ = beside_yade
+def test_a_state_passes_from_yade_to_fused_and_back_without_a_jump(yade_specimen, yade_results, in_yade, tmp_path):
+    gradient, given, _ = yade_results
     (half, stress), (_, end_stress) = given[1], given[2]
     engine = FusedEngine(half)
     assert np.abs(engine.stress() - stress).max() < 1e-12 * np.abs(stress).max()
@@ -153,10 +155,10 @@ def test_a_state_goes_from_yade_to_fused_and_back_without_a_jump(yade_specimen, 
     assert np.abs(end_stress - result["stress"][1]).max() < 1e-6 * np.abs(stress).max()
 
 
-# --- the laws ---------------------------------------------------------------------------------------------------
+# --- contact laws -----------------------------------------------------------------------------------------------
 
 
-def test_restitution_of_a_head_on_pair_is_that_of_its_dashpots():
+def test_restitution_of_a_head_on_collision_follows_from_the_dashpots():
     for beta, expected in ((0.2, 0.527), (0.05, np.exp(-np.pi * 0.05 / np.sqrt(1 - 0.05**2)))):
         scene = Scene(law="spring_dashpot", beta_n=beta)
         state = after(pair(scene, 2 * R + 1e-9, velocity=(0, 0, -1e-3)), 20000)
@@ -177,15 +179,15 @@ def test_sliding_at_mu_fn(law):
 
 
 def column(scene, radius=(R, R), overlap=0.01):
-    """Two grains in a cell that is as high as they are: each touches the other twice, above and below."""
+    """Two grains in a cell as high as both: they touch twice, above and below."""
     a, b = radius
     distance = (a + b) * (1 - overlap)
     cell = np.diag([20 * R, 20 * R, 2 * distance])
     return pair(scene, distance, radius=radius, cell=cell, time_step=1e-8)
 
 
-def test_two_grains_roll_to_rest_as_their_moments_say():
-    """Equal grains with opposite spins roll without sliding: the spin falls by 2 mu_r r* fn/I in a unit of time."""
+def test_rolling_moments_stop_two_grains():
+    """Equal grains with opposite spins roll without sliding: the spin decreases at the rate 2 mu_r r* fn/I."""
     radius = np.array([R, R])
     scene = Scene(law="spring_dashpot", beta_t=0.0)
     state = column(scene, radius)
@@ -195,24 +197,24 @@ def test_two_grains_roll_to_rest_as_their_moments_say():
     inertia = scene.moment_of_inertia(radius)
     spin = 4e4 * np.array([1.0, -1.0])
     state = state.replace(angular_velocity=np.array([[w, 0.0, 0.0] for w in spin]))
-    rolling, slowed = after(state, 100), after(state, 200)  # by then at the limit
+    rolling, slowed = after(state, 100), after(state, 200)  # at the rolling limit by then
     fall = np.sign(spin) * moment / inertia * 100 * state.time_step
     assert (np.abs(slowed.angular_velocity[:, 0]) > 0.2 * np.abs(spin)).all()
     np.testing.assert_allclose((rolling.angular_velocity - slowed.angular_velocity)[:, 0], fall, rtol=1e-3)
-    assert kinetic_energy(after(state, 4000)) < 0.03 * kinetic_energy(state)  # the springs may still swing
+    assert kinetic_energy(after(state, 4000)) < 0.03 * kinetic_energy(state)  # the springs may still oscillate
 
 
-def test_the_moment_is_bounded_by_r_star():
+def test_the_rolling_moment_limit_of_each_law():
     radius = np.array([1.2 * R, 0.8 * R])
     arms = {"spring_dashpot": 0.1 * radius.prod() / radius.sum(), "rolling_resistance": 0.05 * radius.min()}
     for law, arm in arms.items():
         state = column(Scene(law=law), radius).replace(angular_velocity=np.array([[4e4, 0, 0], [-4e4, 0, 0]]))
         state = after(state, 30)
-        found = np.linalg.norm(state.rolling_moment, axis=1)
-        np.testing.assert_allclose(found, arm * state.snapshot().contacts.normal_force, rtol=1e-12)
+        moment = np.linalg.norm(state.rolling_moment, axis=1)
+        np.testing.assert_allclose(moment, arm * state.snapshot().contacts.normal_force, rtol=1e-12)
 
 
-def test_no_tension_and_no_memory_of_a_contact_that_has_opened():
+def test_an_opened_contact_has_no_tension_and_loses_its_history():
     scene = Scene(law="spring_dashpot")
     apart = after(pair(scene, 0.999 * 2 * R, velocity=(0.3, 0, 1.0)), 2000)
     assert len(apart.contact_grain) == 0
@@ -221,8 +223,10 @@ def test_no_tension_and_no_memory_of_a_contact_that_has_opened():
 
 
 def orbit(state, gradient, time, kt=None):
-    """Position of both grains and tangential force in the plane of x and z, after solve_ivp: an independent form of
-    Eqs. 1-3 for two grains, with the force along the tangent as a scalar. state: no friction limit is reached.
+    """Integrate Eqs. 1-3 for two grains with solve_ivp; an independent formulation in the x-z plane.
+
+    Returns the final vector of `rates`: positions, velocities relative to the mean field, spins, tangential force as a
+    scalar, branch. The friction limit must not be reached.
     """
     scene, radius = state.scene, state.radius
     kn = scene.normal_stiffness(*radius)
@@ -285,7 +289,7 @@ SLIDE = np.array([[0.0, 0.0, 40.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # dvx/dz
 
 
 def across_the_boundary(gradient, time_step, gap=0.03):
-    """Two unequal grains, `gap` R apart, that meet across the upper side of a skewed cell, spinning."""
+    """Two unequal spinning grains, `gap` R apart, that meet across the upper side of a skewed cell."""
     cell = np.diag([16 * R, 16 * R, 16 * R]) + np.array([[0, 0, 3 * R], [0, 0, 0], [0, 0, 0]])
     offset = (2.0 + gap) * R * np.array([0.45, 0.0, 0.893])
     position = np.array([cell[:, 2] * 0.97, cell[:, 2] * -0.03 + offset])
@@ -303,17 +307,18 @@ def test_a_collision_across_the_boundary_of_a_sheared_cell():
     time, steps = 1.0e-5, 10_000
     state = across_the_boundary(SLIDE, time / steps)
     smooth = dataclasses.replace(ELASTIC, friction=1e-15)
-    found = after(state.replace(scene=smooth), steps, SLIDE)
+    end = after(state.replace(scene=smooth), steps, SLIDE)
     exact = orbit(state, SLIDE, time, kt=0.0)
-    assert len(found.contact_grain) == 0
-    assert np.linalg.norm(found.velocity - state.velocity, axis=1).min() > 0.5
-    np.testing.assert_allclose(found.position.ravel(), exact[:6], atol=1e-6 * R)
+    assert len(end.contact_grain) == 0
+    assert np.linalg.norm(end.velocity - state.velocity, axis=1).min() > 0.5
+    np.testing.assert_allclose(end.position.ravel(), exact[:6], atol=1e-6 * R)
 
 
 @pytest.mark.parametrize("gradient", [STILL, SLIDE], ids=["held", "sheared"])
 def test_an_elastic_orbit_converges_with_the_square_of_the_time_step(gradient):
-    """From one overlap to another, with tangential spring and spins. (A contact that is born within a step counts
-    from the end of the step before, which is of first order in dt.)
+    """With tangential spring and spins; the grains overlap throughout.
+
+    (A contact that forms during a step is counted from the end of the previous step, a first-order error in dt.)
     """
     time = 8e-7
     errors = {"position": [], "tangential force": []}
@@ -322,9 +327,9 @@ def test_an_elastic_orbit_converges_with_the_square_of_the_time_step(gradient):
         state = across_the_boundary(gradient, time / steps, gap=-0.005)
         scene, contact = state.scene, after(state, 0).snapshot().contacts
         pull = np.array([1.0, -1.0])[:, None] * contact.force_on_first() / scene.mass(state.radius)[:, None]
-        found = after(state.replace(velocity=state.velocity - 0.5 * state.time_step * pull), steps, gradient)
-        errors["position"].append(np.abs(found.position.ravel() - exact[:6]).max())
-        errors["tangential force"].append(abs(np.linalg.norm(found.tangential_force[0]) - abs(exact[14])))
+        end = after(state.replace(velocity=state.velocity - 0.5 * state.time_step * pull), steps, gradient)
+        errors["position"].append(np.abs(end.position.ravel() - exact[:6]).max())
+        errors["tangential force"].append(abs(np.linalg.norm(end.tangential_force[0]) - abs(exact[14])))
     assert abs(exact[14]) > 1e-4
     assert errors["position"][-1] < 1e-7 * R and errors["tangential force"][-1] < 1e-4 * abs(exact[14])
     for values in errors.values():
@@ -356,12 +361,12 @@ def test_the_energy_balance_of_a_shear_test_closes(specimen):
     ledger = end.ledger
     assert ledger.cell_work > 3 * ledger.start
     assert ledger.friction_loss > 0.1 * ledger.cell_work and ledger.rolling_loss > 0.0 and ledger.damping_loss > 0.0
-    # YADE's factor against ratcheting, up to 1 % of the tangential work, is no part of a mechanical balance
+    # YADE's anti-ratcheting factor, up to 1 % of the tangential work, is not part of a mechanical balance
     assert abs(balance_error(end)) < (0.01 if state.scene.law == "spring_dashpot" else 0.02)
 
 
-def test_the_trap_of_dashpots_is_caught_by_the_balance():
-    """0.41 sqrt(m/k), at which a specimen looks fine, and 0.3, which is stable without dashpots."""
+def test_the_energy_balance_detects_time_steps_that_dashpots_make_unstable():
+    """0.41 sqrt(m/k), at which a specimen looks sound, and 0.3, which is stable without dashpots."""
     scene = Scene(law="spring_dashpot")
     for factor in (0.41, 0.3):
         step = factor * scene.time_unit
@@ -381,20 +386,37 @@ def identical(a, b):
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in STATE) and a.ledger == b.ledger
 
 
-def test_any_number_of_threads_gives_the_same_bits(specimen):
+class Alternating(ThreadChoice):
+    """One and two threads in turn, every seven steps."""
+
+    def steps(self, wanted):
+        return min(wanted, 7)
+
+    def record(self, steps, seconds):
+        self.count = 3 - self.count
+
+
+def test_the_results_are_bit_identical_for_any_number_of_threads(specimen):
     gradient = shear(specimen)
-    # several domains: eight copies of the specimen
-    state = copies(specimen, (2, 2, 2))
+    state = copies(specimen, (2, 2, 2))  # large enough for several domains
     assert state.number_of_grains > 8000
     results = []
-    for threads in (1, 2):
+    for threads, choice in ((1, None), (2, None), (2, Alternating(2))):
         engine = FusedEngine(state, threads)
+        engine._choice = choice or engine._choice
         engine.advance(150, gradient)
         results.append(engine.state())
-    assert identical(*results)
+    assert identical(results[0], results[1]) and identical(results[0], results[2])
 
 
-def test_a_run_through_a_checkpoint_is_the_run_that_is_resumed_from_it(specimen, tmp_path):
+def test_a_small_specimen_uses_one_thread(specimen, caplog):
+    """Threads share domains of 3,000 grains."""
+    report.cache_clear()
+    FusedEngine(specimen, 2).advance(10, shear(specimen))
+    assert "runs on 1 thread, not 2: it can use one thread per 3,000 grains" in caplog.text
+
+
+def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_path):
     gradient = shear(specimen)
     engine = FusedEngine(opened(specimen))
     engine.advance(700, gradient)
@@ -405,7 +427,7 @@ def test_a_run_through_a_checkpoint_is_the_run_that_is_resumed_from_it(specimen,
     assert identical(engine.state(), resumed.state())
 
 
-def test_what_a_scene_leaves_out_is_not_kept():
+def test_unused_history_is_not_stored():
     rows = {}
     for friction, rolling in ((0.0, 0.0), (0.4, 0.0), (0.4, 0.1)):
         scene = Scene(friction=friction, rolling_friction=rolling)
@@ -434,29 +456,29 @@ print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 
 
 def test_more_threads_than_the_computer_has_are_refused(specimen):
-    said = "^threads 10000 are too many for the engine fused here: give at most "
-    with pytest.raises(InputError, match=said) as refused:
+    message = "^threads 10000 are too many for the fused engine here: give at most "
+    with pytest.raises(InputError, match=message) as raised:
         FusedEngine(specimen, 10_000)
-    assert (refused.value.field, refused.value.value) == ("threads", 10_000)
+    assert (raised.value.field, raised.value.value) == ("threads", 10_000)
 
 
 # --- hard cases -------------------------------------------------------------------------------------------------
 
 
 def all_contacts(state: State, reach=2):
-    """Pairs that overlap, by trying all of them in all periods near by: a set of (a, b, shift)."""
+    """Find overlapping pairs by testing every pair in all nearby periods: a set of (a, b, shift)."""
     shifts = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     fraction = np.linalg.solve(state.cell, state.position.T).T
     period = np.floor(fraction).astype(int)
     wrapped = (fraction - period) @ state.cell.T
-    found = set()
+    contacts = set()
     for s in shifts:
         d = wrapped[None, :] + state.cell @ s - wrapped[:, None]
         touching = np.einsum("abi,abi->ab", d, d) <= (state.radius[:, None] + state.radius[None]) ** 2
         for a, b in np.argwhere(touching):
             if a < b:
-                found.add((int(a), int(b), *(int(x) for x in s - period[b] + period[a])))
-    return found
+                contacts.add((int(a), int(b), *(int(x) for x in s - period[b] + period[a])))
+    return contacts
 
 
 def listed(state):
@@ -489,7 +511,7 @@ def test_grains_of_very_different_size():
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_cell_hardly_wider_than_two_grains(law):
-    """Seven grains in a cell 4.1 R wide, against 27 copies of it in a cell of three times its width."""
+    """Seven grains in a cell 4.1 R wide, compared with 27 copies in a cell three times as wide."""
     rng = np.random.default_rng(6)
     scene = Scene(law=law)
     width = 4.1 * R
@@ -515,7 +537,7 @@ def test_a_pair_that_touches_across_two_sides_has_two_contacts():
 
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["compression", "extension"])
 def test_a_strongly_deformed_cell(yade_specimen, direction):
-    """Axial strain of 100 %: neighbours are those that a search among all pairs finds."""
+    """At 100 % axial strain the contacts are those that a test of all pairs finds."""
     rate = 1000.0
     state = opened(yade_specimen)
     gradient = velocity_gradient(ConstantVolume(rate), direction, state.time_step)
@@ -528,7 +550,7 @@ def test_a_strongly_deformed_cell(yade_specimen, direction):
 
 
 def test_grains_that_cross_the_boundary_every_few_steps():
-    """A collision seen from a frame in which the cell is crossed every three steps."""
+    """A collision in a moving frame, in which the grains cross the cell every three steps."""
     cell = np.eye(3) * 6 * R
     slow = pair(ELASTIC, 2.02 * R, velocity=(0.2, 0.0, -1.0), direction=(0.3, 0.1, 1.0), cell=cell, time_step=1e-8)
     common = np.array([2 * R / 1e-8, 0.0, 2 * R / 1e-8])

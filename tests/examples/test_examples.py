@@ -1,14 +1,16 @@
-"""Every file of examples/, end to end: command line, campaign, verify and figure, with no line of labkit changed."""
+"""Every file of examples/, end to end: as a program, on the command line, in a campaign, in verify and as a figure."""
 
+import runpy
+import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
 
 import labkit
+from labkit.dem.state import read_state
 from tests.conftest import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -16,95 +18,121 @@ EXAMPLES = ROOT / "examples"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, labkit_command):
-    """A folder with a specimen of about 500 grains, made with the contact law of the example."""
+    """A folder with a specimen of about 500 grains, prepared with the contact law of the example."""
     folder = tmp_path_factory.mktemp("examples")
-    words = ["specimen", "--void-ratio", 0.6, "--grains", 500, "--law", "linear", "--engine", "fused"]
-    done = labkit_command(*words, "--use", EXAMPLES / "own_law.py", "-o", "s.state.nc", cwd=folder)
+    command = ["specimen", "--void-ratio", 0.6, "--grains", 500, "--law", "linear", "--engine", "fused"]
+    done = labkit_command(*command, "--use", EXAMPLES / "own_law.py", "-o", "s.state.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder
 
 
 def used(*names):
-    return [word for name in names for word in ("--use", EXAMPLES / f"{name}.py")]
+    return [argument for name in names for argument in ("--use", EXAMPLES / f"{name}.py")]
 
 
-def run(folder, labkit_command, *words):
-    done = labkit_command(*words, cwd=folder)
+def run(folder, labkit_command, *arguments):
+    done = labkit_command(*arguments, cwd=folder)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
+def program(name, folder):
+    """Output of an example that is run with Python."""
+    command = [sys.executable, EXAMPLES / f"{name}.py"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 def test_each_is_short_and_all_are_tested():
-    files = sorted(EXAMPLES.glob("own_*.py"))
-    assert [file.stem for file in files] == ["own_engine", "own_law", "own_path", "own_statistic"]
+    files = sorted(EXAMPLES.glob("*.py"))
+    tested = ["first_test", "own_engine", "own_law", "own_material", "own_path", "own_statistic"]
+    assert [file.stem for file in files] == tested
     assert all(len(file.read_text().splitlines()) < 40 for file in files)
 
 
-def test_own_path_holds_the_axial_stress_in_a_run_that_verify_judges(folder, labkit_command):
-    words = ["run", "ca", "s.state.nc", "--pressure", "300kPa", "--strain", 0.03, "--engine", "fused"]
-    run(folder, labkit_command, *words, "-o", "ca.run.nc", *used("own_path", "own_law"))
-    with netCDF4.Dataset(folder / "ca.run.nc") as found:
-        axial, late = found["stress"][:, 2, 2], found["axial_strain"][:] > 0.005
+def test_the_first_test_takes_ten_lines_and_passes_verify(tmp_path):
+    text = (EXAMPLES / "first_test.py").read_text()
+    assert len([line for line in text.splitlines()[1:] if line]) <= 10  # without the docstring
+    output = program("first_test", tmp_path)
+    assert "Run(cp on fused, complete" in output and "C0 against Love" in output
+    assert output.count(" ok\n") > 8 and "FAILED" not in output
+    assert {file.name for file in tmp_path.iterdir()} == {"first_test.png", "first_test.run.nc"}
+
+
+def test_own_material_is_stiffer_and_smoother_than_sand(tmp_path):
+    """In the same geometry stresses scale with E, and at the same stress overlaps scale with 1/E."""
+    output = program("own_material", tmp_path)
+    names = ("mean stress", "mean overlap", "largest stress ratio")
+    lines = {name: line.split()[-2:] for line in output.splitlines() for name in names if line.startswith(name)}
+    ratio = {name: float(beads) / float(sand) for name, (sand, beads) in lines.items()}
+    assert np.isclose(ratio["mean stress"], 0.6 / 0.15, rtol=0.15)
+    assert np.isclose(ratio["mean overlap"], 0.15 / 0.6, rtol=0.15)
+    assert ratio["largest stress ratio"] < 0.7
+
+
+def test_own_material_is_the_same_on_the_command_line(tmp_path, labkit_command):
+    example = runpy.run_path(str(EXAMPLES / "own_material.py"))
+    command = example["__doc__"][example["__doc__"].index("labkit specimen") :]
+    run(tmp_path, labkit_command, *shlex.split(command)[1:])
+    state = read_state(tmp_path / "beads.state.nc")
+    assert state.scene == example["BEADS"]
+    diameter = 2e3 * state.radius[:-2]  # mm; the last two grains complete the solid volume
+    assert 0.6 <= diameter.min() < 0.63 and 0.97 < diameter.max() <= 1.0
+
+
+def test_own_path_holds_the_axial_stress_and_verify_checks_it(folder, labkit_command):
+    command = ["run", "ca", "s.state.nc", "--pressure", "300kPa", "--strain", 0.03, "--engine", "fused"]
+    run(folder, labkit_command, *command, "-o", "ca.run.nc", *used("own_path", "own_law"))
+    with netCDF4.Dataset(folder / "ca.run.nc") as dataset:
+        axial, late = dataset["stress"][:, 2, 2], dataset["axial_strain"][:] > 0.005
         assert np.abs(axial[late] / 300e3 - 1.0).max() < 0.02
-        assert found["stress"][-1, 0, 0] < 0.7 * 300e3  # the radial stress falls
-    said = labkit_command("verify", "ca.run.nc", *used("own_path", "own_law"), cwd=folder).stdout
-    assert "held: axial stress, error RMS" in said and "mean stress, error" not in said
+        assert dataset["stress"][-1, 0, 0] < 0.7 * 300e3  # the radial stress decreases
+    report = labkit_command("verify", "ca.run.nc", *used("own_path", "own_law"), cwd=folder).stdout
+    assert "held: axial stress, error RMS" in report and "mean stress, error" not in report
 
 
-def test_a_run_of_an_own_path_is_read_without_its_file_and_says_what_is_missing(folder, labkit_command):
-    said = labkit_command("verify", "ca.run.nc", *used("own_law"), cwd=folder).stdout
-    assert "path ca is unknown here, give --use FILE" in said
+def test_a_run_of_an_own_path_is_readable_without_its_file(folder, labkit_command):
+    report = labkit_command("verify", "ca.run.nc", *used("own_law"), cwd=folder).stdout
+    assert "path ca is unknown here, give --use FILE" in report
 
 
 def test_own_law_conserves_energy_and_has_no_moments(folder, labkit_command):
-    run(
-        folder,
-        labkit_command,
-        "run",
-        "cv",
-        "s.state.nc",
-        "--strain",
-        0.03,
-        "--engine",
-        "fused",
-        "-o",
-        "law.run.nc",
-        *used("own_law", "own_statistic"),
-    )
-    with netCDF4.Dataset(folder / "law.run.nc") as found:
-        assert np.abs(found["energy_balance_error"][:]).max() < 0.01
-        assert not found["contacts/rolling_moment"][:].any() and found["contacts/tangential_force"][:].any()
-        limit = 0.4 * found["contacts/normal_force"][:] * (1.0 + 1e-9)
-        assert (np.linalg.norm(found["contacts/tangential_force"][:], axis=1) <= limit).all()
+    command = ["run", "cv", "s.state.nc", "--strain", 0.03, "--engine", "fused", "-o", "law.run.nc"]
+    run(folder, labkit_command, *command, *used("own_law", "own_statistic"))
+    with netCDF4.Dataset(folder / "law.run.nc") as dataset:
+        assert np.abs(dataset["energy_balance_error"][:]).max() < 0.01
+        assert not dataset["contacts/rolling_moment"][:].any() and dataset["contacts/tangential_force"][:].any()
+        limit = 0.4 * dataset["contacts/normal_force"][:] * (1.0 + 1e-9)
+        assert (np.linalg.norm(dataset["contacts/tangential_force"][:], axis=1) <= limit).all()
 
 
 def test_own_statistic_is_recorded_verified_and_drawn(folder, labkit_command):
-    with netCDF4.Dataset(folder / "law.run.nc") as found:
-        values = found["sliding_fraction"]
-        assert values.long_name == "share of contacts at the friction limit" and values.units == "1"
+    with netCDF4.Dataset(folder / "law.run.nc") as dataset:
+        values = dataset["sliding_fraction"]
+        assert values.long_name == "fraction of contacts at the friction limit" and values.units == "1"
         assert 0.0 < values[-1] < 1.0
-    said = run(folder, labkit_command, "verify", "law.run.nc", *used("own_law", "own_statistic"))
-    assert "stored sliding_fraction against its contacts" in said
+    report = run(folder, labkit_command, "verify", "law.run.nc", *used("own_law", "own_statistic"))
+    assert "stored sliding_fraction against its contacts" in report
     run(folder, labkit_command, "figure", "records", "law.run.nc", "--variable", "sliding_fraction", *used("own_law"))
     run(folder, labkit_command, "figure", "sliding", "law.run.nc", *used("own_law", "own_statistic"))
     assert (folder / "law.sliding_fraction.png").exists() and (folder / "law.sliding.png").exists()
 
 
 def test_own_engine_is_stiffer_than_grains_that_rearrange(folder, labkit_command):
-    words = ["run", "cv", "s.state.nc", "--strain", 1e-3, "--record-strain", 1e-4]
-    for engine in ("affine", "fused"):
-        own = used("own_engine", "own_law")
-        run(folder, labkit_command, *words, "--engine", engine, "-o", f"{engine}.run.nc", *own)
+    command = ["run", "cv", "s.state.nc", "--strain", 1e-3, "--record-strain", 1e-4]
     q = {}
     for engine in ("affine", "fused"):
-        with netCDF4.Dataset(folder / f"{engine}.run.nc") as found:
-            assert found.engine == engine
-            stress = found["stress"][:]
-            q[engine] = (stress[:, 2, 2] - 0.5 * (stress[:, 0, 0] + stress[:, 1, 1]))[-1]
+        extensions = used("own_engine", "own_law")
+        run(folder, labkit_command, *command, "--engine", engine, "-o", f"{engine}.run.nc", *extensions)
+        with netCDF4.Dataset(folder / f"{engine}.run.nc") as dataset:
+            assert dataset.engine == engine
+            assert np.abs(dataset["energy_balance_error"][:]).max() < 0.01
+            q[engine] = labkit.deviatoric_stress(dataset["stress"][-1])
     assert q["affine"] > 1.2 * q["fused"] > 0.0
 
 
-def test_a_campaign_uses_them(folder, labkit_command):
+def test_a_campaign_uses_all_of_them(folder, labkit_command):
     (folder / "own.yaml").write_text(
         f"use: [{EXAMPLES / 'own_path.py'}, {EXAMPLES / 'own_law.py'}, {EXAMPLES / 'own_statistic.py'}]\n"
         "engine: fused\n"
@@ -114,15 +142,12 @@ def test_a_campaign_uses_them(folder, labkit_command):
     run(folder, labkit_command, "campaign", "own.yaml", "--cores", 1)
     runs = labkit.open_campaign(folder / "own")
     assert list(runs["path"].values) == ["ca"]
-    with netCDF4.Dataset(folder / "own/runs/ca.run.nc") as found:
-        assert "sliding_fraction" in found.variables
+    with netCDF4.Dataset(folder / "own/runs/ca.run.nc") as dataset:
+        assert "sliding_fraction" in dataset.variables
     assert (folder / "own/figures/ca.png").exists()
 
 
-def test_own_path_is_a_program_too(tmp_path):
-    done = subprocess.run(
-        [sys.executable, EXAMPLES / "own_path.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Run(ca on fused, complete" in done.stdout and "held: axial stress, error RMS" in done.stdout
-    assert not list(Path(tmp_path).iterdir())
+def test_own_path_is_also_a_program(tmp_path):
+    output = program("own_path", tmp_path)
+    assert "Run(ca on fused, complete" in output and "held: axial stress, error RMS" in output
+    assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""What the tests of the house read of the source: files, functions, classes, imports."""
+"""Parsed source code for the tests of house rules: files, functions, classes and imports."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ import labkit
 
 ROOT = Path(__file__).resolve().parents[2]
 LABKIT = ROOT / "labkit"
-CONSTRUCTORS = {"__init__", "__post_init__", "__call__"}  # of the dunder methods, those that somebody calls
+CONSTRUCTORS = {"__init__", "__post_init__", "__call__"}  # dunder methods that count as public
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 def files(*folders: str) -> list[Path]:
-    """All Python files of some folders of the repository."""
+    """All Python files in the given folders of the repository."""
     return sorted(file for folder in folders for file in (ROOT / folder).rglob("*.py"))
 
 
 @functools.cache
 def tree(file: Path) -> ast.Module:
-    """The syntax tree of a file."""
+    """Syntax tree of a file."""
     return ast.parse(file.read_text(), str(file))
 
 
 def name_of(file: Path) -> str:
-    """A file as it stands in the repository, for messages and names of tests."""
+    """Path of a file relative to the repository, for messages and names of tests."""
     return str(file.relative_to(ROOT))
 
 
 def is_public(name: str) -> bool:
-    """Whether a function, method or class is for others to use."""
+    """True if a function, method or class is public."""
     return not name.startswith("_") or name in CONSTRUCTORS
 
 
@@ -51,9 +51,15 @@ class Public:
         return f"{name_of(self.file)}:{self.node.lineno} {owner}{self.node.name}"
 
     @property
+    def decorators(self) -> list[str]:
+        """Names of the decorators without arguments; `overload` for `@typing.overload`."""
+        plain = [node for node in self.node.decorator_list if isinstance(node, ast.Name | ast.Attribute)]
+        return [node.id if isinstance(node, ast.Name) else node.attr for node in plain]
+
+    @property
     def documented(self) -> bool:
-        """Whether it has a docstring, its own or that of the method that it overrides."""
-        if ast.get_docstring(self.node) is not None:
+        """True if the node, or a method that it overrides, has a docstring; overloads need none."""
+        if ast.get_docstring(self.node) is not None or "overload" in self.decorators:
             return True
         return self.owner is not None and any(
             ast.get_docstring(method) is not None
@@ -64,20 +70,19 @@ class Public:
 
     @property
     def typed(self) -> bool:
-        """Whether all arguments and the return of a function are annotated."""
+        """True if all arguments and the return value of a function are annotated."""
         if isinstance(self.node, ast.ClassDef):
             return True
-        given = self.node.args
-        arguments = [*given.posonlyargs, *given.args, *given.kwonlyargs]
-        static = any(isinstance(one, ast.Name) and one.id == "staticmethod" for one in self.node.decorator_list)
-        if self.owner is not None and not static:
+        signature = self.node.args
+        arguments = [*signature.posonlyargs, *signature.args, *signature.kwonlyargs]
+        if self.owner is not None and "staticmethod" not in self.decorators:
             arguments = arguments[1:]
-        arguments += [one for one in (given.vararg, given.kwarg) if one is not None]
-        return self.node.returns is not None and all(one.annotation is not None for one in arguments)
+        arguments += [argument for argument in (signature.vararg, signature.kwarg) if argument is not None]
+        return self.node.returns is not None and all(argument.annotation is not None for argument in arguments)
 
 
 def public(*folders: str) -> Iterator[Public]:
-    """Everything public in some folders."""
+    """All public functions, classes and methods in the given folders."""
     for file in files(*folders):
         for node in tree(file).body:
             if isinstance(node, Function | ast.ClassDef) and is_public(node.name):
@@ -87,18 +92,18 @@ def public(*folders: str) -> Iterator[Public]:
 
 
 def methods(node: ast.ClassDef) -> list[Function]:
-    """The methods that a class defines itself."""
-    return [one for one in node.body if isinstance(one, Function)]
+    """Methods defined in the body of a class."""
+    return [member for member in node.body if isinstance(member, Function)]
 
 
 @functools.cache
 def classes() -> dict[str, ast.ClassDef]:
-    """Name -> class, of all classes at module level in labkit."""
+    """All classes at module level in labkit, name -> node."""
     return {node.name: node for file in files("labkit") for node in tree(file).body if isinstance(node, ast.ClassDef)}
 
 
 def ancestors(node: ast.ClassDef) -> Iterator[ast.ClassDef]:
-    """The classes of labkit that a class inherits from, nearest first."""
+    """Base classes of a class that are defined in labkit, nearest first."""
     for base in node.bases:
         known = classes().get(base.id) if isinstance(base, ast.Name) else None
         if known is not None:
@@ -107,27 +112,27 @@ def ancestors(node: ast.ClassDef) -> Iterator[ast.ClassDef]:
 
 
 def functions(file: Path) -> Iterator[Function]:
-    """All functions of a file, nested and private ones too."""
+    """All functions of a file, including nested and private ones."""
     return (node for node in ast.walk(tree(file)) if isinstance(node, Function))
 
 
 def imports(file: Path) -> Iterator[tuple[int, str]]:
-    """(line, module) of every import of a file, those inside functions too, but not those for type checkers.
+    """(line, module) of every import of a file, including imports inside functions, but not those for type checkers.
 
-    What is taken from the front door, `labkit.open_run`, counts as an import of the module that has it.
+    A public name such as `labkit.open_run` counts as an import of the module that defines it.
     """
     for node in _running(tree(file)):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{name_of(file)}:{node.lineno}: give the whole name of the module"
+            assert node.level == 0, f"{name_of(file)}:{node.lineno}: use the full name of the module"
             yield from ((node.lineno, _origin(node.module or "", alias.name)) for alias in node.names)
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "labkit":
             yield node.lineno, _origin("labkit", node.attr)
 
 
 def _origin(module: str, name: str) -> str:
-    """The module that `from module import name` loads."""
+    """Name of the module that `from module import name` loads."""
     if module != "labkit":
         return module
     if (LABKIT / name).is_dir() or (LABKIT / f"{name}.py").is_file():
@@ -136,7 +141,7 @@ def _origin(module: str, name: str) -> str:
 
 
 def _running(node: ast.AST) -> Iterator[ast.AST]:
-    """The nodes below a node that are executed: without `if TYPE_CHECKING:`."""
+    """All nodes below a node, without the bodies of `if TYPE_CHECKING:`."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.If) and isinstance(child.test, ast.Name) and child.test.id == "TYPE_CHECKING":
             continue

@@ -1,5 +1,6 @@
-"""The rules of the house: what is public is typed and documented, functions and files are small, no import runs
-upwards, and `import labkit` costs nothing.
+"""House rules: public names are typed and documented, functions and files are short, imports go to lower layers only.
+
+Also, `import labkit` loads no library.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import pytest
 import labkit
 from tests.house.source import LABKIT, ROOT, files, functions, imports, name_of, public
 
-# From the ground up: a room may import itself and what stands before it, and no other room of its own line.
-FLOORS = (
+# Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
+LAYERS = (
     ("errors", "parameters", "extensions", "lazy"),
     ("io",),
     ("micro",),
@@ -29,14 +30,14 @@ FLOORS = (
     ("bench",),
     ("cli",),
 )
-GROUND = 0
-FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
-PACKAGES = [room for room in FLOOR if (LABKIT / room).is_dir()]
+BOTTOM = 0
+LAYER = {package: number for number, packages in enumerate(LAYERS) for package in packages}
+PACKAGES = [package for package in LAYER if (LABKIT / package).is_dir()]
 
 LONGEST_FUNCTION = 80  # lines
 LONGEST_FILE = 350
 
-# Where a heavy library may be imported. A plain `numba` in other rooms would end in YADE's interpreter, which lacks it.
+# Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
     "numba": ("engines/kernel", "engines/fused.py", "model", "visuals/render.py", "bench"),
     "llvmlite": ("engines/kernel",),
@@ -44,71 +45,71 @@ ALLOWED = {
 }
 
 
-def room_of(file: Path) -> str:
-    """The room, or the module beside the rooms, that a file of labkit belongs to."""
+def package_of(file: Path) -> str:
+    """The package of labkit that contains a file, or the name of a module directly in labkit/."""
     return file.relative_to(LABKIT).parts[0].removesuffix(".py")
 
 
-def test_every_room_has_its_floor():
-    there = {room_of(file) for file in files("labkit")} - {"__init__"}
-    assert there == set(FLOOR)
+def test_every_package_belongs_to_a_layer():
+    packages = {package_of(file) for file in files("labkit")} - {"__init__"}
+    assert packages == set(LAYER)
 
 
 @pytest.mark.parametrize("folder", ["labkit", "analysis"])
 def test_public_functions_are_typed(folder):
-    assert [str(one) for one in public(folder) if not one.typed] == []
+    assert [str(name) for name in public(folder) if not name.typed] == []
 
 
-def test_what_is_public_is_documented():
-    assert [str(one) for one in public("labkit") if not one.documented] == []
+def test_public_names_are_documented():
+    assert [str(name) for name in public("labkit") if not name.documented] == []
 
 
 @pytest.mark.parametrize("file", files("labkit"), ids=name_of)
-def test_files_say_what_they_are(file):
+def test_files_start_with_a_docstring(file):
     text = file.read_text()
     assert text.startswith('"""')
     assert "from __future__ import annotations" in text or file.name == "__init__.py"
 
 
 @pytest.mark.parametrize("file", files("labkit", "analysis", "yade_scripts", "examples"), ids=name_of)
-def test_functions_and_files_are_small(file):
-    lengths = {f"{one.name}, line {one.lineno}": one.end_lineno - one.lineno + 1 for one in functions(file)}
+def test_functions_and_files_are_short(file):
+    lengths = {f"{node.name}, line {node.lineno}": node.end_lineno - node.lineno + 1 for node in functions(file)}
     assert {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION} == {}
     assert len(file.read_text().splitlines()) <= LONGEST_FILE
 
 
 @pytest.mark.parametrize("file", [file for file in files("labkit") if file.parent != LABKIT], ids=name_of)
-def test_no_import_runs_upwards(file):
-    own = room_of(file)
+def test_imports_go_to_lower_layers_only(file):
+    own = package_of(file)
     for line, module in imports(file):
         package, *rest = module.split(".")
         if package == "labkit" and rest and rest[0] != own:
-            assert FLOOR[rest[0]] < FLOOR[own], f"line {line}: {own} imports {module}"
+            assert LAYER[rest[0]] < LAYER[own], f"line {line}: {own} imports {module}"
 
 
 @pytest.mark.parametrize("file", sorted(LABKIT.glob("*.py")), ids=name_of)
-def test_the_modules_beside_the_rooms_import_no_room(file):
+def test_the_base_modules_import_no_package(file):
     for line, module in imports(file):
         package, *rest = module.split(".")
-        assert package != "labkit" or not rest or FLOOR[rest[0]] == GROUND, f"line {line}: imports {module}"
+        assert package != "labkit" or not rest or LAYER[rest[0]] == BOTTOM, f"line {line}: imports {module}"
 
 
 @pytest.mark.parametrize("library", ALLOWED)
-def test_heavy_libraries_stay_in_their_rooms(library):
+def test_heavy_libraries_are_imported_only_where_allowed(library):
     users = {
         file.relative_to(LABKIT)
         for file in files("labkit")
         for _, module in imports(file)
         if module.split(".")[0] == library
     }
-    allowed = [Path(place) for place in ALLOWED[library]]
-    assert {str(file) for file in users if not any(file.is_relative_to(place) for place in allowed)} == set()
+    allowed = [Path(folder) for folder in ALLOWED[library]]
+    assert {str(file) for file in users if not any(file.is_relative_to(folder) for folder in allowed)} == set()
 
 
-def test_the_laboratory_does_not_import_what_stands_on_it():
+def test_labkit_does_not_import_its_users():
     for file in files("labkit"):
-        known = {module.split(".")[0] for _, module in imports(file)}
-        assert not known & {"analysis", "examples", "tests", "yade_scripts"}, name_of(file)
+        packages = {module.split(".")[0] for _, module in imports(file)}
+        assert not packages & {"analysis", "examples", "tests", "yade_scripts"}, name_of(file)
 
 
 def test_import_labkit_loads_no_library():
@@ -118,7 +119,7 @@ def test_import_labkit_loads_no_library():
     assert done.stdout.strip() == ""
 
 
-@pytest.mark.parametrize("package", ["labkit", *(f"labkit.{room}" for room in PACKAGES)])
+@pytest.mark.parametrize("package", ["labkit", *(f"labkit.{name}" for name in PACKAGES)])
 def test_public_names_resolve(package):
     module = importlib.import_module(package)
     names = getattr(module, "__all__", [])
@@ -127,7 +128,7 @@ def test_public_names_resolve(package):
         getattr(module, name)
 
 
-def test_the_front_door_has_every_name_once():
+def test_labkit_exports_every_name_once():
     assert len(labkit.__all__) == len(set(labkit.__all__))
-    with pytest.raises(AttributeError):
-        labkit.nothing_of_this_name
+    with pytest.raises(AttributeError, match="no attribute 'missing_name'"):
+        _ = labkit.missing_name

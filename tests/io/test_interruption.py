@@ -1,4 +1,4 @@
-"""Kills, signals, a second writer and a full disk, on real runs. LABKIT_KILLS: kills per path (default 1)."""
+"""Kills, signals, a second writer and a full disk during real runs. LABKIT_KILLS: kills per path (default 1)."""
 
 import os
 import random
@@ -45,7 +45,7 @@ def contents(file):
 def wait_for(file, process, seconds=60):
     end = time.monotonic() + seconds
     while not file.exists():
-        assert process.poll() is None and time.monotonic() < end, "the run did not begin"
+        assert process.poll() is None and time.monotonic() < end, "the run did not start"
         time.sleep(0.02)
 
 
@@ -59,23 +59,23 @@ def tiny(tmp_path_factory, labkit_command):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory, tiny):
-    """Makes each uninterrupted run once: path -> (file, seconds)."""
-    made = {}
+    """Function path -> (file, seconds) that runs each path once without interruption."""
+    runs = {}
 
     def make(name):
-        if name not in made:
+        if name not in runs:
             file = tmp_path_factory.mktemp(name) / "r.run.nc"
             begin = time.monotonic()
             code, _, err = finish(start(name, tiny, file))
             assert code == 0, err
-            made[name] = file, time.monotonic() - begin
-        return made[name]
+            runs[name] = file, time.monotonic() - begin
+        return runs[name]
 
     return make
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_killed_runs_end_with_the_same_records_to_the_last_bit(name, tiny, undisturbed, tmp_path):
+def test_a_killed_run_ends_with_bit_identical_records(name, tiny, undisturbed, tmp_path):
     reference, seconds = undisturbed(name)
     file = tmp_path / "r.run.nc"
     chance = random.Random(name)
@@ -91,24 +91,24 @@ def test_killed_runs_end_with_the_same_records_to_the_last_bit(name, tiny, undis
             kills += 1
             process.communicate()
             if file.exists():
-                contents(file)  # whole, whatever the moment
+                contents(file)  # complete and readable at any moment
         else:
             if kills == KILLS:
                 break
-            file.unlink()  # it was done before the kill: once more
+            file.unlink()  # the run ended before the kill: repeat it
     assert kills == KILLS
     code, _, err = finish(start(name, tiny, file))
     assert code == 0, err
     expected, _ = contents(reference)
-    found, complete = contents(file)
+    records, complete = contents(file)
     assert complete == 1
     for variable, values in expected.items():
-        np.testing.assert_array_equal(found[variable], values, err_msg=variable)
+        np.testing.assert_array_equal(records[variable], values, err_msg=variable)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["r.run.nc"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_writes_a_checkpoint_and_the_run_joins_without_a_jump(number, tiny, undisturbed, tmp_path):
+def test_a_signal_writes_a_checkpoint_and_the_resumed_run_is_continuous(number, tiny, undisturbed, tmp_path):
     reference, _ = undisturbed("cp")
     file = tmp_path / "r.run.nc"
     process = start("cp", tiny, file)
@@ -116,17 +116,17 @@ def test_a_signal_writes_a_checkpoint_and_the_run_joins_without_a_jump(number, t
     time.sleep(0.3)
     process.send_signal(number)
     code, _, err = finish(process)
-    assert code == 128 + number and "same command goes on" in err and len(err.strip().splitlines()) == 1
+    assert code == 128 + number and "give the same command to resume it" in err and len(err.strip().splitlines()) == 1
     with netCDF4.Dataset(file) as dataset:
         assert dataset.complete == 0
         assert int(dataset.step) >= 0
     code, _, err = finish(start("cp", tiny, file))
     assert code == 0, err
     expected, _ = contents(reference)
-    found, complete = contents(file)
+    records, complete = contents(file)
     assert complete == 1
-    np.testing.assert_array_equal(found["axial_strain"], expected["axial_strain"])  # none repeated, none missing
-    np.testing.assert_allclose(found["stress"], expected["stress"], rtol=1e-3, atol=500.0)
+    np.testing.assert_array_equal(records["axial_strain"], expected["axial_strain"])  # none repeated, none missing
+    np.testing.assert_allclose(records["stress"], expected["stress"], rtol=1e-3, atol=500.0)
 
 
 def test_a_second_process_on_the_same_file_is_refused(tiny, tmp_path):
@@ -141,24 +141,24 @@ def test_a_second_process_on_the_same_file_is_refused(tiny, tmp_path):
 
 @pytest.fixture
 def small_disk(tmp_path):
-    """A file system of 1.2 MB, or a skip where none can be mounted."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1200k", "labkit", place], capture_output=True).returncode:
-        pytest.skip("needs the right to mount a small file system")
-    yield place
-    subprocess.run(["umount", "-l", place], check=True)
+    """A file system of 1.2 MB; the test is skipped where none can be mounted."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1200k", "labkit", folder], capture_output=True).returncode:
+        pytest.skip("needs permission to mount a small file system")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
 
 
-def test_a_full_disk_is_a_clear_error_and_the_earlier_data_stay(small_disk, tiny, undisturbed):
+def test_a_full_disk_is_reported_and_earlier_data_are_kept(small_disk, tiny, undisturbed):
     file = small_disk / "r.run.nc"
     process = start("cv", tiny, file)
     code, _, err = finish(process)
     assert code == 1 and "could not be saved" in err and len(err.strip().splitlines()) == 1, err
-    found, complete = contents(file)
-    assert complete == 0 and len(found["time"]) >= 1
+    records, complete = contents(file)
+    assert complete == 0 and len(records["time"]) >= 1
     assert [p.name for p in small_disk.iterdir()] == ["r.run.nc"]
-    # elsewhere, with room, it goes on
+    # on a disk with enough space, the run resumes
     moved = small_disk.parent / "r.run.nc"
     shutil.copy(file, moved)
     code, _, err = finish(start("cv", tiny, moved))

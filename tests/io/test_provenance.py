@@ -1,4 +1,4 @@
-"""Where a file comes from: every output says it, and the hashes notice a change."""
+"""Provenance: every output contains it, and the hashes reveal changes."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ KNOWN = ("command", "made", "labkit_version", "commit", "python", "libraries", "
 
 @pytest.fixture
 def folder(tmp_path, labkit_command):
-    """A specimen, a run and a figure, made in one folder by the engine fused."""
+    """A folder with a specimen, a run and a figure, simulated with the fused engine."""
     for words in (
         "specimen --void-ratio 0.606 --step1-friction 0.06 --grains 120 --seed 7 --engine fused -o s.state.nc",
         "consolidate s.state.nc --pressure 0.5e6 --engine fused -o c.state.nc",
@@ -28,7 +28,7 @@ def folder(tmp_path, labkit_command):
     return tmp_path
 
 
-def test_every_output_says_what_made_it_and_a_change_is_noticed(folder, labkit_command):
+def test_every_output_has_its_provenance_and_changes_are_detected(folder, labkit_command):
     inputs = {"s.state.nc": [], "c.state.nc": ["s.state.nc"], "r.run.nc": ["c.state.nc"]}
     drawn = {key: ["r.run.nc"] for key in ("f.png", "f.svg", "t.csv")}
     inputs |= drawn
@@ -48,16 +48,16 @@ def test_every_output_says_what_made_it_and_a_change_is_noticed(folder, labkit_c
     assert done.returncode == 1 and "differs" in done.stdout
     with netCDF4.Dataset(folder / "c.state.nc", "a") as state:
         state["velocity"][0, 0] = 1e-9
-    for name, said in (("c.state.nc", "the data of this file"), ("r.run.nc", "input c.state.nc")):
+    for name, item in (("c.state.nc", "the data of this file"), ("r.run.nc", "input c.state.nc")):
         done = labkit_command("info", name, "--check", cwd=folder)
-        assert done.returncode == 1 and any(said in line and "differs" in line for line in done.stdout.splitlines())
+        assert done.returncode == 1 and any(item in line and "differs" in line for line in done.stdout.splitlines())
     (folder / "c.state.nc").unlink()
     done = labkit_command("info", "r.run.nc", "--check", cwd=folder)
     assert done.returncode == 1 and "missing" in done.stdout
 
 
-def test_the_hash_of_the_data_is_that_of_the_data_alone(folder, labkit_command):
-    """Made again, at another time in another place, it is the same; what the file says of its making is not."""
+def test_the_data_hash_covers_only_the_data(folder, labkit_command):
+    """A specimen that is prepared again has the same data hash, although the provenance in the file differs."""
     (folder / "again").mkdir()
     words = "specimen --void-ratio 0.606 --step1-friction 0.06 --grains 120 --seed 7 --engine fused -o again/s.state.nc"
     assert labkit_command(*words.split(), cwd=folder).returncode == 0
@@ -69,7 +69,7 @@ def test_the_hash_of_the_data_is_that_of_the_data_alone(folder, labkit_command):
     assert hashes["s.state.nc"][1] != hashes["again/s.state.nc"][1]
 
 
-def test_a_file_without_hashes_is_no_success(folder, labkit_command):
+def test_checking_a_file_without_hashes_fails(folder, labkit_command):
     with netCDF4.Dataset(folder / "s.state.nc", "a") as state:
         del state.data_sha256, state.provenance
     done = labkit_command("info", "s.state.nc", cwd=folder)
@@ -78,18 +78,18 @@ def test_a_file_without_hashes_is_no_success(folder, labkit_command):
     assert done.returncode == 2 and "holds no hashes" in done.stderr
 
 
-def test_the_commit_is_that_of_the_checkout_alone(tmp_path):
-    """A copy that somebody keeps in a repository of his own has no commit of labkit."""
+def test_only_a_checkout_of_labkit_has_a_commit(tmp_path):
+    """A copy of labkit inside another repository has no commit of labkit."""
     root = provenance.Path(provenance.__file__).parents[1]
     shutil.copytree(root, tmp_path / "site" / "labkit", ignore=shutil.ignore_patterns("__pycache__"))
     git = ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", "-C", str(tmp_path)]
     for words in (["init", "-q"], ["add", "-A"], ["commit", "-qm", "x"]):
         subprocess.run([*git, *words], check=True)
     code = "import json, labkit.io.provenance as p; print(json.dumps(p.commit()))"
-    for place, expected in (("site", ""), (root.parent, None)):
-        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path / place, capture_output=True, text=True)
-        found = json.loads(done.stdout)
+    for parent, expected in (("site", ""), (root.parent, None)):
+        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path / parent, capture_output=True, text=True)
+        commit = json.loads(done.stdout)
         if expected is not None:
-            assert found == expected
+            assert commit == expected
         elif (root.parent / ".git").exists():
-            assert len(found.removesuffix("+changes")) == 40
+            assert len(commit.removesuffix("+changes")) == 40

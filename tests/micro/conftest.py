@@ -7,7 +7,7 @@ from tests.contact_sets import snapshot_of
 
 @pytest.fixture
 def random_contacts():
-    """Makes a Snapshot of n random contacts between grains of unequal size, in a cell of 1e-9 m3."""
+    """Function that returns a Snapshot of n random contacts between grains of different size, in a cell of 1e-9 m3."""
 
     def make(n, grains=50, seed=0):
         rng = np.random.default_rng(seed)

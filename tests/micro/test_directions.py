@@ -1,4 +1,4 @@
-"""Fits on the sphere against quadrature and against functions with known coefficients."""
+"""Fits on the sphere compared with quadrature and with functions of known coefficients."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def random_tensors(seed, second=0.5, fourth=0.3):
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_a_function_on_the_sphere_gets_its_own_coefficients(seed):
+def test_the_coefficients_of_a_known_function_are_recovered(seed):
     B, B4 = random_tensors(seed)
     known = Fit(2.5, B, B4)
     values = 2.5 * (1 + np.einsum("mi,ij,mj->m", n, B, n) + np.einsum("ijkl,mi,mj,mk,ml->m", B4, n, n, n, n))
@@ -50,8 +50,8 @@ def test_a_function_on_the_sphere_gets_its_own_coefficients(seed):
     np.testing.assert_allclose(fit(n, len(n) * weight * values, 2).second, B, atol=1e-12)
 
 
-def test_coefficients_about_an_axis_are_those_of_legendre():
-    """f = 1 + a2 P2 + a4 P4 of the angle to z: B_zz = a2, B4_zzzz = a4, as P2(1) = P4(1) = 1."""
+def test_axisymmetric_coefficients_are_legendre_coefficients():
+    """f = 1 + a2 P2 + a4 P4 with the angle from z: B_zz = a2, B4_zzzz = a4, as P2(1) = P4(1) = 1."""
     a2, a4 = 0.4, -0.15
     values = 1 + a2 * eval_legendre(2, n[:, 2]) + a4 * eval_legendre(4, n[:, 2])
     found = fit(n, len(n) * weight * values, 4)
@@ -62,8 +62,8 @@ def test_coefficients_about_an_axis_are_those_of_legendre():
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000))
-def test_a_mean_over_directions_is_found_though_contacts_crowd_in_some(seed):
-    """Lambda_n(n) and t(n) from rows with the density E_PDF(n): the rows count 1/(1 + n.A n + A4::nnnn)."""
+def test_a_directional_mean_does_not_depend_on_the_density_of_contacts(seed):
+    """Lambda_n(n) and t(n) from rows with the density E_PDF(n), weighted by 1/(1 + n.A n + A4::nnnn)."""
     A, A4 = random_tensors(seed, 0.3, 0.1)
     F, F4 = random_tensors(seed + 1)
     G, _ = random_tensors(seed + 2, 0.2)
@@ -71,7 +71,7 @@ def test_a_mean_over_directions_is_found_though_contacts_crowd_in_some(seed):
     skew = np.random.default_rng(seed).normal(size=(3, 3))
     W = 0.01 * (skew - skew.T)
     density, force = Fit(0.25 / np.pi, A, A4), Fit(0.01, F, F4)
-    crowd = len(n) * weight * density.shape(n)  # the weight of a row stands for how many there are
+    crowd = len(n) * weight * density.shape(n)  # the weight of a row represents the number of contacts
     found = directional_mean(n, crowd * force.at(n), density)
     np.testing.assert_allclose(found.second, F, atol=1e-11)
     np.testing.assert_allclose(found.fourth, F4, atol=1e-11)
@@ -86,7 +86,7 @@ def test_a_mean_over_directions_is_found_though_contacts_crowd_in_some(seed):
 
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets)
-def test_tensors_have_no_trace_and_do_not_care_for_the_sign_of_normals(drawn):
+def test_tensors_are_traceless_and_independent_of_the_sign_of_normals(drawn):
     normal = drawn.contacts.normal
     found, turned = normal_density(normal, 4), normal_density(-normal, 4)
     if len(normal) == 0:

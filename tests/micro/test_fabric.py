@@ -9,7 +9,7 @@ from tests.contact_sets import E, snapshot_of
 
 
 def draw_normals(A, n, rng):
-    """n unit vectors from E(n) = (1 + n.A n)/(4 pi) by rejection."""
+    """Unit vectors (n, 3) drawn from E(n) = (1 + n.A n)/(4 pi) by rejection sampling."""
     top = 1.0 + np.abs(np.linalg.eigvalsh(A)).max()
     kept = np.zeros((0, 3))
     while len(kept) < n:
@@ -20,7 +20,7 @@ def draw_normals(A, n, rng):
 
 
 @pytest.mark.parametrize("A", [np.zeros((3, 3)), [[-0.2, 0.1, 0.05], [0.1, -0.25, 0.0], [0.05, 0.0, 0.45]]])
-def test_a_drawn_anisotropy_is_found_again(A):
+def test_the_anisotropy_of_drawn_normals_is_recovered(A):
     A = np.asarray(A)
     n = 40_000
     found = contact_anisotropy(draw_normals(A, n, np.random.default_rng(1)))
@@ -29,8 +29,8 @@ def test_a_drawn_anisotropy_is_found_again(A):
     assert abs(np.trace(found)) < 1e-12
 
 
-def test_force_anisotropy_of_a_drawn_distribution_is_found_again():
-    """Lambda_n(n) = Lam (1 + n.F n) on normals from A, and tangential forces T n of a known tensor."""
+def test_the_force_anisotropy_of_a_drawn_distribution_is_recovered():
+    """Lambda_n(n) = Lam (1 + n.F n) on normals drawn from A, and tangential forces T n with a known tensor T."""
     A = np.diag([-0.2, -0.25, 0.45])
     F = np.array([[-0.3, 0.1, 0.0], [0.1, -0.4, 0.05], [0.0, 0.05, 0.7]])
     T = np.diag([-0.03, -0.03, 0.06])
@@ -49,7 +49,7 @@ def test_force_anisotropy_of_a_drawn_distribution_is_found_again():
     np.testing.assert_allclose(found.mobilisation, T / 5, atol=0.002)
 
 
-def test_statistics_are_the_sums_over_both_sides_as_the_paper_writes_them(random_contacts):
+def test_statistics_equal_the_sums_over_both_sides_in_the_paper(random_contacts):
     snapshot = random_contacts(300)
     contacts, radius = snapshot.contacts, snapshot.radius
     sides = []

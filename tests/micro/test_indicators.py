@@ -14,8 +14,8 @@ def test_inertial_number_uses_the_euclidean_norm():
     assert indicators.inertial_number(0 * rate, 0.0, 0.17e-3, 2650) == 0.0
 
 
-def test_overlap_and_rattlers_and_balance_of_a_chain():
-    """Three grains in a row: the middle one is balanced, the fourth touches nothing."""
+def test_overlap_rattlers_and_unbalanced_force_of_a_chain():
+    """Three grains in a row, of which the middle one is in equilibrium, and a fourth without contacts."""
     radius = np.array([1.0, 2.0, 1.0, 1.0])
     contacts = Contacts(
         np.array([[0, 1], [1, 2]]),
@@ -33,7 +33,7 @@ def test_overlap_and_rattlers_and_balance_of_a_chain():
     assert np.isclose(indicators.unbalanced_force(chain), (6.0 / 4) / 3.0)
 
 
-def test_nothing_touching_is_no_error():
+def test_grains_without_contacts():
     apart = snapshot_of(np.ones(3))
     assert indicators.overlap_ratio(apart) == 0.0
     assert indicators.rattler_fraction(apart) == 1.0

@@ -17,7 +17,7 @@ from tests.contact_sets import E, contact_sets
 
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets, seed=st.integers(0, 1000))
-def test_two_complementary_networks_are_love(drawn, seed):
+def test_two_complementary_networks_add_up_to_love_stress(drawn, seed):
     side = np.random.default_rng(seed).random((len(drawn.contacts), 2)) < 0.5
     both = network_stress(drawn, side) + network_stress(drawn, ~side)
     love = love_stress(drawn)
@@ -26,7 +26,7 @@ def test_two_complementary_networks_are_love(drawn, seed):
 
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets)
-def test_normalised_force_is_that_below_eq_18_on_either_side(drawn):
+def test_normalised_force_follows_the_definition_below_eq_18(drawn):
     contacts, radius = drawn.contacts, drawn.radius
     found = normalised_force(drawn)
     for c in range(min(len(contacts), 5)):
@@ -52,10 +52,10 @@ def test_strong_sides_are_those_above_the_mean(random_contacts):
     Lambda_n = normalised_normal_force(snapshot)
     assert (Lambda_n[by_normalised] > Lambda_n.mean()).all() and (Lambda_n[~by_normalised] <= Lambda_n.mean()).all()
     np.testing.assert_array_equal(by_force[:, 0], contacts.normal_force > contacts.normal_force.mean())
-    assert (by_normalised[:, 0] != by_normalised[:, 1]).any()  # the two sides of a contact need not agree
+    assert (by_normalised[:, 0] != by_normalised[:, 1]).any()  # the two sides of a contact may differ
 
 
-def test_lives_by_hand():
+def test_lives_of_a_small_example():
     snapshots = [[(0, 1), (1, 2)], [(2, 1), (2, 3)], [(2, 3), (0, 1)]]
     lives = follow([np.array(s) for s in snapshots], 4)
     assert lives.contacts.tolist() == [2, 2, 2]

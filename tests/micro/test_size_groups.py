@@ -1,4 +1,4 @@
-"""Eqs. 13-18: whatever the groups, they add up to Love."""
+"""Eqs. 13-18: the stresses of any groups add up to Love's stress."""
 
 import numpy as np
 import pytest
@@ -13,10 +13,10 @@ from tests.contact_sets import contact_sets, make, snapshot_of
 
 @settings(max_examples=80, deadline=None)
 @given(drawn=contact_sets, groups=st.integers(1, 12), seed=st.integers(0, 1000), by_size=st.booleans())
-def test_both_sums_are_love(drawn, groups, seed, by_size):
+def test_both_sums_equal_love_stress(drawn, groups, seed, by_size):
     if by_size:
         group = groups_by_diameter(drawn, diameter_edges(drawn, groups))
-    else:  # any partition, with groups that are empty
+    else:  # any partition, including empty groups
         group = np.random.default_rng(seed).integers(0, groups, drawn.number_of_grains)
     love = love_stress(drawn)
     found = group_stresses(drawn, group, groups)
@@ -30,7 +30,7 @@ def test_both_sums_are_love(drawn, groups, seed, by_size):
     assert np.isfinite(found.per_volume[found.contacts > 0]).all()
 
 
-def test_grains_of_one_size_have_eq_18_as_printed():
+def test_eq_18_as_printed_holds_for_grains_of_one_size():
     """-Z/(1+e) 1/N_c(k) sum of n (x) 3 lambda'/(pi D^2) f for a group of one diameter."""
     drawn = make(3, 60, 12, 1.0, 0.3)
     contacts, radius, volume = drawn.contacts, drawn.radius, drawn.volume
@@ -60,7 +60,9 @@ def test_the_largest_grain_is_in_the_last_group():
     assert np.bincount(groups_by_diameter(grains, diameter_edges(grains, 5))).tolist() == [2, 2, 2, 2, 3]
 
 
-@pytest.mark.parametrize(("edges", "said"), [([1.0], "ascend"), ([3.0, 1.0], "ascend"), ([1.0, 2.5], "leave grains")])
-def test_edges_that_cannot_be(edges, said):
-    with pytest.raises(InputError, match=said):
+@pytest.mark.parametrize(
+    ("edges", "message"), [([1.0], "ascending"), ([3.0, 1.0], "ascending"), ([1.0, 2.5], "outside the size groups")]
+)
+def test_invalid_edges_are_refused(edges, message):
+    with pytest.raises(InputError, match=message):
         groups_by_diameter(snapshot_of([0.6, 1.4]), edges)

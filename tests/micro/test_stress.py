@@ -8,7 +8,7 @@ from tests.contact_sets import snapshot_of
 
 
 def simple_cubic(n=3, overlap=1e-6, radius=85e-6):
-    """A State of n^3 equal grains on a cubic lattice with all contacts listed."""
+    """A State of n^3 equal grains on a simple cubic lattice, with all contacts."""
     spacing = 2 * radius - overlap
     site = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     state = grains_in_cell(Scene(), np.full(n**3, radius), site * spacing, np.eye(3) * n * spacing)
@@ -25,7 +25,7 @@ def simple_cubic(n=3, overlap=1e-6, radius=85e-6):
     )
 
 
-def test_simple_cubic_crystal_has_its_closed_form():
+def test_the_stress_of_a_simple_cubic_crystal_has_a_closed_form():
     overlap, radius = 1e-6, 85e-6
     state = simple_cubic(3, overlap, radius)
     snapshot = state.snapshot()
@@ -40,7 +40,7 @@ def test_simple_cubic_crystal_has_its_closed_form():
     assert np.isclose(void_ratio(snapshot), lens_free, rtol=1e-9)
 
 
-def test_love_is_the_sum_over_both_sides_as_the_paper_writes_it(random_contacts):
+def test_love_stress_equals_the_sum_over_both_sides_in_the_paper(random_contacts):
     snapshot = random_contacts(200)
     contacts, radius, volume = snapshot.contacts, snapshot.radius, 1e-9
     total = np.zeros((3, 3))
@@ -52,7 +52,7 @@ def test_love_is_the_sum_over_both_sides_as_the_paper_writes_it(random_contacts)
     np.testing.assert_allclose(love_stress(snapshot), -total / volume, rtol=1e-12)
 
 
-def test_no_contacts_carry_no_stress():
+def test_the_stress_is_zero_without_contacts():
     assert np.array_equal(love_stress(snapshot_of(np.ones(4))), np.zeros((3, 3)))
 
 

@@ -6,7 +6,7 @@ from labkit.micro.void_ratio import lens_volume
 
 
 @pytest.mark.parametrize(("a", "b", "delta"), [(1.0, 1.0, 0.1), (1.0, 0.7, 0.05), (1.2, 0.3, 0.4), (1.0, 0.5, 0.9)])
-def test_lens_of_two_unequal_spheres_is_the_integral_of_its_sections(a, b, delta):
+def test_the_lens_of_two_spheres_equals_the_integral_of_its_sections(a, b, delta):
     distance = a + b - delta
 
     def section(x):

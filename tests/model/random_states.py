@@ -38,6 +38,6 @@ def random_state(rng, e=None):
 
 
 def assert_same_rates(found, expected, state, D):
-    """The rates of e, Z and Lambda (3,) but for rounding: each is a sum of terms that may cancel."""
+    """Compare the rates of e, Z and Lambda within rounding, relative to terms that may cancel in their sums."""
     terms = np.linalg.norm(D) * np.array([1.0, state.Z, state.Lam]) + np.abs(expected[:3])
     np.testing.assert_allclose(found[:3] / terms, expected[:3] / terms, rtol=0, atol=1e-12)

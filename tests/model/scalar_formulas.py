@@ -1,4 +1,4 @@
-"""The model for coaxial triaxial states, written down a second time with Table 2's numbers and zz components alone."""
+"""The model for coaxial triaxial states: a second implementation in zz components with the numbers of Table 2."""
 
 import numpy as np
 
@@ -8,22 +8,22 @@ def scalar_rates(e, Z, Lam, a, f, t, axial, radial):
     s = 2 / 3 * (axial - radial)  # deviatoric strain rate, zz
     v = axial + 2 * radial
     rate = np.sqrt(1.5) * abs(s)
-    way = np.sign(s)
-    Lc, Zc = 0.098 * (0.76 - e), 4 + 5.57 * (0.76 - e) ** 0.7
-    fd = np.exp(35 * (Lc - Lam))
-    XA, XF = way * fd * 0.45 - a, way * fd * 0.77 - f
+    sign = np.sign(s)
+    Lam_c, Z_c = 0.098 * (0.76 - e), 4 + 5.57 * (0.76 - e) ** 0.7
+    fd = np.exp(35 * (Lam_c - Lam))
+    XA, XF = sign * fd * 0.45 - a, sign * fd * 0.77 - f
     a_rate = 1.0 / Lam**0.65 * (np.sqrt(1.5) * abs(XA)) ** 0.4 * XA * rate
     f_rate = 0.77 / 0.45 * 1.0 / Lam**0.65 * (np.sqrt(1.5) * abs(XF)) ** 0.2 * XF * rate
-    feZ = 4.96 * np.exp(70 * (Lc - Lam))
+    feZ = 4.96 * np.exp(70 * (Lam_c - Lam))
     if v > 0:
         Zcom = 4 + 7.2 * (0.76 - e) ** 0.7
         fvZ = np.exp(3 * (Zcom - Z)) * 7.2 * 0.7 * (0.76 - e) ** -0.3 * (1 + e)
     else:
         fvZ = 0.3 / Lam
-    Z_rate = feZ * (Zc - Z) * rate + fvZ * v - 0.125 * feZ * np.sqrt(1.5) * abs(a_rate)
-    L_rate = 100 * Lam**0.65 * feZ * (Lc - Lam) * rate + (0.098 if v > 0 else 0.075) * (1 + e) * v
-    t_rate = 100 * (way * 0.045 - t) * rate
-    return np.array([-(1 + e) * v, Z_rate, L_rate, a_rate, f_rate, t_rate])
+    Z_rate = feZ * (Z_c - Z) * rate + fvZ * v - 0.125 * feZ * np.sqrt(1.5) * abs(a_rate)
+    Lam_rate = 100 * Lam**0.65 * feZ * (Lam_c - Lam) * rate + (0.098 if v > 0 else 0.075) * (1 + e) * v
+    t_rate = 100 * (sign * 0.045 - t) * rate
+    return np.array([-(1 + e) * v, Z_rate, Lam_rate, a_rate, f_rate, t_rate])
 
 
 def scalar_stress(e, Z, Lam, a, f, t):

@@ -1,4 +1,4 @@
-"""The driver: the critical state from any start, what each path holds, reversals, and how it gives up."""
+"""The driver: the critical state from any start, the stresses held by each path, reversals, and failures."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from tests.model.random_states import AXIS, deviator, rotation
 from tests.model.scalar_formulas import scalar_rates, scalar_stress
 
 FLAT = Model().reading(beyond_e_cmax="flat")
-LONG = 2.0  # axial strain: Z relaxes over a fifth of it
+LONG = 2.0  # axial strain; Z relaxes over about a fifth of it
 
 
 def critical(e):
@@ -31,7 +31,7 @@ def critical(e):
 
 
 def assert_critical(result):
-    """q/p = 0.93, Z and Lambda on their lines, the tensors at Table 2's values, and no rate left."""
+    """q/p = 0.93, Z and Lambda on their lines, the tensors at Table 2's values, and vanishing rates."""
     end = result.require().state()
     Z, Lam = critical(end.e)
     assert abs(result.q[-1] / result.p[-1] - 0.93) < 0.005
@@ -66,7 +66,7 @@ def test_cr_and_cp_end_at_the_critical_state_from_any_start(e, pressure, Z, name
 @pytest.mark.parametrize("e", [0.60, 0.67, 0.72])
 @pytest.mark.parametrize("name", ["cv", "cr", "cp"])
 def test_the_critical_state_is_a_fixed_point(model, name, e):
-    """A start at the critical state stays there: no strain changes it."""
+    """A state that starts at the critical state stays there under any strain."""
     Z, Lam = critical(e)
     start = ModelState(e, Z, Lam, 0.45 * AXIS, 0.77 * AXIS, 0.045 * AXIS)
     stress = start.stress()
@@ -79,7 +79,7 @@ def test_the_critical_state_is_a_fixed_point(model, name, e):
 
 @pytest.mark.parametrize("name", ["cv", "oedometer", "isoc", "cp"])
 def test_a_whole_run_equals_the_scalar_formulas(model, name):
-    """Integrated by scipy, the free radial rate of CP by a root of dp/dt = 0; down to the stress."""
+    """Integrated by scipy, with the free radial rate of CP from dp/dt = 0; statistics and stress agree."""
     start = isotropic_state(model, 0.67, 0.5e6)
     result = drive(model, model_path(name, 0.5e6, strain=0.02), start, 0.005, Adaptive(1e-10)).require()
 
@@ -111,10 +111,10 @@ def test_isotropic_paths_leave_the_tensors_alone_and_follow_eq_32(model):
     rng = np.random.default_rng(1)
     start = isotropic_state(model, 0.67, 0.5e6)
     start = ModelState(start.e, start.Z, start.Lam, deviator(rng, 0.2), deviator(rng, 0.3), deviator(rng, 0.02))
-    for name, way, slope in (("isoc", 1, 0.098), ("isod", -1, 0.075)):
+    for name, sign, slope in (("isoc", 1, 0.098), ("isod", -1, 0.075)):
         result = drive(model, model_path(name, 0.5e6), start).require()
         assert np.ptp(result.vector[:, 3:21], axis=0).max() == 0.0
-        assert (way * np.diff(result.Z) > 0).all() and (way * np.diff(result.p) > 0).all()
+        assert (sign * np.diff(result.Z) > 0).all() and (sign * np.diff(result.p) > 0).all()
         np.testing.assert_allclose(result.Lam, start.Lam + slope * (start.e - result.e), rtol=1e-9)
         np.testing.assert_allclose(1 + result.e, 1.67 * np.exp(-3 * result.axial_strain), rtol=1e-9)
 
@@ -125,7 +125,7 @@ def test_isotropic_paths_stop_at_their_pressure(model):
     assert np.isclose(drive(model, model_path("isod", 0.5e6, 1e5), start).p[-1], 1e5, rtol=1e-6)
 
 
-def test_cyclic_cp_turns_where_it_must_and_holds_the_mean_stress(model):
+def test_cyclic_cp_reverses_at_its_strains_and_holds_the_mean_stress(model):
     result = drive(model, model_path("cyclic_cp", 0.5e6), isotropic_state(model, 0.6, 0.5e6)).require()
     strain = result.axial_strain
     turns = strain[1:-1][np.diff(strain)[1:] * np.diff(strain)[:-1] < 0]
@@ -134,7 +134,7 @@ def test_cyclic_cp_turns_where_it_must_and_holds_the_mean_stress(model):
     assert result.q.min() < -0.3e6 and result.q.max() > 0.3e6
 
 
-def test_oedometer_keeps_the_sides(model):
+def test_oedometer_has_no_lateral_strain(model):
     result = drive(model, Oedometer(), isotropic_state(model, 0.67, 0.5e6)).require()
     assert np.abs(result.strain[:, :2]).max() == 0.0
     assert (np.diff(result.stress[:, 2, 2]) > 0).all()
@@ -142,7 +142,7 @@ def test_oedometer_keeps_the_sides(model):
 
 
 def test_mixed_control_of_a_shear_stress(model):
-    """Simple shear under constant normal stresses: three normal stresses held, eps_xz given."""
+    """Simple shear under constant normal stresses: three normal stresses held, eps_xz prescribed."""
     start = isotropic_state(model, 0.67, 0.5e6)
     shear = np.zeros((3, 3))
     shear[0, 2] = shear[2, 0] = 0.5
@@ -152,11 +152,11 @@ def test_mixed_control_of_a_shear_stress(model):
     np.testing.assert_allclose(result.strain[:, 0, 2], np.linspace(0, 0.25, len(result)), atol=1e-12)
     assert result.stress[-1, 0, 2] > 0.1e6
     end = result.state()
-    assert abs(end.Lam / critical(end.e)[1] - 1) < 0.02  # at another stress path, on the same line
+    assert abs(end.Lam / critical(end.e)[1] - 1) < 0.02  # a different stress path, but the same critical state line
 
 
-def test_a_path_turned_with_its_state_gives_the_turned_stress(model):
-    """Objectivity of a whole path with tensors that are not coaxial with it."""
+def test_a_path_rotated_with_its_state_gives_the_rotated_stress(model):
+    """Objectivity of a complete path with tensors that are not coaxial with it."""
     rng = np.random.default_rng(5)
     Q = rotation(rng)
     A = contact_anisotropy(0.3, 0.7)
@@ -164,7 +164,7 @@ def test_a_path_turned_with_its_state_gives_the_turned_stress(model):
     plain = drive(model, Mixed(AXIS, [], [], [], strain=0.1), start).require()
     turned = drive(model, Mixed(Q @ AXIS @ Q.T, [], [], [], strain=0.1), start.rotated(Q)).require()
     stress = Q @ plain.stress @ Q.T
-    # the size of the steps depends on components, so that this holds to the tolerance of the integrator
+    # the step length depends on components, so that this holds within the tolerance of the integrator
     np.testing.assert_allclose(turned.stress, stress, atol=1e-5 * np.abs(stress).max())
 
 
@@ -185,8 +185,8 @@ def test_lambda_close_to_zero_is_integrated_and_loose_specimens_lose_their_press
     assert loose.p[-1] < 0.03 * 0.5e6 and (np.diff(loose.Lam) < 0).all()
 
 
-def test_contacts_that_vanish_end_the_path_with_their_name(model):
-    """Dilation takes Z to zero before Lambda (Eqs. 31, 32): the path ends before it, and says so."""
+def test_a_path_ends_where_the_contacts_are_lost(model):
+    """Dilation reduces Z to zero before Lambda (Eqs. 31, 32): the path ends there and gives the reason."""
     path = Mixed(-np.eye(3) / 3, [], [], [], strain=0.1)
     result = drive(model, path, isotropic_state(model, 0.62, 0.5e6))
     assert "no contacts left" in result.failure
@@ -195,31 +195,35 @@ def test_contacts_that_vanish_end_the_path_with_their_name(model):
         result.require()
 
 
-def test_compression_until_no_void_is_left_is_said(model):
+def test_a_path_ends_where_no_voids_are_left(model):
     result = drive(model, model_path("isoc", 0.1e6, strain=0.1), isotropic_state(model, 0.05, 0.1e6))
     assert "void ratio falls to zero" in result.failure and 0.0 < result.e[-1] < 1e-6
 
 
-def test_a_stress_out_of_reach_is_said(model):
-    """Far denser than the specimens of the paper, no radial strain keeps the mean stress under axial shear: Lambda
-    grows faster with |rate| than dilation takes it down.
+def test_a_path_ends_where_its_stress_cannot_be_held(model):
+    """In a specimen far denser than those of the paper, no radial strain rate holds the mean stress during shear.
+
+    Lambda grows faster with |rate| than dilation reduces it.
     """
     result = drive(model, model_path("cp", 0.5e6), isotropic_state(model, 0.54, 0.5e6))
-    assert "no strain rate brings the stress" in result.failure
-    shear = Mixed(AXIS, [np.eye(3) / 3], [AXIS], [1e6], strain=0.1)  # q = 1 MPa at p = 0.5 MPa, given the shear rate
-    with pytest.raises(InputError, match="start is off"):
+    assert "no strain rate keeps the stress" in result.failure
+    shear = Mixed(AXIS, [np.eye(3) / 3], [AXIS], [1e6], strain=0.1)  # q = 1 MPa at p = 0.5 MPa
+    with pytest.raises(InputError, match="initial stress differs"):
         drive(model, shear, isotropic_state(model, 0.67, 0.5e6))
 
 
-def test_starts_that_the_path_does_not_hold(model):
+def test_initial_states_that_do_not_fit_the_path(model):
     start = isotropic_state(model, 0.67, 0.5e6)
     for name in ("cr", "cp", "cyclic_cp"):
-        with pytest.raises(InputError, match="start is off"):
+        with pytest.raises(InputError, match="initial stress differs"):
             drive(model, model_path(name, 0.6e6), start)
-    said = "^stop_pressure 600000 stops isod at once, as the start has 500000 Pa: give a stress that it reaches later$"
-    with pytest.raises(InputError, match=said):
+    message = (
+        "^stop_pressure 600000 stops isod immediately, because the initial mean stress is 500000 Pa: "
+        "give a stress reached later on the path$"
+    )
+    with pytest.raises(InputError, match=message):
         drive(model, model_path("isod", 0.5e6, 0.6e6), start)
-    with pytest.raises(InputError, match="contacts with forces"):
+    with pytest.raises(InputError, match="contacts that carry force"):
         drive(model, model_path("cv", 0.5e6), ModelState(0.67, 5.0, 0.0))
 
 
@@ -234,7 +238,7 @@ def test_starts_that_the_path_does_not_hold(model):
         {"free": [np.eye(3)], "measured": [np.eye(3)], "target": [np.nan]},
     ],
 )
-def test_mixed_controls_that_cannot_be(change):
+def test_invalid_mixed_controls(change):
     with pytest.raises(InputError):
         Mixed(**{"strain_rate": np.zeros((3, 3)), "free": [], "measured": [], "target": [], **change})
 

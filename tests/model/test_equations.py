@@ -1,4 +1,4 @@
-"""C1 to C5 against the scalar formulas of coaxial triaxial states, and what must hold for all states."""
+"""C1 to C5 against the scalar formulas of coaxial triaxial states, and properties of all states."""
 
 import numpy as np
 import pytest
@@ -36,14 +36,14 @@ def test_a_coaxial_triaxial_state_follows_the_scalar_formulas(seed):
 @settings(max_examples=40, deadline=None)
 @given(seed=SEEDS)
 def test_objectivity(seed):
-    """What happens does not depend on the axes: rates and stress rates turn with the state and the strain rate."""
+    """Rates and stress rates rotate with the state and the strain rate."""
     rng = np.random.default_rng(seed)
     state, D, Q = random_state(rng), symmetric(rng, 1.0), rotation(rng)
-    plain, turned = state_rate(Model(), state, D), state_rate(Model(), state.rotated(Q), Q @ D @ Q.T)
-    assert_same_rates(turned, plain, state, D)
+    plain, rotated = state_rate(Model(), state, D), state_rate(Model(), state.rotated(Q), Q @ D @ Q.T)
+    assert_same_rates(rotated, plain, state, D)
     for k in (3, 9, 15):
         tensor = Q @ to_tensor(plain[k : k + 6]) @ Q.T
-        np.testing.assert_allclose(to_tensor(turned[k : k + 6]), tensor, atol=1e-12 * np.abs(tensor).max())
+        np.testing.assert_allclose(to_tensor(rotated[k : k + 6]), tensor, atol=1e-12 * np.abs(tensor).max())
     stress = Q @ stress_rate(Model(), state, D) @ Q.T
     found = stress_rate(Model(), state.rotated(Q), Q @ D @ Q.T)
     np.testing.assert_allclose(found, stress, atol=1e-12 * np.abs(stress).max())
@@ -75,18 +75,18 @@ def test_tensors_stay_symmetric_and_deviatoric(seed):
 
 
 @settings(max_examples=20, deadline=None)
-@given(seed=SEEDS, way=st.sampled_from([1.0, -1.0]))
-def test_isotropic_strain_changes_no_tensor_and_gains_or_loses_contacts_and_forces(seed, way):
+@given(seed=SEEDS, sign=st.sampled_from([1.0, -1.0]))
+def test_isotropic_strain_changes_no_tensor_and_gains_or_loses_contacts_and_forces(seed, sign):
     state = random_state(np.random.default_rng(seed))
-    found = state_rate(Model(), state, way * np.eye(3) / 3)
+    found = state_rate(Model(), state, sign * np.eye(3) / 3)
     assert not found[3:].any()
-    assert np.isclose(found[0], -way * (1 + state.e))
-    assert way * found[1] > 0 and way * found[2] > 0
+    assert np.isclose(found[0], -sign * (1 + state.e))
+    assert sign * found[1] > 0 and sign * found[2] > 0
 
 
 def test_eqs_31_and_32_by_hand():
     state = ModelState(0.66, 5.0, 0.01)
-    compression, dilation = (state_rate(Model(), state, way * np.eye(3) / 3) for way in (1.0, -1.0))
+    compression, dilation = (state_rate(Model(), state, sign * np.eye(3) / 3) for sign in (1.0, -1.0))
     Zcom, slope = 4 + 7.2 * 0.1**0.7, -7.2 * 0.7 * 0.1**-0.3
     np.testing.assert_allclose(compression[1:3], [-np.exp(3 * (Zcom - 5)) * slope * 1.66, 0.098 * 1.66])
     np.testing.assert_allclose(dilation[1:3], [-0.3 / 0.01, -0.075 * 1.66])
@@ -110,7 +110,7 @@ def test_the_stress_rate_is_the_derivative_of_c0(seed):
 
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
-def test_compiled_c0_is_that_of_sff(seed):
+def test_compiled_c0_equals_c0_of_sff(seed):
     from labkit.model.rates import stress_of
 
     state = random_state(np.random.default_rng(seed))
@@ -118,14 +118,14 @@ def test_compiled_c0_is_that_of_sff(seed):
     np.testing.assert_allclose(found, state.stress(), atol=1e-13 * np.abs(found).max())
 
 
-def test_six_numbers_keep_the_inner_product():
+def test_six_numbers_preserve_the_inner_product():
     rng = np.random.default_rng(0)
     S, T = symmetric(rng, 2.0), deviator(rng, 1.0)
     assert np.isclose(to_six(S) @ to_six(T), np.tensordot(S, T))
     np.testing.assert_allclose(to_tensor(to_six(S)), S)
 
 
-def test_the_stress_vanishes_in_the_edge_cases():
+def test_the_stress_vanishes_without_contacts_or_forces():
     assert not ModelState(0.67, 0.0, 0.01).stress().any()
     assert not ModelState(0.67, 5.0, 0.0).stress().any()
     A = 0.3 * AXIS
@@ -134,7 +134,7 @@ def test_the_stress_vanishes_in_the_edge_cases():
 
 
 @pytest.mark.parametrize("D", [np.arange(9.0).reshape(3, 3), np.full((3, 3), np.nan), np.zeros(3)])
-def test_a_strain_rate_that_is_no_symmetric_tensor(D):
+def test_invalid_strain_rates(D):
     with pytest.raises(InputError, match="strain rate"):
         state_rate(Model(), ModelState(0.67, 5.0, 0.01), D)
 
@@ -153,12 +153,12 @@ def test_a_strain_rate_that_is_no_symmetric_tensor(D):
         {"A": -1.5 * AXIS},
     ],
 )
-def test_states_that_cannot_be(change):
+def test_impossible_states(change):
     with pytest.raises(InputError):
         ModelState(**{"e": 0.67, "Z": 5.0, "Lam": 0.01, **change})
 
 
 @pytest.mark.parametrize("change", [{"c_M": -1.0}, {"e_cmax": np.nan}, {"A_c": 0.0}, {"c_eZ": "5"}])
-def test_parameters_that_cannot_be(change):
+def test_invalid_parameters(change):
     with pytest.raises(InputError, match=next(iter(change))):
         Parameters(**change)

@@ -1,4 +1,4 @@
-"""Orders of convergence, on a smooth path and with reversals; steps that fail."""
+"""Orders of convergence on a smooth path and with reversals; failing steps."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_order_on_a_smooth_path(model, integrator):
 
 @pytest.mark.parametrize("integrator", FIXED)
 def test_order_with_reversals(model, integrator):
-    """The rates jump at a reversal; pieces are integrated one by one, so that the order stays."""
+    """The rates are discontinuous at a reversal; integrating each piece separately preserves the order."""
     start = isotropic_state(model, 0.67, 0.5e6)
     path = model_path("cyclic_cp", 0.5e6, reversals=(0.01, -0.01, 0.01))
     found = orders(model, path, start, integrator, 0.02)
@@ -51,7 +51,7 @@ def test_the_error_of_adaptive_follows_its_tolerance(model, name):
 
 
 @pytest.mark.parametrize("method", ["LSODA", "Radau", "DOP853"])
-def test_scipys_methods_agree(model, method):
+def test_methods_of_scipy_agree(model, method):
     start = isotropic_state(model, 0.67, 0.5e6)
     for name in ("cv", "cp"):
         path = model_path(name, 0.5e6, strain=0.1)
@@ -59,8 +59,8 @@ def test_scipys_methods_agree(model, method):
         np.testing.assert_allclose(found, own, rtol=2e-4, atol=2e-5)
 
 
-def test_a_stiff_start_implicit_methods_bear_and_explicit_ones_refuse(model):
-    """Lambda = 1e-6: the fastest relaxation, 1/Lambda^0.65, has 1e4 per unit of strain."""
+def test_implicit_methods_integrate_a_stiff_start_and_explicit_ones_fail(model):
+    """Lambda = 1e-6: the fastest relaxation, 1/Lambda^0.65, has a rate of 1e4 per unit of strain."""
     start = ModelState(0.67, 5.0, 1e-6).vector()
     problem = Problem(model, strain_control(AXIS))
     exact = Adaptive(1e-9).advance(problem, start, 0.02)
@@ -72,15 +72,15 @@ def test_a_stiff_start_implicit_methods_bear_and_explicit_ones_refuse(model):
 
 
 @pytest.mark.parametrize("integrator", [Adaptive(), *(kind(1e-3) for kind in FIXED)])
-def test_a_step_that_fails_says_so(model, integrator):
-    """Dilation until the contacts are lost: every integrator ends with words, none with a clipped state."""
+def test_a_failing_step_gives_a_reason(model, integrator):
+    """Dilation until the contacts are lost: every integrator ends with a reason, none with a clipped state."""
     path = Mixed(-np.eye(3) / 3, [], [], [], strain=0.2)
     result = drive(model, path, isotropic_state(model, 0.62, 0.5e6), integrator=integrator)
     assert result.failure and np.isfinite(result.vector).all()
     assert 0.01 < -result.strain[-1, 0, 0] * 3 < 0.04
 
 
-def test_integrators_that_cannot_be():
+def test_invalid_integrators():
     for bad in (0.0, -1.0, np.nan):
         with pytest.raises(InputError):
             Heun(bad)

@@ -1,4 +1,4 @@
-"""labkit model: a run file that the commands for simulations read, and what it refuses."""
+"""labkit model: a run file that the commands for simulations read, and invalid input."""
 
 import json
 
@@ -20,10 +20,10 @@ START = ("--void-ratio", 0.67, "--pressure", 0.5e6)
 
 @pytest.fixture
 def refused(capsys):
-    """Runs a command in this process and gives its one line on stderr; it must exit with 2."""
+    """A function that runs a command in this process and returns its one line on stderr; it must exit with 2."""
 
-    def run(*words):
-        assert main([str(word) for word in words]) == 2
+    def run(*arguments):
+        assert main([str(argument) for argument in arguments]) == 2
         lines = capsys.readouterr().err.strip().splitlines()
         assert len(lines) == 1
         return lines[0]
@@ -78,7 +78,7 @@ def test_other_commands_read_it(model_run, labkit_command, refused, tmp_path):
     assert "has no contacts" in refused("verify", model_run)
 
 
-def test_a_path_that_breaks_off_keeps_its_records(capsys, tmp_path):
+def test_a_path_that_fails_keeps_its_records(capsys, tmp_path):
     file = tmp_path / "broken.run.nc"
     assert main(["model", "isod", "--void-ratio", "0.755", "--pressure", "0.5e6", "-o", str(file)]) == 1
     lines = capsys.readouterr().err.strip().splitlines()
@@ -89,7 +89,7 @@ def test_a_path_that_breaks_off_keeps_its_records(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words, hint",
+    "arguments, hint",
     [
         (("cv", "--void-ratio", 0.77, "--pressure", 0.5e6), "flat"),
         (("cv", "--void-ratio", -1, "--pressure", 0.5e6), "--void-ratio"),
@@ -108,13 +108,13 @@ def test_a_path_that_breaks_off_keeps_its_records(capsys, tmp_path):
         (("xx", *START), "oedometer"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_no_file(refused, tmp_path, words, hint):
+def test_bad_input_is_one_line_and_leaves_no_file(refused, tmp_path, arguments, hint):
     file = tmp_path / "bad.run.nc"
-    assert hint in refused("model", *words, "-o", file)
+    assert hint in refused("model", *arguments, "-o", file)
     assert not file.exists()
 
 
-def test_a_simulation_is_not_written_over(run_file, refused):
+def test_a_simulation_is_not_overwritten(run_file, refused):
     before = run_file.read_bytes()
     assert "simulation" in refused("model", "cv", *START, "-o", run_file)
     assert run_file.read_bytes() == before
@@ -124,8 +124,8 @@ def test_a_simulation_is_not_written_over(run_file, refused):
 
 def test_inherent_anisotropy_starts_isotropic_at_the_pressure(tmp_path):
     file = tmp_path / "a.run.nc"
-    words = ("model", "cr", *START, "--inherent-anisotropy", 0.3, "--angle", 45, "--strain", 0.05, "-o", file)
-    assert main([str(word) for word in words]) == 0
+    arguments = ("model", "cr", *START, "--inherent-anisotropy", 0.3, "--angle", 45, "--strain", 0.05, "-o", file)
+    assert main([str(argument) for argument in arguments]) == 0
     run = labkit.open_run(file)
     np.testing.assert_allclose(run["stress"][0], 0.5e6 * np.eye(3), atol=1.0)
     assert abs(float(run["contact_anisotropy"][0, 0, 2])) > 0.2

@@ -1,4 +1,4 @@
-"""Why the ambiguous places are read as they are: the other reading contradicts the paper."""
+"""Evidence for the readings of ambiguous equations: the alternative contradicts the paper."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from labkit.model.stiffness import state_rate
 
 
 def test_with_the_factor_lambda_c4_does_not_reach_the_critical_state(model):
-    """Figs. 4 to 6: it is reached within 40 %; with |Lambda| in C4 less than a quarter of the way is gone."""
+    """Figs. 4 to 6 reach it within 40 % strain; with |Lambda| in C4 less than a quarter of the change has occurred."""
     start = isotropic_state(model, 0.67, 0.2e6)
     path = model_path("cv", 0.2e6, strain=0.4)
     critical = 0.098 * (0.76 - 0.67)
@@ -32,7 +32,7 @@ def test_as_printed_compression_loses_contacts(model):
     assert (np.diff(printed.Z) < 0).all()
 
 
-def test_with_the_total_rate_isotropic_compression_pulls_at_the_critical_state(model):
+def test_with_the_total_rate_isotropic_compression_tends_to_the_critical_state(model):
     state = isotropic_state(model, 0.67, 0.5e6)
     only_32 = 0.098 * 1.67  # f^{v,Lambda}
     rates = [state_rate(m, state, np.eye(3) / 3)[2] for m in (model, model.reading(strain_rate="total"))]
@@ -60,7 +60,7 @@ def test_flat_is_continuous_in_z_and_lambda(flat):
         assert function(0.80, c) == function(0.76, c)
 
 
-def test_a_run_that_dilates_to_e_cmax_says_so(model, flat):
+def test_a_run_that_dilates_to_e_cmax_gives_the_reason(model, flat):
     start = isotropic_state(model, 0.755, 0.5e6)
     path = model_path("isod", 0.5e6)
     result = drive(model, path, start)

@@ -36,9 +36,7 @@ def test_rate_tangent_against_finite_differences(seed, e):
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS, size=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]))
 def test_consistent_tangent_against_finite_differences(seed, size):
-    """The derivative of the substeps that were taken: found with a tolerance so wide that it is one, and with as
-    many as they are where a shift does not change their lengths.
-    """
+    """The tangent is the derivative of the substeps, compared where the increment is taken in a single substep."""
     rng = np.random.default_rng(seed)
     y, d = random_state(rng).vector()[None, :21], to_six(symmetric(rng, size))[None]
     found = update(Model(), y, d, tolerance=1.0)
@@ -46,7 +44,7 @@ def test_consistent_tangent_against_finite_differences(seed, size):
     assume(abs(d[0, :3].sum()) > 10 * h)
     shifted = np.concatenate([d + h * np.eye(6), d - h * np.eye(6)])
     moved = update(Model(), np.tile(y, (12, 1)), shifted, tangent=False, tolerance=1.0)
-    if found.status[0] or moved.status.any():  # so long an increment can take Lambda to zero, and says so
+    if found.status[0] or moved.status.any():  # a large increment can reduce Lambda to zero and fail
         assert size > 1e-3 and (not found.status[0] or np.isnan(found.tangent).all())
         return
     if found.substeps[0] == 1 and (moved.substeps == 1).all():
@@ -59,7 +57,7 @@ def test_consistent_tangent_against_finite_differences(seed, size):
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS)
 def test_the_consistent_tangent_of_many_substeps(seed):
-    """With error control the tangent is that of the exact flow up to the tolerance."""
+    """With error control the tangent agrees with that of the exact solution within the tolerance."""
     rng = np.random.default_rng(seed)
     state, d = random_state(rng), to_six(symmetric(rng, 1e-3))
     found = update(Model(), state.vector()[None, :21], d[None], tolerance=1e-8).require()
@@ -77,18 +75,18 @@ def test_the_consistent_tangent_of_many_substeps(seed):
 
 @settings(max_examples=20, deadline=None)
 @given(seed=SEEDS)
-def test_a_point_agrees_with_the_driver_and_turns_with_its_axes(seed):
+def test_a_point_agrees_with_the_driver_and_rotates_with_its_axes(seed):
     rng = np.random.default_rng(seed)
     state, d, Q = random_state(rng), symmetric(rng, 1e-3), rotation(rng)
     found = update(Model(), state.vector()[None, :21], to_six(d)[None], tolerance=1e-7).require()
     problem = Problem(Model(), strain_control(d))
     exact = Adaptive(1e-11).advance(problem, state.vector(), 1.0)
     np.testing.assert_allclose(to_tensor(found.stress[0]), problem.stress(exact), atol=1e-4 * 1e6)
-    turned = update(Model(), state.rotated(Q).vector()[None, :21], to_six(Q @ d @ Q.T)[None], tolerance=1.0).require()
+    rotated = update(Model(), state.rotated(Q).vector()[None, :21], to_six(Q @ d @ Q.T)[None], tolerance=1.0).require()
     plain = update(Model(), state.vector()[None, :21], to_six(d)[None], tolerance=1.0).require()
-    if turned.substeps[0] == plain.substeps[0] == 1:
+    if rotated.substeps[0] == plain.substeps[0] == 1:
         expected = Q @ to_tensor(plain.stress[0]) @ Q.T
-        np.testing.assert_allclose(to_tensor(turned.stress[0]), expected, atol=1e-12 * np.abs(expected).max())
+        np.testing.assert_allclose(to_tensor(rotated.stress[0]), expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_eq_34_is_exact_without_the_exponents_and_close_with_them(model):
@@ -103,7 +101,7 @@ def test_eq_34_is_exact_without_the_exponents_and_close_with_them(model):
             expected = stress_rate(plain, state, branch)
             np.testing.assert_allclose(form.stress_rate(branch), expected, atol=1e-11 * np.abs(expected).max())
         table2 = hypoplastic_form(model, state)
-        assert 1e-6 < table2.misfit < 0.1  # "conceptually": |f A^c - A|^gamma depends on the direction
+        assert 1e-6 < table2.misfit < 0.1  # approximate: |f A^c - A|^gamma depends on the direction
     assert hypoplastic_form(model, ModelState(0.67, 5.0, 0.005)).misfit < 1e-13  # exact where A = F = 0
 
 
@@ -126,7 +124,7 @@ def test_isotropic_increments_have_a_symmetric_isotropic_tangent_at_an_isotropic
     np.testing.assert_allclose(tangent[3:, 3:], (tangent[0, 0] - tangent[0, 1]) * np.eye(3), rtol=1e-9)
 
 
-def test_many_points_are_each_for_itself_and_a_failed_one_says_so(model):
+def test_points_are_independent_and_a_failed_point_has_a_status(model):
     rng = np.random.default_rng(0)
     y = np.stack([random_state(rng).vector()[:21] for _ in range(50)])
     d = np.stack([to_six(symmetric(rng, 1e-4)) for _ in range(50)])
@@ -134,7 +132,7 @@ def test_many_points_are_each_for_itself_and_a_failed_one_says_so(model):
     alone = [update(model, y[k : k + 1], d[k : k + 1]) for k in range(50)]
     np.testing.assert_array_equal(together.stress, np.concatenate([u.stress for u in alone]))
     np.testing.assert_array_equal(together.tangent, np.concatenate([u.tangent for u in alone]))
-    d[7] = to_six(-0.05 * np.eye(3))  # takes all contacts away
+    d[7] = to_six(-0.05 * np.eye(3))  # all contacts are lost
     failed = update(model, y, d)
     assert failed.status[7] != 0 and (np.delete(failed.status, 7) == 0).all()
     np.testing.assert_array_equal(failed.state[7], y[7])
@@ -150,7 +148,7 @@ def test_zero_increment_changes_nothing(model):
     assert np.isfinite(found.tangent).all()
 
 
-def test_voigts_tangent_works_on_engineering_shear(model):
+def test_the_voigt_tangent_applies_to_engineering_shear_strains(model):
     state, D = random_state(np.random.default_rng(2)), symmetric(np.random.default_rng(3), 1.0)
     engineering = np.array([D[0, 0], D[1, 1], D[2, 2], 2 * D[1, 2], 2 * D[0, 2], 2 * D[0, 1]])
     rate = stress_rate(model, state, D)
@@ -160,13 +158,13 @@ def test_voigts_tangent_works_on_engineering_shear(model):
 
 
 @pytest.mark.parametrize("increment", [np.zeros((2, 6)), np.zeros((3, 5)), np.full((3, 6), np.nan)])
-def test_increments_that_cannot_be(model, increment):
+def test_invalid_increments(model, increment):
     with pytest.raises(InputError):
         update(model, states(isotropic_state(model, 0.67, 0.5e6), 3), increment)
 
 
 def test_softening_under_extension_after_compression(model):
-    """A reversal makes the response stiffer: the hypoplastic N changes its side."""
+    """The response is stiffer after a reversal: the hypoplastic N changes sign relative to the strain rate."""
     state = ModelState(0.67, 5.02, 0.0088, 0.4 * AXIS, 0.7 * AXIS, 0.04 * AXIS)
     on, back = (np.linalg.norm(stress_rate(model, state, sign * AXIS)) for sign in (1.0, -1.0))
     assert back > 3 * on

@@ -1,4 +1,4 @@
-"""The checks of `labkit verify` must be able to fail."""
+"""The checks of `labkit verify` fail on spoiled files."""
 
 import shutil
 
@@ -10,7 +10,7 @@ import labkit
 from labkit.io.schema import ESSENTIAL, RECORD
 from labkit.runs.verify import findings
 
-# what came into run files after their first version
+# variables added to run files after their first version
 LATER = (
     "time",
     "elastic_energy",
@@ -25,7 +25,7 @@ LATER = (
 
 @pytest.fixture
 def spoiled(run_file, tmp_path):
-    """A copy of the run in which `spoil(dataset)` has changed something; its findings by name."""
+    """A function that spoils a copy of the run with `spoil(dataset)` and returns its findings by name."""
 
     def make(spoil):
         file = tmp_path / "spoiled.run.nc"
@@ -37,7 +37,7 @@ def spoiled(run_file, tmp_path):
     return make
 
 
-def test_contacts_that_are_no_numbers_fail(spoiled):
+def test_contacts_that_are_nan_fail(spoiled):
     def spoil(dataset):
         dataset["contacts"]["normal_force"][:] = np.nan
 
@@ -51,12 +51,12 @@ def test_contacts_that_were_changed_fail(spoiled):
     assert not spoiled(spoil)["stored stress against its contacts"].holds
 
 
-def test_a_stress_that_is_no_number_fails(spoiled):
+def test_a_stress_that_is_nan_fails(spoiled):
     def spoil(dataset):
         dataset["stress"][3] = np.nan
 
     found = spoiled(spoil)
-    assert not found["records whose stress is no number"].holds
+    assert not found["records with a stress that is not finite"].holds
 
 
 def test_an_infinite_inertial_number_is_outside(spoiled):
@@ -66,8 +66,8 @@ def test_an_infinite_inertial_number_is_outside(spoiled):
     assert not spoiled(spoil)["largest inertial number"].holds
 
 
-def test_a_file_without_what_came_later_is_read(run_file, tmp_path):
-    """Files of earlier versions and of other programs hold the variables of the contract alone: the rest is NaN."""
+def test_a_file_without_later_variables_is_read(run_file, tmp_path):
+    """Files of earlier versions and other programs may hold only the essential variables: the others read as NaN."""
     bare = tmp_path / "bare.run.nc"
     with netCDF4.Dataset(run_file) as old, netCDF4.Dataset(bare, "w") as new:
         copy(old, new, LATER)

@@ -18,7 +18,7 @@ def deviator(rng, size):
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_c0_is_the_integral_over_the_sphere_also_for_non_coaxial_tensors(seed):
-    """E Z/(1+e) times the integral of Lam (1 + n.F n) (1 + n.A n)/(4 pi) n n, plus the F^t term (Eq. 22)."""
+    """Eq. 22: E Z/(1+e) times the integral of Lam (1 + n.F n) (1 + n.A n)/(4 pi) n n, plus the F^t term."""
     rng = np.random.default_rng(seed)
     A, F, Ft = deviator(rng, 0.5), deviator(rng, 0.9), deviator(rng, 0.05)
     n, weight = lebedev_rule(13)  # exact for the polynomials of degree 6 here
@@ -46,7 +46,7 @@ def test_edge_cases_of_section_4():
 
 
 def test_the_critical_state_of_the_paper_has_its_strength():
-    """q/p = 0.93 with A_zz = 0.45, F_zz = 0.77, F^t_zz = 0.045 in the linear terms (Eq. 30)."""
+    """The linear terms (Eq. 30) give q/p = 0.93 with A_zz = 0.45, F_zz = 0.77, F^t_zz = 0.045."""
     axis = np.diag([-0.5, -0.5, 1.0])
     stress = c0_stress(E, 5.0, 0.01, 0.67, 0.45 * axis, 0.77 * axis, 0.045 * axis)
     linear = 1.5 * (0.4 * 0.45 + 0.4 * 0.77 + 3 * 0.045)
@@ -55,7 +55,7 @@ def test_the_critical_state_of_the_paper_has_its_strength():
     assert np.isclose(full, linear, rtol=0.08)
 
 
-def test_many_states_at_once():
+def test_c0_accepts_arrays_of_states():
     rng = np.random.default_rng(1)
     A = np.stack([deviator(rng, 0.3) for _ in range(4)])
     both = c0_stress(E, np.full(4, 5.0), np.array([0.0, 0.01, 0.02, 0.03]), np.full(4, 0.7), A, A, A)

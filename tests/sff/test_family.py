@@ -1,4 +1,4 @@
-"""The family of stress-force-fabric relationships: exact integrals, exact limits, exact budgets."""
+"""Stress-force-fabric equations: integrals, limiting cases and error budgets that hold exactly."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_the_coupling_of_tangential_forces_and_normals_is_integrated_exactly(see
 
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets)
-def test_c0_of_the_family_is_c0_of_the_records(drawn):
+def test_the_form_c0_equals_the_recorded_c0_stress(drawn):
     found = statistics(drawn)
     expected = c0_stress(
         E,
@@ -64,8 +64,8 @@ def test_c0_of_the_family_is_c0_of_the_records(drawn):
 
 @settings(max_examples=40, deadline=None)
 @given(drawn=contact_sets)
-def test_groups_of_grains_of_one_kind_change_nothing(drawn):
-    """Eqs. 16 and 17 with one group are Eq. 12 and C0 with the mean grain volume."""
+def test_a_single_group_changes_nothing(drawn):
+    """With one group, Eqs. 16 and 17 reduce to Eq. 12 and to C0 with the mean grain volume."""
     one = np.zeros(drawn.number_of_grains, dtype=int)
     for grouped, whole in (("classical_groups", "classical"), ("c0_groups", "c0_volume")):
         same(stress(grouped, drawn, one), stress(whole, drawn))
@@ -76,7 +76,7 @@ def same(found, expected):
 
 
 def on_the_sphere(A, F, G, order4=None):
-    """A Snapshot of equal grains whose directional functions are known: a row for each point, its force weighted."""
+    """A Snapshot of equal grains with known directional functions; each point of the quadrature is repeated."""
     A4, F4 = order4 or (np.zeros((3, 3, 3, 3)),) * 2
     copies = np.maximum(1, np.round(4000 * weight * Fit(1.0, A, A4).at(n) / weight.max() / 4)).astype(int)
     normal = np.repeat(n, copies, axis=0)
@@ -90,7 +90,7 @@ def on_the_sphere(A, F, G, order4=None):
 
 
 def test_each_form_is_exact_where_its_assumption_holds():
-    """Grains of one size. C0 with tangential coupling for second-order functions, `fourth` for fourth-order ones."""
+    """Grains of one size: `c0_tangential` is exact for second-order functions, `fourth` for fourth-order functions."""
     A, A4 = random_tensors(1, 0.3, 0.1)
     F, F4 = random_tensors(2, 0.6, 0.2)
     G, _ = random_tensors(3, 0.3)
@@ -101,14 +101,14 @@ def test_each_form_is_exact_where_its_assumption_holds():
         assert errors[exact] < 2e-3 and errors[worse] > 3 * errors[exact], errors
 
 
-def test_eq_12_has_the_size_of_love_when_both_sides_are_counted():
-    """An isotropic set of equal grains: with the printed 3V and both sides counted it would be twice Love."""
+def test_eq_12_has_the_magnitude_of_love_stress_if_both_sides_are_counted():
+    """For isotropic contacts of equal grains, the printed 3V would give twice Love's stress."""
     zero = np.zeros((3, 3))
     snapshot = on_the_sphere(zero, zero, zero)
     assert relative_error(stress("classical", snapshot), love_stress(snapshot)) < 2e-3
 
 
-def test_eqs_28_to_30_leave_the_product_out():
+def test_eqs_28_to_30_neglect_the_product():
     A, F, Ft = np.diag([-0.2, -0.25, 0.45]), np.diag([-0.4, -0.37, 0.77]), np.diag([-0.02, -0.025, 0.045])
     snapshot = on_the_sphere(A, F, 5 * Ft)
     found = stress("linear", snapshot)
@@ -122,7 +122,7 @@ def test_eqs_28_to_30_leave_the_product_out():
 
 @settings(max_examples=60, deadline=None)
 @given(drawn=contact_sets, e=st.sampled_from(["nominal", "reported"]), with_lambda=st.booleans())
-def test_the_parts_of_the_budget_are_the_whole_error(drawn, e, with_lambda):
+def test_the_contributions_add_up_to_the_error(drawn, e, with_lambda):
     parts = error_budget(drawn, e, with_lambda)
     assert list(parts) == list(PARTS)
     love = love_stress(drawn)
@@ -136,8 +136,8 @@ def test_the_parts_of_the_budget_are_the_whole_error(drawn, e, with_lambda):
     assert np.abs(parts["grain_volume"]).max() == 0.0 or e == "reported"
 
 
-def test_the_budget_finds_the_part_that_was_put_in():
-    """Equal grains, known functions: nothing is lost by size, and truncation is where the function has its order."""
+def test_the_budget_attributes_a_known_error():
+    """For equal grains and known functions, the error is due to truncation only; for two sizes, to unequal stress."""
     A, A4 = random_tensors(1, 0.3, 0.1)
     F, _ = random_tensors(2, 0.6, 0.2)
     zero, zero4 = np.zeros((3, 3)), np.zeros((3, 3, 3, 3))

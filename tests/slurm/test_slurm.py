@@ -10,7 +10,7 @@ import pytest
 
 from labkit.campaign.workflow import PROFILES
 
-pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake: pip install 'labkit[campaign]'")
+pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
 
 SCRIPT = Path(__file__).with_name("single_node.sh")
 TINY = """\

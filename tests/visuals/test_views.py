@@ -25,7 +25,9 @@ def test_watch_refuses_what_is_no_run(specimen_file, labkit_command):
 
 
 def test_critical_table_and_figure(run_file, labkit_command, tmp_path):
-    done = labkit_command("critical", run_file, "-o", tmp_path / "c.png", "--csv", tmp_path / "c.csv")
+    done = labkit_command(
+        "critical", run_file, "--min-strain", 0.01, "-o", tmp_path / "c.png", "--csv", tmp_path / "c.csv"
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "c.png").read_bytes()[:4] == b"\x89PNG"
     table = critical_states({"small": labkit.open_run(run_file)})

@@ -1,4 +1,4 @@
-"""The scripts of yade_scripts by hand and through yade-batch."""
+"""The scripts of yade_scripts/ as single runs and through yade-batch."""
 
 import os
 import subprocess
@@ -10,15 +10,15 @@ from labkit.dem.state import read_state
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 
-def test_by_hand(tmp_path, specimen_file):
+def test_single_run(tmp_path, specimen_file):
     command = ["yade", "-n", "-x", SCRIPTS / "path.py", "cv", specimen_file, "--strain", "0.002", "-o", "r.run.nc"]
     done = subprocess.run([str(c) for c in command], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert "left" in done.stdout  # plain lines with the remaining time
+    assert "left" in done.stdout  # plain lines with the time left
     assert labkit.open_run(tmp_path / "r.run.nc").attrs["complete"] == 1
 
 
-def test_bad_input_by_hand(tmp_path):
+def test_invalid_input_of_a_single_run(tmp_path):
     command = ["yade", "-n", "-x", SCRIPTS / "specimen.py", "--void-ratio", "5", "-o", "s.state.nc"]
     done = subprocess.run([str(c) for c in command], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2 and "labkit: --void-ratio 5 is not possible" in done.stderr
@@ -43,7 +43,7 @@ def test_yade_batch_with_a_table(tmp_path):
     assert read_state(tmp_path / "b.state.nc").number_of_grains > 100
 
 
-def test_a_table_with_an_unknown_column_says_so(tmp_path):
+def test_an_unknown_column_of_a_table_is_reported(tmp_path):
     (tmp_path / "bad.table").write_text("void_ratio colour output\n0.67 'red' 'a.state.nc'\n")
     batch(tmp_path, "bad.table", "specimen.py")
     logs = "".join(p.read_text() for p in tmp_path.glob("*.log"))

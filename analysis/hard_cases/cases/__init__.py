@@ -1,4 +1,4 @@
-"""The cases, each a function of the name of its scene: Laboratory -> (what it did, in words; its checks)."""
+"""The cases: functions named after their scenes, from a Laboratory to a description and checks."""
 
 from analysis.hard_cases.cases.cycles import growing_cycles, many_cycles
 from analysis.hard_cases.cases.grains import deep_overlaps, few_grains, size_ratio_5

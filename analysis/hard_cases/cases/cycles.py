@@ -1,4 +1,4 @@
-"""Cycles that grow, and many that do not."""
+"""Cycles of growing amplitude, and many cycles of constant amplitude."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from analysis.turns import turns
 
 
 def growing_cycles(lab: Laboratory) -> Judged:
-    """See the scene of this name."""
+    """Runs the scene of this name."""
     state = lab.specimen()
     run, reference = lab.run(state), lab.half_step(state)
     at = turning_records(run)
@@ -23,20 +23,25 @@ def growing_cycles(lab: Laboratory) -> Judged:
     checks = [
         true("seven legs", len(q) == 7 and len(q_reference) == 7),
         true("q has the sign of the leg", (np.sign(q) == (-1.0) ** np.arange(len(q))).all()),
-        true("every leg loses more energy than the one before", lost[0] > 0.0 and (np.diff(lost) > 0.0).all()),
-        below("q/p at the turns against half the step, RMS", np.sqrt(np.mean((q - q_reference) ** 2)), 0.1),
+        true("every leg dissipates more energy than the one before", lost[0] > 0.0 and (np.diff(lost) > 0.0).all()),
+        below(
+            "q/p at the reversals compared with half the time step, RMS", np.sqrt(np.mean((q - q_reference) ** 2)), 0.1
+        ),
         *agree(run, reference, e=3e-3),
     ]
-    return f"q/p at the turns {', '.join(f'{x:.2f}' for x in q)}; a leg loses {lost[0]:.2g} to {lost[-1]:.2g} J", checks
+    return (
+        f"q/p at the reversals {', '.join(f'{x:.2f}' for x in q)}; a leg dissipates {lost[0]:.2g} to {lost[-1]:.2g} J",
+        checks,
+    )
 
 
 def turning_records(run: xr.Dataset) -> np.ndarray:
-    """Indices of the first record, of those at which the axial strain turns, and of the last."""
+    """Indices of the first record, the records at which the axial strain reverses, and the last record."""
     return np.concatenate([[0], turns(run["axial_strain"].values), [run.sizes["time"] - 1]])
 
 
 def many_cycles(lab: Laboratory) -> Judged:
-    """See the scene of this name."""
+    """Runs the scene of this name."""
     state = lab.specimen()
     run, reference = lab.run(state), lab.half_step(state)
     e, p = cycle_ends(run)
@@ -45,17 +50,19 @@ def many_cycles(lab: Laboratory) -> Judged:
     part = max(1, len(drift) // 4)
     first, last = drift[:part].mean(), drift[-part:].mean()
     checks = [
-        below("p of a cycle, worst drift from the first", np.abs(p / p[0] - 1.0).max(), 0.005),
-        below("drift of e per cycle in the last quarter over that of the first", abs(last / first), 1.0),
-        below("e of all cycles against half the step", np.abs(e - e[0] - expected + expected[0]).max(), 1e-4),
+        below("p of a cycle, largest drift from the first", np.abs(p / p[0] - 1.0).max(), 0.005),
+        below("drift of e per cycle, last quarter over first quarter", abs(last / first), 1.0),
+        below(
+            "e of all cycles compared with half the time step", np.abs(e - e[0] - expected + expected[0]).max(), 1e-4
+        ),
     ]
     return (
-        f"{len(drift)} cycles: e {e[-1] - e[0]:+.2e}, a cycle {first:+.1e} in the first quarter and {last:+.1e} in the "
-        f"last; p {p[-1] / p[0] - 1.0:+.1e}"
+        f"{len(drift)} cycles: e {e[-1] - e[0]:+.2e}, per cycle {first:+.1e} in the first quarter and {last:+.1e} in "
+        f"the last; p {p[-1] / p[0] - 1.0:+.1e}"
     ), checks
 
 
 def cycle_ends(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Void ratio and p (Pa) at the upper turns of the cycles."""
+    """Void ratio and p (Pa) at the upper reversals of the cycles."""
     upper = turning_records(run)[1::2]
     return run["void_ratio"].values[upper], run.lab.mean_stress().values[upper]

@@ -1,11 +1,11 @@
-"""Grains that overlap deeply, that are of very different sizes, or that are few."""
+"""Deep overlaps, a wide grading, and few grains."""
 
 from __future__ import annotations
 
 import dataclasses
 
 import labkit as lk
-from analysis.hard_cases.checks import agree, between, later_half, pressure_words, ratio_words, true
+from analysis.hard_cases.checks import agree, between, later_half, pressure_text, ratio_text, true
 from analysis.hard_cases.laboratory import Judged, Laboratory, without_ledger
 from labkit.dem import critical_time_step, insert_grains, read_state
 from labkit.engines import FusedEngine
@@ -13,47 +13,49 @@ from labkit.runs import findings
 
 
 def deep_overlaps(lab: Laboratory) -> Judged:
-    """See the scene of this name."""
+    """Runs the scene of this name."""
     recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
     grains = insert_grains(lk.Scene(), recipe)
     listed = FusedEngine(grains).state()
-    said = [lab.refused_run(state, name) for name, state in (("unlisted", grains), ("listed", without_ledger(listed)))]
-    return said[0], [
-        true("a state lists no contacts", len(grains.contact_grain) == 0 < len(listed.contact_grain)),
-        *(true("refused for its overlaps", "too deep" in words and "labkit specimen" in words) for words in said),
+    messages = [
+        lab.refused_run(state, name) for name, state in (("unlisted", grains), ("listed", without_ledger(listed)))
+    ]
+    return messages[0], [
+        true("the state lists no contacts", len(grains.contact_grain) == 0 < len(listed.contact_grain)),
+        *(true("refused for its overlaps", "overlap" in text and "labkit specimen" in text) for text in messages),
     ]
 
 
 def size_ratio_5(lab: Laboratory) -> Judged:
-    """See the scene of this name."""
+    """Runs the scene of this name."""
     usual = lk.Scene(diameter_spread=2 / 3)
-    made = lab.shared / f"ratio5_n{lab.grains}.state.nc"
+    file = lab.shared / f"ratio5_n{lab.grains}.state.nc"
     small_step = dataclasses.replace(usual, time_step_factor=0.06)
-    if not made.exists():
+    if not file.exists():
         recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
-        lk.make_specimen(recipe, small_step, file=made, progress=False)
-    state = read_state(made)
-    said = lab.refused_run(state.replace(scene=usual), "usual")
+        lk.make_specimen(recipe, small_step, file=file, progress=False)
+    state = read_state(file)
+    message = lab.refused_run(state.replace(scene=usual), "usual")
     run, reference = lab.run(state), lab.half_step(state)
     failed = [finding for finding in findings(run) if finding.decides and not finding.holds]
-    lab.said += [f"labkit verify: {finding}" for finding in failed]
+    lab.messages += [f"labkit verify: {finding}" for finding in failed]
     on_c0 = [finding for finding in failed if finding.name.startswith("C0 against Love")]
     sizes = state.radius.max() / state.radius.min()
-    refused, limit = "beyond the stable" in said and "time_step_factor" in said, critical_time_step(state)
-    usual_words = f"usual step {usual.time_step / limit:.2f} of the limit" + ", refused" * refused
-    return f"sizes 1 to {sizes:.2f}; {usual_words}; {pressure_words(run)}; {ratio_words(run)}", [
+    refused, limit = "time step" in message and "time_step_factor" in message, critical_time_step(state)
+    usual_text = f"usual time step {usual.time_step / limit:.2f} of the limit" + ", refused" * refused
+    return f"sizes 1 to {sizes:.2f}; {usual_text}; {pressure_text(run)}; {ratio_text(run)}", [
         between("ratio of sizes", sizes, 4.0, 5.1),
-        true("the usual step is refused if it is beyond the limit", refused == (usual.time_step > limit)),
-        true("labkit verify says that C0 is not Love", bool(on_c0)),
+        true("the usual time step is refused if it exceeds the limit", refused == (usual.time_step > limit)),
+        true("labkit verify reports that C0 differs from Love's stress", bool(on_c0)),
         *agree(run, reference, p=0.2, ratio=0.1, Z=0.2),
     ]
 
 
 def few_grains(lab: Laboratory) -> Judged:
-    """See the scene of this name."""
+    """Runs the scene of this name."""
     run = lab.run(lab.specimen(500))
     if lab.extent < 1.0:
         peak = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[-1]
-        return f"{pressure_words(run)}; q/p {peak:.3f} at the end", [between("q/p at the end", peak, 0.5, 1.3)]
+        return f"{pressure_text(run)}; q/p {peak:.3f} at the end", [between("q/p at the end", peak, 0.5, 1.3)]
     ratio = later_half(run)["q/p"]
-    return f"{pressure_words(run)}; {ratio_words(run)}", [between("q/p at the critical state", ratio, 0.84, 1.0)]
+    return f"{pressure_text(run)}; {ratio_text(run)}", [between("q/p at the critical state", ratio, 0.84, 1.0)]

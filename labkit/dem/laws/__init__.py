@@ -1,9 +1,9 @@
-"""Contact laws: each one subclass of ContactLaw in a file of its own.
+"""Contact laws; each is a subclass of ContactLaw in a separate file.
 
-base                what a law says of itself
-vectors             three-vectors as tuples, for the formulas
-rolling_resistance  YADE's rolling-resistance law
-spring_dashpot      Eqs. 1-3 of He et al.
+base                interface of a contact law
+vectors             three-component vectors as tuples, for the formulas
+rolling_resistance  rolling-resistance law of YADE
+spring_dashpot      spring-dashpot law of He et al. (Eqs. 1-3)
 """
 
 from labkit.dem.laws.base import Contact, ContactLaw, Features, Response
@@ -20,7 +20,7 @@ LAWS: Registry = Registry(
 
 
 def register_law(kind: type[ContactLaw]) -> type[ContactLaw]:
-    """A decorator that makes a subclass of ContactLaw known under its `name`."""
+    """Register a subclass of ContactLaw under its `name` and return it; a decorator."""
     return LAWS.register(kind)
 
 

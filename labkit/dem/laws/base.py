@@ -1,15 +1,15 @@
-"""What a contact law says of itself: all that engines, statistics and the energy balance need of it.
+"""The interface of a contact law: everything that engines, statistics and the energy balance need from it.
 
-A law is one subclass of ContactLaw in one file. Its functions of arrays (stiffness, normal force, energy, dashpots)
-serve the statistics and the time step; `pair` is the law itself, one contact in one time step, which the engine `fused`
-compiles; `yade` gives YADE's functors of the same law, where YADE has it.
+A law is one subclass of ContactLaw in one file. Its array functions (stiffness, normal force, energy, dashpots) serve
+the statistics and the time step. `pair` is the law for one contact in one time step, compiled by the `fused` engine.
+`yade` returns the equivalent functors of YADE, if they exist.
 """
 
 from __future__ import annotations
 
 import abc
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 
 class Contact(NamedTuple):
-    """One contact at one instant, as `pair` gets it. Vectors point from the first grain (a) to the second (b).
+    """One contact at one instant, the argument of `pair`. Vectors point from the first grain (a) to the second (b).
 
-    stiffness: the coefficient of `normal_stiffness`; radius_a, radius_b, overlap: m; inverse: 1/distance, 1/m;
+    stiffness: the result of `normal_stiffness`; radius_a, radius_b, overlap: m; inverse: 1/distance, 1/m;
     branch: b - a, m; normal: branch/distance; velocity: of b relative to a (centres), m/s; spin_a, spin_b: rad/s.
     """
 
@@ -40,10 +40,10 @@ class Contact(NamedTuple):
 
 
 class Response(NamedTuple):
-    """What a contact does in one step, the result of `pair`.
+    """Forces and losses of a contact in one step, the result of `pair`.
 
-    force: on a, N (b carries the opposite); torque_a, torque_b: N m; tangential_force, rolling_moment: the history,
-    on a; friction_loss, rolling_loss, dashpot_loss: energy taken in this step, J.
+    force: on a, N (the force on b is opposite); torque_a, torque_b: N m; tangential_force, rolling_moment: the history,
+    acting on a; friction_loss, rolling_loss, dashpot_loss: energy dissipated in this step, J.
     """
 
     force: Vector
@@ -57,10 +57,10 @@ class Response(NamedTuple):
 
 
 class Features(NamedTuple):
-    """What the kernel computes for a scene. What is None is left out: the kernel is compiled without it.
+    """Parts of a law that the kernel computes for a scene; the kernel is compiled without those that are None.
 
-    constants: numbers of the law; friction, rolling, dashpots: what `pair` gets under these names; damping: Newton's
-    local damping; turning: whether `pair` needs velocities and makes torques.
+    constants: parameters of the law; friction, rolling, dashpots: arguments of `pair`; damping: coefficient of local
+    damping; turning: True if `pair` needs velocities and produces torques.
     """
 
     constants: tuple[float, ...]
@@ -72,9 +72,11 @@ class Features(NamedTuple):
 
 
 class YadeLaw(NamedTuple):
-    """A contact law in YADE. material: function of a radius, m; geometry, physics, law: functors of an InteractionLoop;
-    tangential_force, rolling_moment: names of the history in the physics; losses: names of what friction and rolling
-    take in YADE's energy tracker.
+    """A contact law in YADE.
+
+    material: function of a radius in m; geometry, physics, law: functors of an InteractionLoop; tangential_force,
+    rolling_moment: names of the history variables in the interaction physics; losses: names of the friction and rolling
+    dissipation in YADE's energy tracker.
     """
 
     material: Callable[[float], Any]
@@ -87,40 +89,45 @@ class YadeLaw(NamedTuple):
 
 
 class ContactLaw(abc.ABC):
-    """A linear spring normal to the contact, kn = (pi/2) E D* (below Eq. 3), unless a subclass says otherwise.
+    """Contact law with a linear normal spring, kn = (pi/2) E D* (below Eq. 3), unless a subclass overrides it.
 
-    name: how scenes, files and the command line call it. Arrays of radii and overlaps may have any shape; SI units.
+    name: used for the law in scenes, files and on the command line. Arrays of radii and overlaps may have any shape; SI
+    units.
     """
 
     name: ClassVar[str]
     description: ClassVar[str] = ""
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kn = (pi/2) E D*, D* = Da Db/(Da + Db) (below Eq. 3), N/m. A planar scene has that of two mean grains."""
+        """Normal stiffness kn = (pi/2) E D*, D* = Da Db/(Da + Db) (below Eq. 3), N/m.
+
+        In a planar scene it is that of two grains of mean diameter.
+        """
         if scene.planar:
             return np.pi / 4 * scene.young_modulus * scene.mean_diameter * np.ones_like(radius_a + radius_b)
         return np.pi * scene.young_modulus * radius_a * radius_b / (radius_a + radius_b)
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kt = kn/kappa (below Eq. 3), N/m."""
+        """Tangential stiffness kt = kn/kappa (below Eq. 3), N/m."""
         return self.normal_stiffness(scene, radius_a, radius_b) / scene.stiffness_ratio
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kr of the rolling spring, N m; zero without one."""
+        """Rolling stiffness kr, N m; zero without a rolling spring."""
         return np.zeros_like(self.tangential_stiffness(scene, radius_a, radius_b))
 
     @staticmethod
     def spring(stiffness: float, overlap: float) -> float:
-        """Elastic normal force of a contact that overlaps, fn = kn delta (Eq. 1), N. Compiled by the kernel too."""
+        """Elastic normal force of overlapping grains, fn = kn delta (Eq. 1), N. Also compiled by the kernel."""
         return stiffness * overlap
 
     def normal_force(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
         """Elastic normal force of touching grains, N, compression positive."""
-        return self.spring(self.normal_stiffness(scene, radius_a, radius_b), overlap)
+        spring = cast(Callable[[np.ndarray, np.ndarray], np.ndarray], self.spring)  # applied to arrays here
+        return spring(self.normal_stiffness(scene, radius_a, radius_b), overlap)
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Energy of the normal, tangential and rolling springs, J: 1/2 sum of (fn^2/kn + ft^2/kt + M^2/kr)."""
-        contacts, scene = snapshot.contacts, snapshot.scene
+        """Energy of the normal, tangential and rolling springs, 1/2 sum of (fn^2/kn + ft^2/kt + M^2/kr), J."""
+        contacts, scene = snapshot.contacts, cast("Scene", snapshot.scene)
         a, b = snapshot.radius[contacts.grain[:, 0]], snapshot.radius[contacts.grain[:, 1]]
         tangential = np.einsum("ci,ci->c", contacts.tangential_force, contacts.tangential_force)
         kn = self.normal_stiffness(scene, a, b)
@@ -130,20 +137,21 @@ class ContactLaw(abc.ABC):
     def _rolling_energy(self, snapshot: Snapshot, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Twice the energy of the rolling springs of each contact, J."""
         moment = snapshot.contacts.rolling_moment
-        rolling, kr = np.einsum("ci,ci->c", moment, moment), self.rolling_stiffness(snapshot.scene, radius_a, radius_b)
+        rolling = np.einsum("ci,ci->c", moment, moment)
+        kr = self.rolling_stiffness(cast("Scene", snapshot.scene), radius_a, radius_b)
         return np.divide(rolling, kr, out=np.zeros_like(kr), where=kr > 0.0)
 
     def dashpots(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients of the normal and of the tangential dashpot, N s/m; zero without them."""
+        """Coefficients of the normal and the tangential dashpot, N s/m; zero without dashpots."""
         nothing = np.zeros_like(self.normal_stiffness(scene, radius_a, radius_b))
         return nothing, nothing
 
     def damping_ratio(self, scene: Scene) -> float:
-        """Damping ratio of the stiffest mode of a specimen, which lowers the stable time step; 0 without dashpots."""
+        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
         return 0.0
 
     def features(self, scene: Scene) -> Features:
-        """What the kernel computes for the scene: here friction, and Newton's local damping."""
+        """Parts that the kernel computes for the scene; by default friction and local damping."""
         friction = scene.friction or None
         return Features(
             (1.0 / scene.stiffness_ratio,), friction, None, None, scene.local_damping or None, friction and True
@@ -162,23 +170,23 @@ class ContactLaw(abc.ABC):
         dashpots: Any,
         energy: Any,
     ) -> Response:
-        """The law: the Response of a contact after a step dt, s, from its history before it.
+        """The Response of a contact in a time step dt, s, given its history at the start of the step.
 
-        Written for numbers and the functions of labkit.dem.laws.vectors alone, because the kernel compiles it. A
-        contact whose grains are apart (overlap < 0) must return zeros. friction, rolling and dashpots come from
-        `features`; test them with `is not None` before they are used. energy is None where losses are not summed.
+        Must use only numbers and the functions of labkit.dem.laws.vectors, because the kernel compiles it, and return
+        zeros for grains that do not overlap (overlap < 0). friction, rolling and dashpots come from `features`; test
+        them with `is not None` before use. energy is None if losses are not summed.
         """
 
     def yade(self, scene: Scene) -> YadeLaw | None:
-        """The same law in YADE; None where YADE has none. Called inside YADE alone."""
+        """The equivalent law in YADE, or None if YADE has none. Called only inside YADE."""
         return None
 
     @property
     def labkits(self) -> bool:
-        """Whether it is one of labkit's own."""
+        """True if the law is part of labkit."""
         return type(self).__module__.startswith("labkit.")
 
     @property
     def on_yade(self) -> bool:
-        """Whether the engine `yade` has this law."""
+        """True if the `yade` engine supports this law."""
         return type(self).yade is not ContactLaw.yade

@@ -1,7 +1,7 @@
 """The rolling-resistance law of YADE: Law2_ScGeom6D_CohFrictPhys_CohesionMoment with Ig2_Sphere_Sphere_ScGeom6D.
 
-Against Eqs. 1-3: no dashpots; the relative velocity of the centres is multiplied by (Ra + Rb)/|d| against
-ratcheting; history turns with its contact to first order; kr = kt Ra Rb/4, |M| <= eta min(Ra, Rb) fn.
+Differences from Eqs. 1-3: no dashpots; the relative velocity of the centres is multiplied by (Ra + Rb)/|d| to avoid
+ratcheting; the history is rotated with the contact to first order only; kr = kt Ra Rb/4, |M| <= eta min(Ra, Rb) fn.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 class RollingResistance(ContactLaw):
-    """YADE's rolling-resistance law; energy leaves through Newton's local damping. See labkit.dem.scene.Scene."""
+    """Rolling-resistance law of YADE, with local non-viscous damping; see labkit.dem.scene.Scene."""
 
     name = "rolling_resistance"
     description = "rolling-resistance law of YADE"
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kr = kt Ra Rb/4, N m."""
+        """Rolling stiffness kr = kt Ra Rb/4, N m."""
         return self.tangential_stiffness(scene, radius_a, radius_b) * (radius_a * radius_b / 4.0)
 
     def features(self, scene: Scene) -> Features:
-        """rolling: (alphaKr, etaRoll), YADE's names."""
+        """Friction, rolling resistance and damping of the scene; rolling: YADE's (alphaKr, etaRoll)."""
         rolling = None
         if scene.rolling_friction > 0.0:
             rolling = (0.25, 0.5 * scene.rolling_limit_scale * scene.rolling_friction)
@@ -49,7 +49,7 @@ class RollingResistance(ContactLaw):
         dashpots: Any,
         energy: Any,
     ) -> Response:
-        """rolling: (alphaKr, etaRoll)."""
+        """The Response of a contact; rolling: (alphaKr, etaRoll)."""
         n, ra, rb = contact.normal, contact.radius_a, contact.radius_b
         fn = contact.stiffness * contact.overlap if contact.overlap >= 0.0 else 0.0
         force, torque_a, torque_b = times(-fn, n), ZERO, ZERO
@@ -66,7 +66,7 @@ class RollingResistance(ContactLaw):
             t = tangential_force
             t = minus(t, cross(t, swing))
             t = minus(t, cross(t, roll))
-            ratio = (ra + rb) * contact.inverse  # against ratcheting
+            ratio = (ra + rb) * contact.inverse  # avoids ratcheting
             surface = cross(plus(times(ra, contact.spin_a), times(rb, contact.spin_b)), n)
             slip = minus(times(ratio, contact.velocity), surface)
             t = plus(t, times(kt * dt, minus(slip, times(dot(slip, n), n))))
@@ -96,7 +96,7 @@ class RollingResistance(ContactLaw):
         return Response(force, torque_a, torque_b, tangential_force, rolling_moment, friction_loss, rolling_loss, 0.0)
 
     def yade(self, scene: Scene) -> YadeLaw:
-        """Law2_ScGeom6D_CohFrictPhys_CohesionMoment, cohesion off; the incremental form needs no grain rotations."""
+        """Law2_ScGeom6D_CohFrictPhys_CohesionMoment without cohesion; its incremental form needs no grain rotations."""
         from yade import wrapper as w
 
         return YadeLaw(
@@ -111,16 +111,17 @@ class RollingResistance(ContactLaw):
 
 
 def material(scene: Scene, radius: float) -> Any:
-    """YADE's material for a grain of a scene (physics of Scene's docstring): no cohesion, no twist.
+    """YADE's material for a grain of the scene, without cohesion and twisting moments.
 
-    YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): `young` = kn/R of two equal grains makes it the scene's. For spheres
-    that is (pi/2) E whatever the radius. A negative cohesion or moment limit, YADE's default, would be unlimited.
+    YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): setting `young` = kn/R for two equal grains reproduces the kn of the
+    scene. For spheres this is (pi/2) E for any radius. Negative cohesion or moment limits, YADE's defaults, would mean
+    no limit.
     """
     from yade.wrapper import CohFrictMat
 
     return CohFrictMat(
         young=float(scene.normal_stiffness(radius, radius)) / radius,
-        poisson=1.0 / scene.stiffness_ratio,  # makes kt = kn/kappa exactly
+        poisson=1.0 / scene.stiffness_ratio,  # gives kt = kn/kappa exactly
         density=scene.density,
         frictionAngle=float(np.arctan(scene.friction)),
         isCohesive=False,

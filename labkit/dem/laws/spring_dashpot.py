@@ -1,11 +1,12 @@
 """The spring-dashpot law of He et al. (Eqs. 1-3), with r* = Ra Rb/(Ra + Rb).
 
-The springs are bounded, |ft| <= mu fn and |M| <= mu_r r* fn with fn = kn delta, and the dashpots act beside them as
-long as grains overlap: so that a head-on pair separates with exp(-pi beta/sqrt(1 - beta^2)) of its speed, the
-normal force may pull a little just before it does.
+The springs are bounded, |ft| <= mu fn and |M| <= mu_r r* fn with fn = kn delta, and the dashpots act in parallel as
+long as the grains overlap. A head-on pair therefore separates with exp(-pi beta/sqrt(1 - beta^2)) of its approach
+speed, and the normal force may become slightly tensile just before separation.
 
-History turns with the contact exactly: by the smallest rotation from the last normal to the present one, then about
-the normal with the mean spin of the two grains. Increments are taken at the normal halfway (second order in dt).
+The history is rotated with the contact exactly: by the smallest rotation from the previous normal to the current one,
+then about the normal with the mean spin of the two grains. Increments are evaluated at the midpoint normal (second
+order in dt).
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ from labkit.dem.laws.vectors import ZERO, Vector, along_branch, cap, cross, dot,
 if TYPE_CHECKING:
     from labkit.dem.scene import Scene
 
-STIFFEST_DAMPING = 3.4  # damping ratio of the stiffest mode over that of one contact: a grain has many dashpots
+STIFFEST_DAMPING = 3.4  # damping ratio of the stiffest mode divided by that of one contact; a grain has many dashpots
 
 
 class SpringDashpot(ContactLaw):
-    """Eqs. 1-3: springs with limits and dashpots `beta_n`, `beta_t`; no local damping."""
+    """Spring-dashpot law of He et al. (Eqs. 1-3): bounded springs and dashpots, no local damping."""
 
     name = "spring_dashpot"
     description = "spring-dashpot law of He et al. (Eqs. 1-3)"
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kr = kt r*^2 (Eq. 3), N m."""
+        """Rolling stiffness kr = kt r*^2 (Eq. 3), N m."""
         reduced = radius_a * radius_b / (radius_a + radius_b)
         return self.tangential_stiffness(scene, radius_a, radius_b) * reduced**2
 
     def dashpots(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """2 beta sqrt(m* k) of the normal and of the tangential dashpot, m* = ma mb/(ma + mb) (Eqs. 1, 2), N s/m."""
+        """Normal and tangential 2 beta sqrt(m* k), m* = ma mb/(ma + mb) (Eqs. 1, 2), N s/m."""
         a, b = scene.mass(radius_a), scene.mass(radius_b)
         reduced = a * b / (a + b)
         kn = self.normal_stiffness(scene, radius_a, radius_b)
@@ -47,7 +48,10 @@ class SpringDashpot(ContactLaw):
         return STIFFEST_DAMPING * max(scene.beta_n, scene.beta_t)
 
     def features(self, scene: Scene) -> Features:
-        """rolling: mu_r; dashpots: (2 beta_n, 2 beta_t, density 4/3 pi)."""
+        """Friction, rolling resistance and dashpots of the scene.
+
+        rolling: mu_r; dashpots: (2 beta_n, 2 beta_t, density 4/3 pi).
+        """
         friction = scene.friction if scene.friction > 0.0 else None
         rolling = scene.rolling_friction if scene.rolling_friction > 0.0 else None
         dashpots = None
@@ -67,7 +71,7 @@ class SpringDashpot(ContactLaw):
         dashpots: Any,
         energy: Any,
     ) -> Response:
-        """rolling: mu_r; dashpots: (2 beta_n, 2 beta_t, density 4/3 pi)."""
+        """The Response of a contact; rolling: mu_r; dashpots: (2 beta_n, 2 beta_t, density 4/3 pi)."""
         n, v, ra, rb = contact.normal, contact.velocity, contact.radius_a, contact.radius_b
         a, b, overlap = contact.spin_a, contact.spin_b, contact.overlap
         touching = 1.0 if overlap >= 0.0 else 0.0
@@ -75,7 +79,7 @@ class SpringDashpot(ContactLaw):
         old = along_branch(contact.branch, v, dt, contact.inverse)
         halfway = along_branch(contact.branch, v, 0.5 * dt, contact.inverse)
         half_angle = 0.25 * dt * dot(n, plus(a, b))
-        # relative velocity of the two grains at the point of contact, halfway
+        # relative velocity of the two grains at the contact point, at mid-step
         half_overlap = 0.5 * (overlap + 0.5 * dt * dot(n, v))
         surface = cross(plus(times(ra - half_overlap, a), times(rb - half_overlap, b)), halfway)
         slip = minus(minus(v, times(dot(halfway, v), halfway)), surface)
@@ -84,7 +88,7 @@ class SpringDashpot(ContactLaw):
         kt = constants[0] * contact.stiffness
         fn, ft = spring, ZERO
         friction_loss = rolling_loss = dashpot_loss = 0.0
-        if dashpots is not None:  # Eqs. 1 and 2, viscous part: m* = ma mb/(ma + mb)
+        if dashpots is not None:  # viscous part of Eqs. 1 and 2, m* = ma mb/(ma + mb)
             ca, cb = dashpots[2] * ra * ra * ra, dashpots[2] * rb * rb * rb
             root = touching * math.sqrt(ca * cb / (ca + cb) * contact.stiffness)
             cn, ct = dashpots[0] * root, dashpots[1] * math.sqrt(constants[0]) * root
@@ -122,7 +126,7 @@ class SpringDashpot(ContactLaw):
 
 
 def turned(t: Vector, old: Vector, n: Vector, half_angle: float) -> Vector:
-    """A vector in the plane of the normal `old`, turned to the plane of n and about n by an angle; its length stays."""
+    """A vector normal to `old`, rotated into the plane normal to n and then about n; its length is preserved."""
     share = dot(t, n) / (1.0 + dot(old, n))
     t = minus(t, times(share, plus(old, n)))
     square = half_angle * half_angle

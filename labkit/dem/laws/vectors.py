@@ -1,7 +1,7 @@
-"""Vectors of three as tuples of numbers, for the formulas of a contact.
+"""Three-component vectors as tuples of numbers, for the formulas of a contact.
 
-Plain Python: the engine `fused` compiles the functions that a contact law calls, and whoever reads or tests a law can
-call them as they are. The compiler keeps the tuples in registers, so that they cost no memory.
+Plain Python: the `fused` engine compiles these functions, and they can also be called directly when reading or testing
+a contact law. The compiler keeps the tuples in registers, so that they need no memory.
 """
 
 from __future__ import annotations
@@ -13,35 +13,35 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 def plus(a: Vector, b: Vector) -> Vector:
-    """a + b."""
+    """Sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def minus(a: Vector, b: Vector) -> Vector:
-    """a - b."""
+    """Difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def times(s: float, a: Vector) -> Vector:
-    """s a."""
+    """Product s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
 def dot(a: Vector, b: Vector) -> float:
-    """a . b."""
+    """Scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """a x b."""
+    """Cross product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def inverse_root(x: float) -> float:
-    """1/sqrt(x) for x > 0 to rounding; finite at 0.
+    """1/sqrt(x) for x > 0, accurate to rounding; finite at 0.
 
-    Newton's iteration from a guess that halves the exponent: in vector instructions a third of the time of a root and
-    a division.
+    Newton's iteration from an initial guess obtained by halving the exponent. With vector instructions it takes a third
+    of the time of a square root and a division.
     """
     y = np.int64(0x5FE6EB50C7B537A9 - (np.float64(x).view(np.int64) >> 1)).view(np.float64)
     half = 0.5 * x
@@ -52,24 +52,24 @@ def inverse_root(x: float) -> float:
 
 
 def length_and_inverse(squared: float) -> tuple[float, float]:
-    """sqrt(x) and 1/sqrt(x); the root is as exact as the processor's but for the last bit."""
+    """sqrt(x) and 1/sqrt(x); the root matches that of the processor except possibly in the last bit."""
     inverse = inverse_root(squared)
     length = squared * inverse
     return length + 0.5 * inverse * (squared - length * length), inverse
 
 
 def cap(squared: float, limit: float) -> float:
-    """The factor that makes a vector of this squared length no longer than `limit` >= 0."""
+    """Factor that limits the length of a vector to `limit` >= 0, given its squared length."""
     return limit * inverse_root(squared) if squared > limit * limit else 1.0
 
 
 def along_branch(d: Vector, v: Vector, dt: float, inverse: float) -> Vector:
-    """Unit vector along the branch d as it was a time dt ago, v its rate; `inverse` = 1/|d| now. One Newton step."""
+    """Unit vector along the branch d a time dt earlier, with v its rate and `inverse` = 1/|d|; one Newton step."""
     o = minus(d, times_right(v, dt))
     before = inverse * (1.5 - 0.5 * dot(o, o) * inverse * inverse)
     return times_right(o, before)
 
 
 def times_right(a: Vector, s: float) -> Vector:
-    """a s."""
+    """Product a s."""
     return a[0] * s, a[1] * s, a[2] * s

@@ -1,10 +1,12 @@
 """The compiled kernel of the fused engine.
 
-layout.py      how contacts and grains lie in memory, and the compiler's settings
-lanes.py       eight records of grains at once, into rows of a block and back
-neighbours.py  which grains may touch: spatial order, pairs, images
-law_yade.py    contact forces after YADE
-law_paper.py   contact forces after Eqs. 1-3
-motion.py      grains and cell
-steps.py       the loop over steps that joins them
+layout.py      memory layout of contacts and grains
+lanes.py       transfers eight grain records at once to and from the rows of a block
+neighbours.py  which grains may touch: spatial order, pairs, periods
+packing.py     converts grains and contacts to blocks, sites and domains, and back
+contact.py     contact forces of a block, with the contact law inlined
+motion.py      motion of grains and cell
+steps.py       the loop over time steps
+compiling.py   compiler options, and the cache of compiled code
+build.py       compiles the loop for one contact law
 """

@@ -1,4 +1,4 @@
-"""A kernel for one contact law: the loop over steps and the sum of stresses, compiled with that law's functions."""
+"""The kernel of one contact law: loop over time steps and sum of the stress, compiled with that law's functions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ HERE = Path(__file__).parent
 
 
 class Kernel(NamedTuple):
-    """advance, advance_threads: labkit.engines.kernel.steps.advance on one thread and on several; branch_force."""
+    """The compiled functions of labkit.engines.kernel.steps.
+
+    advance, advance_threads: steps.advance for one thread and for several; branch_force: steps.branch_force.
+    """
 
     advance: Callable[..., Any]
     advance_threads: Callable[..., Any]
@@ -31,7 +34,7 @@ class Kernel(NamedTuple):
 
 @functools.cache
 def kernel_of(law: ContactLaw) -> Kernel:
-    """The Kernel of a contact law: compiled at its first step, or read from the disk if its sources are the same."""
+    """Return the Kernel of a contact law: compiled at its first call, or read from disk if no source has changed."""
     if not law.labkits:
         try_out(law)
     known: dict[Any, Any] = {}
@@ -44,7 +47,7 @@ def kernel_of(law: ContactLaw) -> Kernel:
 
     def loop(function: Callable[..., Any], name: str, names: dict[str, Any], **options: Any) -> Any:
         fresh = with_globals(function, names)
-        fresh.__qualname__ = f"{name}_{law.name}"  # Numba's cache tells functions apart by their names
+        fresh.__qualname__ = f"{name}_{law.name}"  # Numba's cache distinguishes functions by name
         return cached(fresh, stamp, **OPTIONS, **options)
 
     contacts = {"domain_contacts": domain_contacts}
@@ -56,30 +59,33 @@ def kernel_of(law: ContactLaw) -> Kernel:
 
 
 def try_out(law: ContactLaw) -> None:
-    """Calls `pair` of a law of the user's own once, as plain Python: its mistakes are then Python's, with their line.
+    """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 
-    Raises InputError if what comes back is not a Response of finite numbers.
+    Raises InputError if the result is not a Response of finite numbers.
     """
     features = law.features(Scene(law=law.name))
     branch, zero = (1.6e-4, 0.0, 0.0), (0.0, 0.0, 0.0)
     touching = Contact(1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, (1.0, 0.0, 0.0), (0.0, 1e-3, 0.0), zero, zero)
-    known = features.constants, features.friction, features.rolling, features.dashpots
-    found = law.pair(touching, zero, zero, 1e-7, *known, True)
-    numbers = np.concatenate([np.ravel(part) for part in found]) if isinstance(found, Response) else np.full(1, np.nan)
+    arguments = features.constants, features.friction, features.rolling, features.dashpots
+    result = law.pair(touching, zero, zero, 1e-7, *arguments, True)
+    numbers = (
+        np.concatenate([np.ravel(part) for part in result]) if isinstance(result, Response) else np.full(1, np.nan)
+    )
     if numbers.size != 18 or not np.isfinite(numbers).all():
-        raise InputError(f"contact law {law.name}: pair returned {found!r}: return a Response of finite numbers")
+        raise InputError(f"contact law {law.name}: pair returned {result!r}: return a Response of finite numbers")
 
 
 def _compiled_functions(module: Any, known: dict[Any, Any]) -> dict[str, Any]:
-    """The plain helpers of a module, compiled: name -> function."""
+    """Compile the plain Python helpers that a module uses: name -> function."""
     helpers = {**vars(vectors), "load": module.load, "store": module.store, "stretched": module.stretched}
     return {name: compiled_with_callees(f, known) for name, f in helpers.items() if inspect.isfunction(f)}
 
 
 def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:
-    """A stamp of all that a kernel is made of: this room, the files of the law and of the functions `known` that it
-    calls, and the constants that these have from elsewhere. None if a part of it has no file, as in a notebook: its
-    next version could not be told from this one.
+    """Return a stamp of all sources of a kernel.
+
+    It covers this package, the files of the law and of the functions `known` that it calls, and the constants that
+    these import. None if a source has no file, as in a notebook, because a later version could not be distinguished.
     """
     functions = set(known)
     files = {function.__code__.co_filename for function in functions}

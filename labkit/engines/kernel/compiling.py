@@ -1,7 +1,7 @@
-"""How labkit compiles with Numba: the options of the kernel, and a cache on disk that notices every change.
+"""Compilation with Numba: the options of the kernel, and a cache on disk that detects every change of the sources.
 
-Numba keeps one file per function and looks at the age of that function's own file only, so that a change in
-another file would leave stale code behind. Here the stamp of a cached function is that of all its sources.
+Numba caches one file per function and checks only the age of the file that defines this function, so a change in
+another source file would leave stale code in use. Here the stamp of a cached function covers all its sources.
 """
 
 from __future__ import annotations
@@ -16,57 +16,61 @@ from typing import Any
 import llvmlite.binding
 import numba
 
-if numba.config.CPU_FEATURES is None:  # left to itself, LLVM would use half of a processor's widest vectors
-    numba.config.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
+CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
 
-# A step has two loops of a few tenths of a millisecond: OpenMP's threads wait for the next one awake, the others' would
-# sleep. On a computer without a free core that helps nobody: one thread is the fastest there.
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
+if CONFIG.CPU_FEATURES is None:  # by default LLVM uses half the width of the widest vectors of a processor
+    CONFIG.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
-# contract: a*b + c in one instruction. Nothing that would let NaN or the order of sums go unnoticed.
-OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+# A time step has two parallel loops of a few tenths of a millisecond. Threads of OpenMP spin while they wait for the
+# next loop; those of the other layers sleep and wake too slowly. For busy cores see labkit.engines.threads.
+CONFIG.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
+
+# contract: a*b + c in one instruction; no other relaxation, so that NaN and the order of sums are preserved
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
 def stamp_of(files: Iterable[Path]) -> str:
-    """A hash of the text of source files."""
+    """Hash the contents of source files."""
     return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()
 
 
-ROOM = stamp_of(Path(__file__).parent.glob("*.py"))
+KERNEL = stamp_of(Path(__file__).parent.glob("*.py"))
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Numba's decorator as the whole kernel uses it."""
+    """Compile with Numba and the options of the kernel; a decorator."""
     return numba.njit(**OPTIONS)(function)
 
 
 def kept(function: Callable[..., Any]) -> Any:
-    """The same, kept on disk: for functions of this room that Python calls."""
-    return cached(function, ROOM, **OPTIONS)
+    """Compile likewise and cache on disk; a decorator for functions of this package that Python code calls."""
+    return cached(function, KERNEL, **OPTIONS)
 
 
 def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> Any:
-    """The function compiled at its first call, or read from the disk if it was compiled from sources of this stamp.
+    """Return the function compiled at its first call, or read from disk if it was compiled from sources of this stamp.
 
     Without a stamp it is compiled anew in each process.
     """
-    dispatcher = numba.njit(function, **options)
+    dispatcher: Any = numba.njit(function, **options)
     if stamp is None:
         return dispatcher
     try:
         dispatcher.enable_caching()
-        dispatcher._cache._cache_file._source_stamp  # Numba's own name for it: without it no file is kept
-    except (RuntimeError, AttributeError):  # nowhere to write, or another Numba
+    except RuntimeError:  # no writable folder
         return numba.njit(function, **options)
-    dispatcher._cache._cache_file._source_stamp = stamp, 0
+    file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if not hasattr(file, "_source_stamp"):  # a private name of Numba, which another version may lack
+        return numba.njit(function, **options)
+    file._source_stamp = stamp, 0
     return dispatcher
 
 
 def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any]) -> Any:
-    """A plain Python function compiled together with the plain Python functions that it calls.
+    """Compile a plain Python function together with the plain Python functions that it calls.
 
-    They are inlined, so that the loop around them can be turned into vector instructions. `known`: what is compiled
-    already, function -> compiled; grows.
+    All are inlined, so that LLVM can vectorise the loop around them. `known`: functions compiled so far, function ->
+    compiled; extended in place.
     """
     if function not in known:
         names = {name: function.__globals__.get(name) for name in function.__code__.co_names}
@@ -78,12 +82,12 @@ def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any]) -
 
 
 def with_globals(function: Callable[..., Any], names: dict[str, Any]) -> Callable[..., Any]:
-    """The same function with some of its global names meaning something else.
+    """Return a copy of a function with some of its global names redefined.
 
-    It counts as one of this module: Numba's cache imports the module of every function that it has compiled, and a
-    contact law may come from a file that is no module in another process.
+    The copy belongs to this module, because Numba's cache imports the module of every compiled function, and a contact
+    law may come from a file that another process cannot import.
     """
-    known = {**function.__globals__, **names, "__name__": __name__}
-    fresh = types.FunctionType(function.__code__, known, function.__name__, function.__defaults__)
+    values = {**function.__globals__, **names, "__name__": __name__}
+    fresh = types.FunctionType(function.__code__, values, function.__name__, function.__defaults__)
     fresh.__qualname__ = function.__qualname__
     return fresh

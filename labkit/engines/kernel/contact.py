@@ -1,8 +1,8 @@
-"""Blocks of contacts: rows to numbers, the contact law, numbers to rows.
+"""Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
-The law itself is `pair` of a labkit.dem.laws.ContactLaw, a function of numbers; here it becomes a loop over a block
-that the compiler turns into vector instructions. `pair` and `spring` stand for those of the law that a kernel is made
-for (labkit.engines.kernel.build).
+The law is `pair` of a labkit.dem.laws.ContactLaw, a function of numbers. The loop over a block calls it, and the
+compiler vectorises that loop. `pair` and `spring` are placeholders: labkit.engines.kernel.build replaces them by the
+functions of the law for which it compiles a kernel.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ pair, spring = ContactLaw.pair, ContactLaw.spring
 
 
 def load(rows: np.ndarray, first: int, i: int) -> Vector:
-    """The vector in three rows, of which the first begins at `first`."""
+    """Read the i-th vector from three rows, the first of which starts at `first`."""
     return rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)]
 
 
 def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
-    """Writes a vector to three rows."""
+    """Write the i-th vector to three rows, the first of which starts at `first`."""
     rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)] = vector
 
 
@@ -59,10 +59,10 @@ def block_forces(
     gradient: np.ndarray | None,
     turning: bool | None,
 ) -> None:
-    """Forces and torques of n contacts, their history brought forward by dt.
+    """Compute forces and torques of n contacts and advance their history by dt.
 
-    block, work: rows as in layout.py. constants to dashpots, turning: labkit.dem.laws.Features; what is None is left
-    out. gradient: the velocity gradient (3, 3), or None without energy sums.
+    block, work: rows as in layout.py. constants to dashpots, turning: fields of labkit.dem.laws.Features, None for
+    absent features. gradient: the velocity gradient (3, 3), or None to omit the energy sums.
     """
     for i in range(n):
         ra, rb = block[RADIUS_A + i], block[RADIUS_B + i]
@@ -79,30 +79,30 @@ def block_forces(
             else:
                 m = load(block, HISTORY, i)
         contact = Contact(block[STIFFNESS + i], ra, rb, ra + rb - distance, inverse, d, times(inverse, d), v, a, b)
-        found = pair(contact, t, m, dt, constants, friction, rolling, dashpots, gradient)
-        store(work, FORCE, i, found.force)
+        response = pair(contact, t, m, dt, constants, friction, rolling, dashpots, gradient)
+        store(work, FORCE, i, response.force)
         if turning is not None:
-            store(work, TORQUE_A, i, found.torque_a)
-            store(work, TORQUE_B, i, found.torque_b)
+            store(work, TORQUE_A, i, response.torque_a)
+            store(work, TORQUE_B, i, response.torque_b)
         if friction is not None:
-            store(block, HISTORY, i, found.tangential_force)
+            store(block, HISTORY, i, response.tangential_force)
         if rolling is not None:
             if friction is not None:
-                store(block, HISTORY + 3 * WIDTH, i, found.rolling_moment)
+                store(block, HISTORY + 3 * WIDTH, i, response.rolling_moment)
             else:
-                store(block, HISTORY, i, found.rolling_moment)
+                store(block, HISTORY, i, response.rolling_moment)
         if gradient is not None:
             if friction is not None:
-                work[FRICTION_LOSS + i] += found.friction_loss
+                work[FRICTION_LOSS + i] += response.friction_loss
             if rolling is not None:
-                work[ROLLING_LOSS + i] += found.rolling_loss
+                work[ROLLING_LOSS + i] += response.rolling_loss
             if dashpots is not None:
-                work[DASHPOT_LOSS + i] += found.dashpot_loss
-            work[CELL_WORK + i] += dt * dot(found.force, stretched(gradient, d))
+                work[DASHPOT_LOSS + i] += response.dashpot_loss
+            work[CELL_WORK + i] += dt * dot(response.force, stretched(gradient, d))
 
 
 def stretched(L: np.ndarray, d: Vector) -> Vector:
-    """L d."""
+    """Product L d."""
     return (
         L[0, 0] * d[0] + L[0, 1] * d[1] + L[0, 2] * d[2],
         L[1, 0] * d[0] + L[1, 1] * d[1] + L[1, 2] * d[2],
@@ -111,7 +111,7 @@ def stretched(L: np.ndarray, d: Vector) -> Vector:
 
 
 def block_stress(block: np.ndarray, work: np.ndarray, n: int, friction: Any, sums: np.ndarray) -> None:
-    """Adds branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,): springs alone, as in the records."""
+    """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,), without dashpots as in records."""
     for i in range(n):
         d = load(work, D, i)
         distance = math.sqrt(dot(d, d))

@@ -1,24 +1,26 @@
-"""Eight records of three numbers at once, between records and rows: loads, shuffles and stores of whole vectors, which
-LLVM does not make of loops by itself.
+"""Transfers between grain records and rows of blocks, eight records of three numbers at once.
 
-Grains have records, of which each vector takes COLUMNS numbers, the last one unused; blocks have rows. In all functions
-`work` is a block, and `row` the place in it of the first of eight x; y and z follow at distances of WIDTH. They are
-Numba intrinsics: the annotations are the types of arrays and numbers that a caller passes, `typing` is Numba's own.
+They use loads, shuffles and stores of whole vectors, which LLVM does not generate from loops.
+
+A vector takes COLUMNS numbers of a grain record, of which the last is unused. In all functions `work` is a block, and
+`row` the position in it of the first of eight x; y and z follow at distances of WIDTH. The functions are Numba
+intrinsics: the annotations are Numba's types of the caller's arrays and numbers, and Numba supplies `typing`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any, cast
 
+import numba.extending
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typing import Context, Signature
-from numba.extending import intrinsic
 
 from labkit.engines.kernel.layout import LANES, WIDTH
 
-Intrinsic = tuple[Signature, Callable]  # what Numba takes: the types, and the function that writes the code
+Intrinsic = tuple[Signature, Callable]  # types, and the function that generates the code
 
 COLUMNS = 4
 DOUBLE = ir.DoubleType()
@@ -28,9 +30,9 @@ EVEN, ODD = (0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)  # even and
 
 
 class _Code:
-    """Writes LLVM's instructions for one call of an intrinsic; arguments by position."""
+    """Generates the LLVM instructions of one call of an intrinsic; methods take arguments by position."""
 
-    def __init__(self, context, builder, signature, arguments):
+    def __init__(self, context: Any, builder: Any, signature: Signature, arguments: Sequence[Any]) -> None:
         self.context, self.builder = context, builder
         self.types, self.arguments = signature.args, arguments
 
@@ -48,11 +50,11 @@ class _Code:
         return self.builder.shuffle_vector(a, b, mask)
 
     def indexed(self, records, column, index, first):
-        """Pointers to the records whose numbers lie in the array `index` from `first` on."""
+        """Pointers to the eight records whose indices are in the array `index`, starting at `first`."""
         data, start = self.array(index).data, self.integer(first)
         for k in range(LANES):
-            place = self.builder.gep(data, [self.builder.add(start, ir.Constant(start.type, k))])
-            yield self.record(records, column, self.builder.zext(self.builder.load(place), start.type))
+            entry = self.builder.gep(data, [self.builder.add(start, ir.Constant(start.type, k))])
+            yield self.record(records, column, self.builder.zext(self.builder.load(entry), start.type))
 
     def consecutive(self, records, column, first):
         start = self.integer(first)
@@ -65,7 +67,7 @@ class _Code:
         return self.pointer(array.data, self.builder.add(self.builder.mul(number, width), self.integer(column)), RECORD)
 
     def rows(self, work, row):
-        """Pointers to the rows x, y, z."""
+        """Pointers to the rows of x, y and z."""
         data, first = self.array(work).data, self.integer(row)
         for k in range(3):
             yield self.pointer(data, self.builder.add(first, ir.Constant(first.type, k * WIDTH)), ROW)
@@ -77,7 +79,7 @@ class _Code:
         self.builder.store(value, pointer, align=8)
 
     def to_rows(self, records, work, row):
-        """Stores eight records as rows."""
+        """Store eight records as rows."""
         halves = [self.shuffle(records[k], records[k + 4], range(8)) for k in range(4)]
         low = [self.shuffle(halves[k], halves[k + 1], LOW) for k in (0, 2)]
         high = [self.shuffle(halves[k], halves[k + 1], HIGH) for k in (0, 2)]
@@ -86,7 +88,7 @@ class _Code:
             self.store(value, pointer)
 
     def to_records(self, work, row):
-        """Eight records of three rows; the unused number is 0."""
+        """Convert three rows to eight records; the unused number is 0."""
         x, y, z = (self.load(pointer) for pointer in self.rows(work, row))
         nothing = ir.Constant(ROW, None)
         records = [None] * LANES
@@ -99,8 +101,13 @@ class _Code:
         return records
 
 
-def _intrinsic(write, arguments):
-    """An intrinsic without a result; write(code) makes its instructions."""
+def intrinsic(function: Callable[..., Intrinsic]) -> Callable[..., None]:
+    """Numba's decorator, typed as callers see it: without the argument `typing`, and without a result."""
+    return cast("Callable[..., None]", numba.extending.intrinsic(function))
+
+
+def _intrinsic(write: Callable[[_Code], None], arguments: Sequence[Any]) -> Intrinsic:
+    """Build an intrinsic without a result; write(code) generates its instructions."""
 
     def codegen(context, builder, signature, values):
         write(_Code(context, builder, signature, values))
@@ -119,7 +126,7 @@ def read(
     work: types.Array,
     row: types.Integer,
 ) -> Intrinsic:
-    """Rows of the records index[i] to index[i + 7], from a column on."""
+    """Read the records index[i] to index[i + 7], starting at a column, into rows."""
 
     def write(code):
         code.to_rows([code.load(p) for p in code.indexed(0, 1, 2, 3)], 4, 5)
@@ -138,7 +145,7 @@ def read_difference(
     work: types.Array,
     row: types.Integer,
 ) -> Intrinsic:
-    """Rows of the records other[i] less index[i], and so on."""
+    """Read the differences of records, other[k] minus index[k] for k = i to i + 7, into rows."""
 
     def write(code):
         first = [code.load(p) for p in code.indexed(0, 1, 2, 4)]
@@ -158,7 +165,7 @@ def add(
     work: types.Array,
     row: types.Integer,
 ) -> Intrinsic:
-    """Adds rows to the records index[i] to index[i + 7], one after another."""
+    """Add rows to the records index[i] to index[i + 7], one after another."""
 
     def write(code):
         for value, p in zip(code.to_records(4, 5), code.indexed(0, 1, 2, 3), strict=True):
@@ -178,7 +185,7 @@ def add_opposite(
     work: types.Array,
     row: types.Integer,
 ) -> Intrinsic:
-    """Adds rows to the records index[i] and subtracts them from other[i], and so on."""
+    """Add rows to the records index[k] and subtract them from other[k] for k = i to i + 7, one after another."""
 
     def write(code):
         both = zip(code.to_records(5, 6), code.indexed(0, 1, 2, 4), code.indexed(0, 1, 3, 4), strict=True)
@@ -198,7 +205,7 @@ def take(
     work: types.Array,
     row: types.Integer,
 ) -> Intrinsic:
-    """Rows of eight consecutive records, which become 0."""
+    """Read eight consecutive records into rows and set them to 0."""
 
     def write(code):
         pointers = list(code.consecutive(0, 1, 2))
@@ -218,7 +225,7 @@ def put(
     work: types.Array,
     row: types.Integer,
 ) -> Intrinsic:
-    """Writes rows into eight consecutive records."""
+    """Write rows to eight consecutive records."""
 
     def write(code):
         for value, p in zip(code.to_records(3, 4), code.consecutive(0, 1, 2), strict=True):
@@ -229,7 +236,7 @@ def put(
 
 @intrinsic
 def prefetch(typing: Context, array: types.Array, i: types.Integer) -> Intrinsic:
-    """Asks for the number array[i] to be brought into the cache, to be changed; i may lie beyond the array."""
+    """Prefetch array[i] into the cache for writing; i may lie beyond the end of the array."""
 
     def write(code):
         pointer = code.pointer(code.array(0).data, code.integer(1), ir.IntType(8))

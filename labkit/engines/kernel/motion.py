@@ -1,12 +1,12 @@
-"""Grains and cell: YADE's Newton with its mean field, for both laws.
+"""Motion of grains and cell for all contact laws, as in YADE's NewtonIntegrator with the mean field of the cell.
 
-Order and formulas of a step from n to n+1, L the velocity gradient of the step and L- that of the step before:
+Formulas of a step from n to n+1, in order; L is the velocity gradient of this step and L- that of the previous step:
 
     v+ = v + dt (a + L- v) + (L - L-) x      x+ = x + dt v+      w+ = w + dt b + spin(L - L-)      H+ = H + dt L H
 
-a = F/m and b = T/I, each component multiplied by 1 -+ damping where it speeds up or slows down (YADE's local
-damping; none for the spring-dashpot law). With c = v+ - L x, the velocity without the mean field, this is
-c+ = c + dt a: forces alone change c, and its momentum is conserved.
+a = F/m and b = T/I. YADE's local damping multiplies each component by 1 - damping if it accelerates the grain and by
+1 + damping if it decelerates it; the spring-dashpot law has no local damping. With c = v - L x, the velocity relative
+to the mean field, the formulas give c+ = c + dt a: only forces change c, and its momentum is conserved.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from labkit.engines.kernel.layout import (
 
 
 @compiled
-def taken(acceleration: float, velocity: float, dt: float, damping: float) -> float:
-    """Share of one component that Newton's local damping takes."""
+def damped_fraction(acceleration: float, velocity: float, dt: float, damping: float) -> float:
+    """Fraction of one component that Newton's local damping removes."""
     product = acceleration * (velocity + 0.5 * dt * acceleration)
     return damping if product > 0.0 else (-damping if product < 0.0 else 0.0)
 
@@ -47,9 +47,9 @@ def move_block(
     damping: float | None,
     energy: np.ndarray | None,
 ) -> None:
-    """Moves n grains by one step. L, before (3, 3). damping: a number, or None without.
+    """Move n grains by one step. L, before (3, 3). damping: a number, or None for no damping.
 
-    energy: not None to sum what damping takes. The loop keeps the largest c^2 in the row SPEED2 of `work`.
+    energy: not None to sum the energy dissipated by damping. The row SPEED2 of `work` collects the largest c^2.
     """
     jxx, jxy, jxz = L[0, 0] - before[0, 0], L[0, 1] - before[0, 1], L[0, 2] - before[0, 2]
     jyx, jyy, jyz = L[1, 0] - before[1, 0], L[1, 1] - before[1, 1], L[1, 2] - before[1, 2]
@@ -69,11 +69,19 @@ def move_block(
             cx = vx - (before[0, 0] * x + before[0, 1] * y + before[0, 2] * z)
             cy = vy - (before[1, 0] * x + before[1, 1] * y + before[1, 2] * z)
             cz = vz - (before[2, 0] * x + before[2, 1] * y + before[2, 2] * z)
-            px, py, pz = taken(ax, cx, dt, damping), taken(ay, cy, dt, damping), taken(az, cz, dt, damping)
-            qx, qy, qz = taken(bx, wx, dt, damping), taken(by, wy, dt, damping), taken(bz, wz, dt, damping)
+            px, py, pz = (
+                damped_fraction(ax, cx, dt, damping),
+                damped_fraction(ay, cy, dt, damping),
+                damped_fraction(az, cz, dt, damping),
+            )
+            qx, qy, qz = (
+                damped_fraction(bx, wx, dt, damping),
+                damped_fraction(by, wy, dt, damping),
+                damped_fraction(bz, wz, dt, damping),
+            )
             ax, ay, az = ax * (1.0 - px), ay * (1.0 - py), az * (1.0 - pz)
             bx, by, bz = bx * (1.0 - qx), by * (1.0 - qy), bz * (1.0 - qz)
-            if energy is not None:  # what damping takes of the force times the mean velocity of the step
+            if energy is not None:  # removed fraction of the force times the mean velocity during the step
                 h = 0.5 * dt
                 lost = px * fx * (cx + h * ax) + py * fy * (cy + h * ay) + pz * fz * (cz + h * az)
                 turn = qx * mx * (wx + h * bx) + qy * my * (wy + h * by) + qz * mz * (wz + h * bz)
@@ -98,7 +106,7 @@ def move_block(
 
 @compiled
 def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
-    """H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
+    """Set H to H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
     for j in range(3):
         a, b, c = cell[0, j], cell[1, j], cell[2, j]
         for i in range(3):
@@ -107,7 +115,7 @@ def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
 
 @compiled
 def largest_speed(work: np.ndarray) -> float:
-    """Takes the largest |c| of the last motion, m/s, out of the workspace."""
+    """Return the largest |c| of the last motion, m/s, and reset it in the workspace."""
     largest = 0.0
     for i in range(WIDTH):
         largest = max(largest, work[SPEED2 + i])

@@ -1,8 +1,8 @@
-"""Which grains may touch: spatial order, and all pairs nearer than a margin, with the periods between them.
+"""Neighbour search: spatial order of the grains, and all pairs closer than a margin, with the periods between them.
 
-Grains are sorted into the cells of a grid that is skewed as the periodic cell is. Every pair is found once, from
-the grain that lies first in the order of cells; a cell of few grains looks at its neighbours' images too, and
-a pair that meets across two sides is found twice, as two pairs.
+Grains are sorted into the cells of a grid that is skewed like the periodic cell. Each pair is found once, from the
+grain that comes first in the order of the grid cells. The search includes periodic images: in a small periodic cell,
+two grains that meet across two sides are found twice, as two pairs.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import numpy as np
 from labkit.engines.kernel.compiling import kept
 from labkit.errors import PhysicsError
 
-LOST = 1000  # periods away: no grain travels so far
+LOST = 1000  # periods: a grain farther away is considered lost
 
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
-    """(cells of a grid along each side, (3,), how many of them `reach` spans, (3,)). Cells are at least `reach` wide
-    where there is room for that, and not many more than grains.
+    """Return the number of grid cells along each side, (3,), and the number that `reach` spans, (3,).
+
+    Grid cells are at least `reach` wide if space permits, and there are not many more of them than grains.
     """
     widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
@@ -29,10 +30,11 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
 
 @kept
 def place(
-    position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray, period: np.ndarray, place_: np.ndarray
+    position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray, period: np.ndarray, grid_cell: np.ndarray
 ) -> bool:
-    """Period (grain, 3) and grid cell (grain,) of each grain, written in place. False if a grain is lost: its position
-    (grain, 3) is NaN or too far away.
+    """Write the period (grain, 3) and the grid cell (grain,) of each grain in place.
+
+    Returns False if a grain is lost, that is, its position (grain, 3) is NaN or too far away.
     """
     for g in range(len(position)):
         index = 0
@@ -45,7 +47,7 @@ def place(
             whole = np.floor(fraction)
             period[g, k] = int(whole)
             index = index * shape[k] + min(int((fraction - whole) * shape[k]), shape[k] - 1)
-        place_[g] = index
+        grid_cell[g] = index
     return True
 
 
@@ -62,12 +64,12 @@ def find(
     pairs: np.ndarray,
     shifts: np.ndarray,
 ) -> int:
-    """All pairs of grains whose surfaces are nearer than `margin`; returns how many there are.
+    """Find all pairs of grains whose surfaces are closer than `margin`; return their number.
 
-    x (n, 3), radius, period: in the order of the grid's cells, which begin at start[c]. span (3,): how many cells
-    away a neighbour can be. pairs (2, capacity), shifts (capacity, 3): filled as far as they reach.
+    x (n, 3), radius, period: in the order of the grid cells; cell c starts at start[c]. span (3,): distance of the
+    farthest neighbour in grid cells. pairs (2, capacity), shifts (capacity, 3): filled up to their capacity.
     """
-    found = 0
+    count = 0
     capacity = pairs.shape[1]
     for c in range(len(start) - 1):
         cx, cy, cz = c % shape[0], c // shape[0] % shape[1], c // (shape[0] * shape[1])
@@ -89,17 +91,19 @@ def find(
                                 squared += d * d
                             reach = radius[a] + radius[b] + margin
                             if squared < reach * reach:
-                                if found < capacity:
-                                    pairs[0, found], pairs[1, found] = a, b
-                                    shifts[found, 0], shifts[found, 1], shifts[found, 2] = sx, sy, sz
-                                found += 1
-    return found
+                                if count < capacity:
+                                    pairs[0, count], pairs[1, count] = a, b
+                                    shifts[count, 0], shifts[count, 1], shifts[count, 2] = sx, sy, sz
+                                count += 1
+    return count
 
 
 @dataclasses.dataclass(frozen=True)
 class Grid:
-    """Grains sorted into cells: order[k] is the k-th grain, period[k] (3,) the period it lies in; the k of cell c
-    are start[c] to start[c + 1]; a neighbour is at most span (3,) cells away in the grid of `shape` (3,).
+    """Grains sorted into grid cells.
+
+    order[k] is the k-th grain and period[k] (3,) the period that contains it; grid cell c holds the k from start[c] to
+    start[c + 1] - 1; a neighbour is at most span (3,) cells away in the grid of `shape` (3,).
     """
 
     order: np.ndarray
@@ -110,27 +114,27 @@ class Grid:
 
 
 def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
-    """The Grid of grains (grain, 3) that may touch within `reach`, m. Raises PhysicsError if a grain is lost."""
+    """Sort grains (grain, 3) into a Grid for pairs closer than `reach`, m. Raises PhysicsError if a grain is lost."""
     shape, span = grid_shape(cell, reach, len(position))
     period = np.empty((len(position), 3), np.int64)
-    where = np.empty(len(position), np.int64)
-    if not place(position, np.linalg.inv(cell), shape, period, where):
+    grid_cell = np.empty(len(position), np.int64)
+    if not place(position, np.linalg.inv(cell), shape, period, grid_cell):
         raise PhysicsError("a grain is lost or its position became NaN: the time step is too large")
-    order = np.argsort(where, kind="stable")
-    return Grid(order, period[order], np.searchsorted(where[order], np.arange(shape.prod() + 1)), shape, span)
+    order = np.argsort(grid_cell, kind="stable")
+    return Grid(order, period[order], np.searchsorted(grid_cell[order], np.arange(shape.prod() + 1)), shape, span)
 
 
 def find_pairs(
     position: np.ndarray, radius: np.ndarray, cell: np.ndarray, grid: Grid, margin: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(pairs (2, n), periods to add to the second grain (n, 3)) of grains nearer than `margin`, in the grid's order.
+    """Return the pairs (2, n) of grains closer than `margin` and the periods to add to their second grains (n, 3).
 
-    position (grain, 3) and radius (grain,) are in the grid's order too.
+    position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid.
     """
     capacity = 4 * len(position) + 64
     while True:
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
-        found = find(position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
-        if found <= capacity:
-            return pairs[:, :found].copy(), shifts[:found].copy()
-        capacity = found
+        count = find(position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
+        if count <= capacity:
+            return pairs[:, :count].copy(), shifts[:count].copy()
+        capacity = count

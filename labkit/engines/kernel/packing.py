@@ -1,4 +1,4 @@
-"""From grains and contacts by number to the kernel's blocks, sites and domains, and back."""
+"""Converts the grains and contacts of a State to the kernel's blocks, sites and domains, and back."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from labkit.engines.kernel.neighbours import LOST, find_pairs, sort_grains
 from labkit.engines.kernel.steps import Arrays
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
-LINE = 64  # bytes of a line of the cache
-NEAR = 3  # periods, at most, between the cells that two neighbours lie in
+LINE = 64  # bytes per cache line
+NEAR = 3  # largest number of periods between the cells of two neighbouring grains
 
 
 @dataclasses.dataclass(frozen=True)
 class Grains:
-    """Grains in the order of the state: position, velocity and spin (grain, 3), radius, mass and inertia (grain,)."""
+    """Grains in the order of the State: position, velocity, spin (grain, 3); radius, mass, inertia (grain,)."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -37,8 +37,10 @@ class Grains:
 
 @dataclasses.dataclass(frozen=True)
 class History:
-    """Pairs of grains, the first number not above the second: grain (n, 2), shift (n, 3) periods to add to the second,
-    rows (n, 3 or 6 or 0) what the contact remembers, on the first grain.
+    """Contact history of pairs of grains, in which the first index is not greater than the second.
+
+    grain (n, 2): indices; shift (n, 3): periods to add to the second grain; rows (n, 0, 3 or 6): tangential force and
+    rolling moment on the first grain, as far as the scene has them.
     """
 
     grain: np.ndarray
@@ -48,10 +50,10 @@ class History:
 
 @dataclasses.dataclass(frozen=True)
 class Packing:
-    """The arrays of labkit.engines.kernel.steps, and what is needed to unpack them.
+    """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
 
-    order (grain,): number in the state of each grain; slot (n,): place of each pair among the blocks; pair (n, 2), in
-    the grid's order, and pair_shift (n, 3), the periods to add to its second grain.
+    order (grain,): index in the State of each grain; slot (n,): position of each pair in the blocks; pair (n, 2):
+    indices of its grains in the order of the grid; pair_shift (n, 3): periods to add to its second grain.
     """
 
     arrays: Arrays
@@ -61,23 +63,24 @@ class Packing:
     pair_shift: np.ndarray
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """position, velocity, spin, each (grain, 3), in the order of the state."""
+        """Return position, velocity and spin, each (grain, 3), in the order of the State."""
         back = np.empty_like(self.order)
         back[self.order] = np.arange(len(back))
         rows = from_blocks(self.arrays.grains, len(back))[:9, back]
-        return tuple(np.ascontiguousarray(rows[k : k + 3].T) for k in (0, 3, 6))
+        position, velocity, spin = (np.ascontiguousarray(rows[k : k + 3].T) for k in (0, 3, 6))
+        return position, velocity, spin
 
     def unpack_history(self) -> History:
-        """The History of all pairs, touching or not."""
+        """Return the History of all pairs, touching or not."""
         blocks = self.arrays.blocks.reshape(len(self.arrays.blocks), -1, WIDTH)
         rows = blocks[self.slot // WIDTH, HISTORY // WIDTH :, self.slot % WIDTH]  # a copy
         return ordered(self.order[self.pair], self.pair_shift, rows)
 
 
 def ordered(grain: np.ndarray, shift: np.ndarray, rows: np.ndarray) -> History:
-    """A History with the smaller number first; a grain that touches its own image counts once.
+    """Build a History with the smaller index first, and with one sign of the shift for a grain and its own image.
 
-    grain (n, 2), shift (n, 3), rows (n, k) as in History; rows: changed in place.
+    grain (n, 2), shift (n, 3), rows (n, k): as in History; rows are changed in place.
     """
     first, second = grain[:, 0], grain[:, 1]
     leading = np.sign(shift) @ np.array([9, 3, 1])
@@ -94,7 +97,7 @@ def pack(
     margin: float,
     stiffness: Callable[[np.ndarray, np.ndarray], np.ndarray],
 ) -> Packing:
-    """Seeks all pairs nearer than `margin`, m, and lays everything out; sites and images are left empty.
+    """Find all pairs closer than `margin`, m, and lay out all arrays; sites and images are left empty.
 
     cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m. Raises PhysicsError if a grain is lost.
     """
@@ -116,11 +119,11 @@ def pack(
 
     first_image = -(-number // WIDTH) * WIDTH
     second, owner, image_shift = make_images(pairs, shift, domain, grain_first, first_image)
-    nobody = first_image + len(owner)
-    placed = np.full((2, max(blocks, 1) * WIDTH), nobody, np.uint32)
+    unused = first_image + len(owner)
+    placed = np.full((2, max(blocks, 1) * WIDTH), unused, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
     a, b = radius[pairs[0]], radius[pairs[1]]
-    # what fills up a block are contacts of nobody with itself: without a normal and a history they have no force
+    # the unused site pads each block with contacts with itself, which have neither normal nor history and so no force
     laid = aligned((max(blocks, 1), HISTORY // WIDTH + history.rows.shape[1], WIDTH))
     laid[:, : HISTORY // WIDTH] = 1.0
     for row, numbers in enumerate((stiffness(a, b), a, b)):
@@ -133,8 +136,8 @@ def pack(
         grain_first=grain_first,
         contact_first=contact_first,
         contact_last=contact_first + counts,
-        sites=aligned((nobody + 1, SITE_COLUMNS)),
-        forces=aligned((nobody + 1, FORCE_COLUMNS)),
+        sites=aligned((unused + 1, SITE_COLUMNS)),
+        forces=aligned((unused + 1, FORCE_COLUMNS)),
         grains=to_blocks(columns, GRAIN_ROWS),
         image_first=np.searchsorted(owner, grain_first),
         owner=owner,
@@ -148,7 +151,7 @@ def pack(
 
 
 def aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """An array of zeros that begins with a line of the cache."""
+    """Return an array of zeros that is aligned to a cache line."""
     count = int(np.prod(shape))
     memory = np.zeros(count + LINE // 8)
     first = -memory.ctypes.data % LINE // 8
@@ -158,8 +161,10 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 def make_images(
     pairs: np.ndarray, shift: np.ndarray, domain: np.ndarray, grain_first: np.ndarray, first_image: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(site of the second grain (n,), owner (image,), shift (image, 3)): where the second grain of a pair lies
-    in another period or belongs to another domain, it gets a site of its own, from number first_image on.
+    """Return the site of the second grain of each pair (n,), and owner (image,) and shift (image, 3) of the images.
+
+    The second grain of a pair gets an image, a separate site numbered from `first_image`, if it lies in another period
+    or belongs to another domain.
     """
     second = pairs[1].copy()
     needed = np.flatnonzero(shift.any(axis=1) | (np.searchsorted(grain_first, second, side="right") - 1 != domain))
@@ -172,7 +177,7 @@ def make_images(
 
 
 def wrapped(shift: np.ndarray, first: np.ndarray, second: np.ndarray, period: np.ndarray) -> np.ndarray:
-    """One number for the periods between the cells that the two grains of a pair lie in, shape (n,)."""
+    """Encode the periods between the two grains of each pair, both wrapped into the cell, as one integer, (n,)."""
     steps = shift + period[second] - period[first] + NEAR
     size = 2 * NEAR + 1
     near = ((steps >= 0) & (steps < size)).all(axis=1)
@@ -182,7 +187,7 @@ def wrapped(shift: np.ndarray, first: np.ndarray, second: np.ndarray, period: np
 def carried(
     history: History, order: np.ndarray, pairs: np.ndarray, shift: np.ndarray, period: np.ndarray
 ) -> np.ndarray:
-    """What each new pair (2, n) remembers, (n, k): the rows of the same pair in the History, else zero."""
+    """Return the history of each new pair (2, n), as (n, k): rows of the same pair in the History, else zero."""
     number, columns = len(order), history.rows.shape[1]
     result = np.zeros((len(shift), columns))
     if len(history.grain) == 0 or len(shift) == 0 or columns == 0:
@@ -191,9 +196,9 @@ def carried(
     by_number[order] = period
     new = ordered(order[pairs.T], shift, np.ones((len(shift), 1)))
 
-    def key(found):
-        first, second = found.grain[:, 0], found.grain[:, 1]
-        near = wrapped(found.shift, first, second, by_number)
+    def key(pairs: History) -> np.ndarray:
+        first, second = pairs.grain[:, 0], pairs.grain[:, 1]
+        near = wrapped(pairs.shift, first, second, by_number)
         return (first.astype(np.int64) * number + second) * (2 * NEAR + 1) ** 3 + near
 
     old_key, new_key = key(history), key(new)
@@ -205,7 +210,7 @@ def carried(
 
 
 def to_blocks(rows: np.ndarray, number: int) -> np.ndarray:
-    """(rows, n) as blocks (n/WIDTH, number WIDTH), the last one filled up with ones."""
+    """Convert rows (k, n) to blocks (n/WIDTH, number WIDTH); missing rows and the end of the last block are ones."""
     blocks = -(-rows.shape[1] // WIDTH)
     filled = np.ones((number, blocks * WIDTH))
     filled[:, : rows.shape[1]] = rows
@@ -215,6 +220,6 @@ def to_blocks(rows: np.ndarray, number: int) -> np.ndarray:
 
 
 def from_blocks(blocks: np.ndarray, count: int) -> np.ndarray:
-    """The rows (number, count) that to_blocks has laid out."""
+    """Return the rows (number, count) that to_blocks has converted."""
     rows = blocks.reshape(len(blocks), -1, WIDTH).transpose(1, 0, 2)
     return rows.reshape(rows.shape[0], -1)[:, :count]

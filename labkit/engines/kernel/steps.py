@@ -1,9 +1,12 @@
-"""The loop over steps. Grains and contacts are divided into domains that do not depend on the number of threads, and
-every sum has one order: any number of threads gives the same bits.
+"""The loop over time steps.
 
-A domain holds a run of grains in spatial order and the contacts of which they are the first grain. The second grain
-may belong to another domain or be a periodic image: then the contact holds an image, a site of its own, filled from
-the grain after each motion. So a contact knows no periods, and domains share no site that they write to.
+Grains and contacts are divided into domains that do not depend on the number of threads, and every sum is taken in a
+fixed order: results are bit-identical for any number of threads.
+
+A domain contains consecutive grains in spatial order and the contacts of which they are the first grain. If the second
+grain of a contact belongs to another domain or lies in another period, the contact uses an image: a separate site that
+is copied from the grain after each motion. A contact therefore needs no periods, and no two domains write to the same
+site.
 """
 
 from __future__ import annotations
@@ -43,12 +46,13 @@ from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
 
 
 class Arrays(NamedTuple):
-    """What the loop works on; see layout.py for the rows and columns.
+    """Arrays of the loop; see layout.py for the rows and columns.
 
-    grain_first (domain + 1,), contact_first, contact_last (domain,): where the grains and contacts of a domain begin
-    and end; sites, forces: of grains and images; grains, pairs, blocks; image_first (domain + 1,), owner (image,),
-    shift (image, 3): images, the grains they follow, and their periods; work (domain, ...): workspaces; start
-    (grain, 3): positions at the search, m.
+    grain_first (domain + 1,), contact_first, contact_last (domain,): first and last grains and contacts of each domain;
+    sites, forces: records of grains and images; grains, blocks: blocks of grains and of contacts; pairs (2, contact):
+    sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of each domain, the
+    grain that an image copies, and its periods; work (domain, ...): workspaces; start (grain, 3): positions at the
+    last neighbour search, m.
     """
 
     grain_first: np.ndarray
@@ -67,11 +71,11 @@ class Arrays(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What the grains move in, changed in place.
+    """The cell in which the grains move, and its motion; changed in place.
 
-    cell (3, 3), m; before (3, 3): the velocity gradient of the last step, 1/s; first_cell (3, 3), m: that of the last
-    search; spread (2,): how far grains may have moved since the search, at most, m, and how much the cell has
-    stretched; largest_diameter, skin: m.
+    cell (3, 3), m; before (3, 3): velocity gradient of the previous step, 1/s; first_cell (3, 3), m: cell at the last
+    neighbour search; spread (2,): upper bounds since that search of the distance that a grain has moved, m, and of the
+    stretch of the cell; largest_diameter, skin: m.
     """
 
     cell: np.ndarray
@@ -84,7 +88,7 @@ class Motion(NamedTuple):
 
 @compiled
 def whole_lanes(n: int) -> int:
-    """n rounded up to whole vectors of LANES numbers."""
+    """Round n up to whole vectors of LANES numbers."""
     return (n + LANES - 1) // LANES * LANES
 
 
@@ -92,7 +96,7 @@ def whole_lanes(n: int) -> int:
 def read_sites(
     sites: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
 ) -> None:
-    """The rows D to WB of contacts from the sites of their grains; without velocities if `turning` is None."""
+    """Fill the rows D to WB of contacts from the sites of their grains; without velocities if `turning` is None."""
     for i in range(0, len(first), LANES):
         read_difference(sites, SITE_X, first, second, i, work, D + i)
         if turning is not None:
@@ -105,7 +109,7 @@ def read_sites(
 def add_forces(
     forces: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
 ) -> None:
-    """Adds forces and torques of contacts to their sites."""
+    """Add forces and torques of contacts to the sites of their grains."""
     for i in range(0, len(first), LANES):
         add_opposite(forces, SITE_FORCE, first, second, i, work, FORCE + i)
         if turning is not None:
@@ -129,12 +133,12 @@ def domain_contacts(
     gradient: np.ndarray | None,
     turning: bool | None,
 ) -> None:
-    """All contacts first <= k < last of a domain, a whole number of blocks before them; see `advance`."""
+    """Compute the contacts first <= k < last of a domain; `first` is a multiple of the block size. See `advance`."""
     for start in range(first, last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
         block = blocks[start // WIDTH]
         for i in range(0, len(block) // 2, LANES):
-            prefetch(block, len(block) + i)  # of the next block: in two halves, not to queue up
+            prefetch(block, len(block) + i)  # the next block, in two halves so that requests do not queue
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
         read_sites(sites, a, b, work, turning)
         block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gradient, turning)
@@ -145,13 +149,13 @@ def domain_contacts(
 
 @compiled
 def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
-    """Number of the first site that is an image: before them are whole blocks of grains, after them nobody's site."""
+    """Index of the first image among the sites: whole blocks of grains precede the images, one unused site follows."""
     return len(sites) - 1 - len(owner)
 
 
 @kept
 def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> None:
-    """The sites of the n grains of a block."""
+    """Write the sites of the n grains of a block."""
     for i in range(0, n, LANES):
         put(sites, SITE_X, start + i, block, X + i)
         put(sites, SITE_V, start + i, block, V + i)
@@ -172,7 +176,7 @@ def domain_grains(
     damping: float | None,
     energy: np.ndarray | None,
 ) -> None:
-    """Moves the grains first <= g < last and their sites."""
+    """Move the grains first <= g < last and update their sites."""
     for start in range(first, last, WIDTH):
         n = min(WIDTH, last - start)
         block = grains[start // WIDTH]
@@ -185,7 +189,7 @@ def domain_grains(
 
 @compiled
 def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int) -> None:
-    """Moves the forces of the images first <= k < last to the grains `owner`."""
+    """Add the forces on the images first <= k < last to the grains `owner`, and reset them."""
     images = first_image(forces, owner)
     for image in range(first, last):
         row, copy = forces[owner[uint(image)]], forces[uint(images + image)]
@@ -204,10 +208,10 @@ def image_sites(
     offset: np.ndarray,
     drift: np.ndarray,
 ) -> None:
-    """Writes the sites of the images first <= k < last of the grains `owner`, `shift` (image, 3) periods away.
+    """Write the sites of the images first <= k < last, `shift` (image, 3) periods away from the grains `owner`.
 
-    offset and drift (3, 3): the cell, and L times the cell before the motion: what a period adds to position and
-    velocity.
+    offset and drift (3, 3): the position and velocity that a period adds, which are the cell and L times the cell
+    before the motion.
     """
     images = first_image(sites, owner)
     for image in range(first, last):
@@ -221,9 +225,9 @@ def image_sites(
 
 @compiled
 def farthest(grains: np.ndarray, start: np.ndarray, number: int, back: np.ndarray) -> float:
-    """Largest distance, m, of a grain from its place `start` (grain, 3) at the last search, in the cell of then.
+    """Largest distance of a grain from its position `start` (grain, 3) at the last search, in the cell at that time, m.
 
-    back (3, 3): F^-1, F the deformation of the cell since.
+    back (3, 3): inverse of the deformation gradient of the cell since the search.
     """
     largest = 0.0
     for g in range(number):
@@ -251,11 +255,12 @@ def advance(
     gradient: np.ndarray | None,
     turning: bool | None,
 ) -> tuple[int, bool]:
-    """Takes up to `steps` steps of dt, s; returns how many were taken, and whether neighbours must be sought.
+    """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
 
-    L (3, 3): the velocity gradient, 1/s; constants to turning: labkit.dem.laws.Features; gradient: L to sum energies.
-    In that case the last motion has been made, its forces not: search, and go on with moved_already. What is None is
-    left out of the loop; only arguments of a function tell Numba so, which is why these are not in a tuple.
+    If a search is needed, the grains have made the motion of the next step but its forces are missing: search, and call
+    again with moved_already. L (3, 3): velocity gradient, 1/s; constants to turning: fields of
+    labkit.dem.laws.Features; gradient: L if energies are summed, else None. Numba compiles the loop without the
+    features that are None. It can do so only for function arguments, so they are not packed in a tuple.
     """
     grain_first, contact_first, contact_last = arrays.grain_first, arrays.contact_first, arrays.contact_last
     sites, forces, grains, work = arrays.sites, arrays.forces, arrays.grains, arrays.work
@@ -307,7 +312,7 @@ def advance(
 
 
 def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
-    """Sum over contacts of branch (x) force on the first grain, (3, 3), N m: springs alone, as in the records."""
+    """Sum of branch (x) force on the first grain over all contacts, (3, 3), N m, without dashpots as in records."""
     sums = np.zeros(9 * WIDTH)
     for d in range(len(arrays.contact_first)):
         last = arrays.contact_last[d]

@@ -1,4 +1,4 @@
-"""The hard cases in small form, on real engines, and whether their judgement can fail."""
+"""The hard cases in small form on real engines, and proof that their checks can fail."""
 
 import dataclasses
 import json
@@ -13,19 +13,19 @@ from analysis import __main__ as studies
 from analysis.hard_cases.cases import CASES
 from analysis.hard_cases.cases.cycles import cycle_ends, turning_records
 from analysis.hard_cases.outcome import examine
-from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_SAID, SCENES, SILENT_WRONG
+from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_REPORTED, SCENES, SILENT_WRONG
 from labkit.cli.dispatch import main
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state, write_state
 
 GRAINS = 120
-EXTENT = 0.1  # of the strains of the full form
+EXTENT = 0.1  # fraction of the strains of the full cases
 ON_YADE = ("isod_to_nothing", "very_loose", "step_over", "fast", "deep_overlaps")
 
 
 @pytest.fixture(scope="module")
 def examined(tmp_path_factory):
-    """Makes each small case once: (name, engine) -> (Outcome, folder of its run files)."""
+    """Function that examines each small case once: (name, engine) -> (Outcome, folder of its run files)."""
     work, made = tmp_path_factory.mktemp("hard"), {}
 
     def make(name, engine):
@@ -45,7 +45,7 @@ def test_every_scene_has_a_case_of_its_name():
 def test_no_hard_case_is_silently_wrong_on_fused(name, examined):
     outcome, _ = examined(name, "fused")
     assert (outcome.verdict, outcome.failed) == (SCENES[name].verdict, "") and outcome.checks > 1, outcome
-    assert outcome.guard or outcome.verdict not in (LIMIT_SAID, CLEAR_ERROR)
+    assert outcome.guard or outcome.verdict not in (LIMIT_REPORTED, CLEAR_ERROR)
 
 
 @pytest.mark.parametrize("name", ON_YADE)
@@ -79,7 +79,7 @@ def test_a_cycle_ends_at_its_upper_turn(examined):
 
 
 def tamper(file, name, factor):
-    """Multiplies the last record of a variable, in a copy that then takes its place: a reader may have it open."""
+    """Multiplies the last record of a variable, in a copy that replaces the file: a reader may have it open."""
     copy = file.with_suffix(".copy")
     shutil.copy(file, copy)
     with netCDF4.Dataset(copy, "a") as dataset:
@@ -88,7 +88,7 @@ def tamper(file, name, factor):
 
 
 @pytest.mark.parametrize(
-    ("variable", "factor", "word"),
+    ("variable", "factor", "check"),
     [
         ("stress", 1.0 + 1e-6, "stored stress"),
         ("volume", 1.001, "held: volume"),
@@ -96,28 +96,28 @@ def tamper(file, name, factor):
         ("drift_velocity", 1e3, "drift"),
     ],
 )
-def test_a_wrong_number_that_nothing_speaks_of_is_found(variable, factor, word, examined, tmp_path):
+def test_a_wrong_number_that_nothing_speaks_of_is_found(variable, factor, check, examined, tmp_path):
     outcome, folder = examined("very_dense", "fused")
-    assert outcome.verdict == LIMIT_SAID
+    assert outcome.verdict == LIMIT_REPORTED
     shutil.copytree(folder, tmp_path / "case")
     tamper(tmp_path / "case" / "run.run.nc", variable, factor)
     shared = folder.parents[1] / "shared"
-    found = examine(SCENES["very_dense"], "fused", GRAINS, EXTENT, tmp_path / "case", shared)
-    assert found.verdict == SILENT_WRONG and word in found.failed
+    outcome = examine(SCENES["very_dense"], "fused", GRAINS, EXTENT, tmp_path / "case", shared)
+    assert outcome.verdict == SILENT_WRONG and check in outcome.failed
 
 
 def test_a_run_that_does_not_say_its_limit_is_found(tmp_path):
-    """The scene `fast` at the quasi-static rate leaves no limit: what it should say is missing."""
+    """The scene `fast` at the quasi-static rate exceeds no limit, so the required report is missing."""
     scene = dataclasses.replace(SCENES["fast"], rate=10.0)
     outcome = examine(scene, "fused", GRAINS, 0.02, tmp_path / "case", tmp_path / "shared")
     assert outcome.verdict == SILENT_WRONG and "inertial number" in outcome.failed
 
 
-def hard_cases(tmp_path, *words):
+def hard_cases(tmp_path, *options):
     return studies.main(
         [
             "hard-cases",
-            *words,
+            *options,
             "--engine",
             "fused",
             "--grains",
@@ -142,14 +142,14 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
     assert all(f"### {name}\n" in page for name in names)
     capsys.readouterr()
 
-    # finished cases are kept: their outcome, and nothing is run again
+    # finished cases are kept and not run again
     case = tmp_path / "work" / f"n{GRAINS}" / "fused" / "isoc_beyond"
     before = (case / "run.run.nc").stat().st_mtime_ns
     assert hard_cases(tmp_path, *names) == 0
     assert (out / "hard_cases.csv").read_text().splitlines() == lines
     assert (case / "run.run.nc").stat().st_mtime_ns == before
 
-    # an outcome of another scene is not kept; the run file, which is, holds a wrong stress by then
+    # the outcome of another scene is discarded; the run file is kept, and now holds a wrong stress
     kept = json.loads((case / "outcome.json").read_text())
     kept["scene"]["rate"] = 1.0
     (case / "outcome.json").write_text(json.dumps(kept))
@@ -160,21 +160,32 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("options", "message"),
     [
-        (["nonsense"], "use loose_cv"),
+        (["nonsense"], "choose from loose_cv"),
         (["very_loose", "--grains", "7"], "give 100"),
         (["very_loose", "--work", "FILE"], "give another"),
     ],
 )
-def test_bad_input_is_one_line(words, said, tmp_path, capsys):
+def test_bad_input_is_one_line(options, message, tmp_path, capsys):
     file = tmp_path / "file"
     file.write_text("")
-    words = [word.replace("FILE", str(file)) for word in words]
-    work = [] if "--work" in words else ["--work", str(tmp_path / "w")]
-    assert studies.main(["hard-cases", *words, *work, "--engine", "fused", "-o", str(tmp_path / "o")]) == 2
+    options = [option.replace("FILE", str(file)) for option in options]
+    work = [] if "--work" in options else ["--work", str(tmp_path / "w")]
+    assert studies.main(["hard-cases", *options, *work, "--engine", "fused", "-o", str(tmp_path / "o")]) == 2
     error = capsys.readouterr().err
-    assert said in error and len(error.strip().splitlines()) == 1
+    assert message in error and len(error.strip().splitlines()) == 1
+
+
+def test_redraw_writes_the_same_page_from_the_table(tmp_path, capsys):
+    assert hard_cases(tmp_path, "isoc_beyond", "very_loose") == 0
+    page = tmp_path / "out" / "README.md"
+    text = page.read_text()
+    page.unlink()
+    assert studies.main(["hard-cases", "--redraw", "-o", str(tmp_path / "out")]) == 0
+    assert page.read_text() == text
+    assert studies.main(["hard-cases", "--redraw", "-o", str(tmp_path / "none")]) == 2
+    assert "lacks hard_cases.csv" in capsys.readouterr().err
 
 
 def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):
@@ -191,7 +202,7 @@ def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
 
 
 def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(tmp_path):
-    """Grains of another program, without contacts: their elastic energy is there before the first step."""
+    """Grains of another program, without contacts: their elastic energy counts before the first step."""
     scene = Scene()
     specimen = labkit.make_specimen(labkit.Recipe(0.67, 0.15, grains=GRAINS), scene)
     nothing = np.zeros((0, 3))

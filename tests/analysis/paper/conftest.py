@@ -1,6 +1,6 @@
-"""A campaign with a known answer: the model with Table 2 along the tests of analysis/paper/paper.yaml, as run files.
+"""A campaign with a known answer: run files of the model with Table 2 along the tests of analysis/paper/paper.yaml.
 
-Its tests go far enough to be critical, and each has a small scatter of its own, as a specimen of grains has.
+Its tests reach the critical state, and each has a small random scatter, like specimens of grains.
 """
 
 import dataclasses
@@ -27,13 +27,13 @@ SCATTER = 0.004  # of Z, Lambda, A, F and F^t of a test, relative
 
 
 def make(folder, model, tests=None, strain=1.6):
-    """Run files of the model in a folder: name -> file. `tests`: names of the campaign, all without."""
+    """Writes run files of the model in a folder: name -> file. `tests`: names of the campaign's runs, default all."""
     rng = np.random.default_rng(1)
     campaign = read_campaign(CAMPAIGN)
     specimens = {s.name: s for s in campaign.specimens if isinstance(s, Specimen)}
     made = {}
     for run in campaign.runs:
-        factors = 1.0 + SCATTER * rng.normal(size=5)  # of each test, whichever are made
+        factors = 1.0 + SCATTER * rng.normal(size=5)  # drawn for every test, so that they do not depend on `tests`
         if tests is not None and run.name not in tests:
             continue
         specimen, path = specimens.get(run.specimen), run.path
@@ -63,7 +63,7 @@ def make(folder, model, tests=None, strain=1.6):
 
 
 def scattered(result, factors):
-    """The Result with the five statistics multiplied by factors (5,), and the stress that C0 makes of them."""
+    """The Result with the five statistics multiplied by factors (5,), and the stress that C0 predicts from them."""
     vector = result.vector.copy()
     for factor, columns in zip(factors, (1, 2, slice(3, 9), slice(9, 15), slice(15, 21)), strict=True):
         vector[:, columns] *= factor
@@ -74,6 +74,6 @@ def scattered(result, factors):
 
 @pytest.fixture(scope="session")
 def known(tmp_path_factory):
-    """Name -> run of the whole campaign, Table 2, with its records in memory."""
+    """Name -> run of the full campaign with Table 2, its records in memory."""
     files = make(tmp_path_factory.mktemp("paper"), Model())
     return in_memory({name: labkit.open_run(file) for name, file in files.items()})

@@ -1,4 +1,4 @@
-"""`./lab paper` from the first grain to the report: a small campaign with a run that fails, and again without it."""
+"""`./lab paper` from the first grain to the report: a small campaign with a run that fails, then without it."""
 
 import pandas
 import pytest
@@ -41,24 +41,25 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def first(folder, study_command):
-    """The finished process of the campaign with a run that fails."""
+    """Finished process of the campaign with a run that fails."""
     (folder / "campaign/campaign.yaml").write_text(CAMPAIGN + WILD)
     return study_command("paper", folder / "campaign", "-o", folder / "results/paper")
 
 
-def test_a_run_that_fails_is_told_and_the_others_are_taken(first, folder):
+def test_a_run_that_fails_is_reported_and_the_others_are_used(first, folder):
     assert first.returncode == 1 and "run wild failed: the time step" in first.stderr
     output = folder / "results/paper"
     assert {file.name for file in (output / "runs").iterdir()} == {"cv-dense.run.nc", "cp_500kPa-dense.run.nc"}
     figures = {name for file in notebook_files(ROOT / "analysis") for name in figures_of(file)}
     there = {file.name for file in output.iterdir()}
     assert {*TABLES, *figures, "gallery.png", "report.html", "calibrated.json", "model.nc"} <= there
+    assert "paper:" in first.stdout and "calibrating the model" in first.stdout  # progress
     costs = pandas.read_csv(output / "campaign.csv")
     assert set(costs["threads"]) == {1} and (costs["grain_steps"] == costs["steps"] * costs["grains"]).all()
     assert "cp_500kPa-dense" in (output / "report.html").read_text()
 
 
-def test_what_is_finished_is_not_run_again_and_its_tables_stay_the_same(first, folder, study_command):
+def test_finished_runs_are_not_repeated_and_their_tables_stay_the_same(first, folder, study_command):
     campaign, output = folder / "campaign", folder / "results/paper"
     ran = {file: file.stat().st_mtime_ns for at in (campaign / "runs", output / "runs") for file in at.iterdir()}
     tables = {name: (output / name).read_bytes() for name in TABLES}

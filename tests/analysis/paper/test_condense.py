@@ -1,4 +1,4 @@
-"""Thin run files hold the records of the run and what its contacts told."""
+"""Reduced run files contain the records of the run and the statistics of its contacts."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def records_agree(run, found):
     assert found.attrs["scene"] == run.attrs["scene"] and found.attrs["source_sha256"] == run.attrs["data_sha256"]
 
 
-def test_what_the_contacts_told(thin, run_file):
+def test_statistics_of_the_contacts(thin, run_file):
     with labkit.open_run(run_file) as run, xr.open_dataset(thin / "runs" / "cv-small.run.nc", group="derived") as found:
         love = run.lab.love_stress()
         c0 = found["stress_family"].sel(form="c0")
@@ -55,7 +55,7 @@ def test_pictures_keep_their_contacts(run_file, tmp_path):
         np.testing.assert_allclose(found.lab.love_stress()[-1], run.lab.love_stress()[-1], rtol=1e-5, atol=1.0)
 
 
-def test_a_run_is_condensed_once(thin, run_file):
+def test_a_run_is_reduced_once(thin, run_file):
     file = thin / "runs" / "cv-small.run.nc"
     assert not condense(run_file, file, "labkit paper")
     assert check(file) == [("the data of this file", "same")]

@@ -1,4 +1,4 @@
-"""Starts and ends of tests, and where they would end after endless strain."""
+"""Initial and final states of tests, and their extrapolation to infinite strain."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from labkit.runs.critical import critical_states
 
 
 def relaxing(run, relaxation):
-    """The first 40 % of a run, its statistics on their way from twice to once a value, with a little noise."""
+    """The first 40 % of a run, with statistics that decay from twice a value to that value, with a little noise."""
     run = between(run, 0.0, 0.4)
     factor = 1.0 + np.exp(-run["axial_strain"].values / relaxation)
     factor = factor + 1e-4 * np.random.default_rng(0).normal(size=factor.size)
@@ -26,7 +26,7 @@ def relaxing(run, relaxation):
     return run.assign({name: (run[name].dims, value) for name, value in fixed.items()})
 
 
-def test_an_exponential_is_followed_to_its_end(known):
+def test_an_exponential_is_extrapolated_to_its_limit(known):
     run = relaxing(known["cv-medium"], 0.1)
     found = extrapolated({"cv-medium": run}).iloc[0]
     at_end = ends({"cv-medium": run}).iloc[0]

@@ -1,4 +1,4 @@
-"""The figures of the paper on run files that the model has written: its dotted lines then lie on the solid ones."""
+"""The paper's figures from run files written by the model, whose dotted lines must then lie on the solid ones."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -59,7 +59,7 @@ def runs(folder):
 
 
 @pytest.mark.parametrize("name", DRAW)
-def test_figure_of_what_is_there(name, runs, folder, tmp_path):
+def test_figure_of_available_runs(name, runs, folder, tmp_path):
     figure = DRAW[name](runs, models(folder))
     assert any(line.get_xdata().size > 10 for axes in figure.axes for line in axes.lines)
     file = figures.save(figure, tmp_path / "f.png", runs)
@@ -68,9 +68,9 @@ def test_figure_of_what_is_there(name, runs, folder, tmp_path):
 
 
 @pytest.mark.parametrize("name", DRAW)
-def test_figure_of_nothing_says_so(name, tmp_path):
+def test_figure_without_runs_lists_them(name, tmp_path):
     figure = DRAW[name]({}, models(tmp_path))
-    assert figure.get_suptitle().startswith("not there: ")
+    assert figure.get_suptitle().startswith("missing: ")
     plt.close(figure)
 
 
@@ -99,7 +99,7 @@ def test_critical_line_and_its_fit(runs, known):
     assert figures.fitted_lines({}) is None and figures.fitted_lines({"cv-dense": runs["cv-dense"]}) is None
     fitted = figures.fitted_lines(figures.monotonic(known)).parameters
     lines = critical_lines(ends(sheared(papers_tests(known)))).set_index("parameter")["value"]
-    for name in ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"):  # drawn as told
+    for name in ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"):  # drawn as in the table
         assert getattr(fitted, name) == pytest.approx(lines[name])
     assert fitted.c_cLam == pytest.approx(Model().parameters.c_cLam, rel=0.1)
 
@@ -116,7 +116,7 @@ def test_only_the_papers_tests_are_monotonic(runs):
 
 def test_size_groups(run_file, tmp_path):
     assert size_groups.read_size_groups(tmp_path) is None
-    assert figures.fig_2(None).get_suptitle().startswith("not there: ")
+    assert figures.fig_2(None).get_suptitle().startswith("missing: ")
     run = labkit.open_run(run_file)
     size_groups.write_size_groups(run, tmp_path)
     groups = size_groups.read_size_groups(tmp_path)

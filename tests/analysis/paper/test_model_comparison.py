@@ -1,4 +1,4 @@
-"""The model against runs that it made itself: no error with its own parameters, and a calibration that finds them."""
+"""The model against its own runs: no error with the same parameters, and a calibration that recovers them."""
 
 import json
 
@@ -30,7 +30,7 @@ FEW = (
 
 @pytest.fixture(scope="module")
 def other_runs(tmp_path_factory):
-    """Some tests of another material than Table 2's."""
+    """Some tests of a material other than that of Table 2."""
     files = make(tmp_path_factory.mktemp("other"), Model().with_parameters(**TRUTH), FEW, strain=0.4)
     return {name: labkit.open_run(file) for name, file in files.items()}
 
@@ -40,7 +40,7 @@ def test_its_own_runs_are_followed(known):
     errors = errors[errors["parameters"] == comparison.TABLE_2]
     assert set(errors["run"]) == set(known)
     assert (errors["reached"] > 0.98).all()
-    assert (errors[["q_error", "p_error"]].max() < 0.03).all()  # the scatter that the tests were given
+    assert (errors[["q_error", "p_error"]].max() < 0.03).all()  # the scatter added to the tests
     assert errors["e_error"].max() < 1e-3
     assert data.sizes["run"] == len(known) and list(data["parameters"].values) == [comparison.TABLE_2]
     assert np.isnan(errors.set_index("run")["e_error"]["cv-dense"])  # e is given
@@ -61,21 +61,23 @@ def test_a_calibration_finds_another_material(other_runs):
 
 
 def test_a_path_that_the_model_cannot_finish_has_a_status(known):
-    """Z goes to nothing in isotropic dilation to a low pressure."""
+    """Z vanishes in isotropic dilation to a low pressure."""
     run = known["isod-loose"].copy()
     parameters = json.loads(run.attrs["path_parameters"])
     run.attrs["path_parameters"] = json.dumps({**parameters, "pressure": 1.0, "strain": -0.3})
     longer = run.assign(axial_strain=run["axial_strain"] * 4.0)
     errors = comparison.compare({"isod-loose": longer}, comparison.models(None))[0]
     assert errors["reached"][0] < 1.0 and errors["status"][0]
-    assert any("isod-loose" in words for words in comparison.failures(errors))
+    assert any("isod-loose" in sentence for sentence in comparison.failures(errors))
     longest = run.assign(axial_strain=run["axial_strain"] * 40.0)
     errors = comparison.compare({"isod-loose": longest}, comparison.models(None))[0]
-    assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(errors["p_error"][0])  # no error, not a small one
+    assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(
+        errors["p_error"][0]
+    )  # NaN rather than a small error
     assert "| isod-loose | ended | ended | ended |" in comparison.summary(errors)
 
 
-def test_chance_is_that_of_another_seed(known):
+def test_the_error_due_to_chance_is_that_of_another_seed(known):
     errors = comparison.compare(known, {})[0]
     assert set(errors["parameters"]) == {comparison.SEED} and len(errors) == 4
     assert (errors["q_error"] > 0.0).all() and errors["q_error"].max() < 0.03
@@ -97,7 +99,7 @@ def test_all_tables_are_written_and_read(other_runs, tmp_path):
     plots.save(plots.curves({"CV": {"dense": model["cv-dense"][comparison.OURS]}}, ("q-p",)), tmp_path / "f.png")
 
 
-def test_tables_without_a_test_that_they_need(other_runs, tmp_path):
+def test_tables_without_the_tests_they_need(other_runs, tmp_path):
     files = write_tables({"cyclic-cyclic_loose": other_runs["cyclic-cyclic_loose"]}, tmp_path)
     assert not any(file.name == "calibrated.json" for file in files)
     assert "Table 2" in (tmp_path / "model_errors.md").read_text()

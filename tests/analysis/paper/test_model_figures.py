@@ -1,4 +1,4 @@
-"""Figs. 4 to 10 of the model alone."""
+"""Figs. 4 to 10 from the model only."""
 
 from analysis.__main__ import main
 

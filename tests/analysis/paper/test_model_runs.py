@@ -1,4 +1,4 @@
-"""The model along the path of a run: on the model's own run files it must find itself."""
+"""The model along the path of a run: it must reproduce its own run files."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ PATHS = {
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_finds_itself(name, tmp_path):
+def test_reproduces_its_own_run(name, tmp_path):
     file = tmp_path / "model.run.nc"
     assert main(["model", *map(str, PATHS[name]), "-o", str(file)]) == 0
     run = labkit.open_run(file)
@@ -45,5 +45,5 @@ def test_calibrated_parameters(tmp_path):
     assert found[CALIBRATED].parameters.c_M == 80.0
     assert {model.readings.beyond_e_cmax for model in found.values()} == {"flat"}
     (tmp_path / "calibrated.json").write_text("{}")
-    with pytest.raises(InputError, match="calibrated.json"):
+    with pytest.raises(InputError, match=r"calibrated\.json"):
         models(tmp_path)

@@ -1,4 +1,4 @@
-"""The error of C0 in real contacts: its parts add up, from the contacts as from what a thin file holds of them."""
+"""The error of C0 in real contacts: its parts add up, computed from the contacts or read from a reduced file."""
 
 import shutil
 
@@ -17,7 +17,7 @@ def test_the_parts_add_up(run_file):
     assert bool(row["explanation"]) == (row["over"] > 0)
 
 
-def test_a_file_that_holds_the_budget_says_the_same(run_file, tmp_path):
+def test_a_file_with_a_stored_budget_gives_the_same(run_file, tmp_path):
     thin = tmp_path / "thin.run.nc"
     shutil.copy(run_file, thin)
     run = labkit.open_run(run_file)

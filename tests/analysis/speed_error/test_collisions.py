@@ -1,4 +1,4 @@
-"""Two grains on the engine fused against the closed forms of analysis.speed_error.collisions."""
+"""Collisions of two grains on the `fused` engine compared with the closed forms."""
 
 import dataclasses
 
@@ -20,10 +20,10 @@ def errors():
 
 
 def test_orders_of_convergence(errors):
-    """First where a dashpot begins with a contact, second for springs and local damping."""
-    found = orders(errors)
-    assert len(found) == 8 and FIRST_ORDER < set(found)
-    for key, order in found.items():
+    """First order if a dashpot starts with the contact, second order for springs and local damping."""
+    by_case = orders(errors)
+    assert len(by_case) == 8 and FIRST_ORDER < set(by_case)
+    for key, order in by_case.items():
         expected, tolerance = (1.0, 0.05) if key in FIRST_ORDER else (2.0, 0.2)
         assert abs(order - expected) < tolerance, (key, order)
 
@@ -38,7 +38,7 @@ def test_sizes_of_the_errors(errors):
 
 
 def test_friction_loses_the_push_of_the_dashpot(errors):
-    """Jt is low by beta_n w dt, beside the error of e; w dt = sqrt(2) fraction."""
+    """Jt is low by beta_n w dt, in addition to the error of e; w dt = sqrt(2) fraction."""
     rows = errors[errors["law"] == "spring_dashpot"].pivot(index="fraction", columns="quantity", values="measured")
     share = rows["tangential impulse"] / (0.4 * (1.0 + rows["restitution"]))
     np.testing.assert_allclose(1.0 - share, 0.2 * np.sqrt(2.0) * rows.index, rtol=0.05)
@@ -55,12 +55,12 @@ def test_closed_forms():
 
 
 def test_local_damping_is_that_of_the_frame_in_which_it_is_seen(monkeypatch):
-    """Seen from one of the grains, e is another one."""
+    """In the frame of one of the grains, e is different."""
     own = collide(Scene(), 0.0, 0.01, 0.5)["restitution"]
     centre = collisions.approaching
 
-    def from_the_first(*words):
-        state = centre(*words)
+    def from_the_first(*arguments):
+        state = centre(*arguments)
         return state.replace(velocity=state.velocity - state.velocity[0])
 
     monkeypatch.setattr(collisions, "approaching", from_the_first)

@@ -1,4 +1,4 @@
-"""The design covers what it must, and its standard settings are the defaults of the commands."""
+"""The design covers all factors, and its standard settings are the defaults of the commands."""
 
 import argparse
 import dataclasses
@@ -11,10 +11,10 @@ from labkit.dem.settings import SETTINGS, settings
 from labkit.errors import InputError
 
 
-def parsed(add_options, words):
+def parsed(add_options, arguments):
     parser = argparse.ArgumentParser()
     add_options(parser)
-    return parser.parse_args(words)
+    return parser.parse_args(arguments)
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -27,7 +27,7 @@ def test_cases_have_names_of_their_own_and_something_to_be_compared_with(name):
 
 
 def test_a_factor_is_varied_alone():
-    """Each case of one factor differs from the baseline in nothing else."""
+    """Each case of one factor differs from the baseline only in that factor."""
     base = full().baseline()
     for case in full().cases:
         if case.path == "cp" and " x " not in case.factor and case.factor not in (PRESET, BASELINE, "law", "rolling"):

@@ -1,4 +1,4 @@
-"""Errors with intervals from results that are drawn with known means and scatter; the Pareto front."""
+"""Errors and intervals of results drawn with known means and scatter; the Pareto front."""
 
 import json
 
@@ -29,7 +29,7 @@ TIMED = pandas.DataFrame({"case": ["cp_baseline=base", "cp_settings=reference"],
 
 @pytest.fixture
 def written(tmp_path):
-    """A function that writes results with the given mean for each case and a scatter that seeds share."""
+    """A function that writes results with a given mean for each case and a scatter common to each seed."""
 
     def write(means, shared=0.02, own=0.002):
         rng = np.random.default_rng(5)
@@ -63,7 +63,7 @@ def test_a_difference_is_told_from_scatter_when_it_is_larger_and_only_then(writt
     data = written((1.0, 1.01, 1.0, 1.3))
     table = errors(data, TIMED)
     rate, grains = row(table, "rate"), row(table, "grains")
-    assert rate["change"] == pytest.approx(0.01, abs=0.003) and rate["change_within"] < 0.005  # paired: 1 % is seen
+    assert rate["change"] == pytest.approx(0.01, abs=0.003) and rate["change_within"] < 0.005  # paired: 1 % is detected
     assert rate["error"] == pytest.approx(1.01 / 1.3 - 1, abs=0.03) and rate["error_within"] > 0.01
     assert np.isnan(grains["change"])  # other specimens
     assert abs(row(table, BASELINE)["change"]) == 0.0

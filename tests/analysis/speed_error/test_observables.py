@@ -1,4 +1,4 @@
-"""Observables of a real run against the tables that others make of it; the peak of a curve."""
+"""Observables of a real run compared with the critical-state table; the peak of a curve."""
 
 import numpy as np
 import pytest

@@ -1,7 +1,8 @@
-"""The small study through the command line: killed, begun again, its data and its page."""
+"""The small study on the command line: interrupted, killed, resumed; its data and its page."""
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,54 +17,87 @@ from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
 from tests.analysis.conftest import in_the_clone
 
+RESULTS = 5  # after so many the study is killed
+
 
 def start(folder):
-    words = ["speed-error", "--design", "small", "--jobs", "2", "--work", folder / "work", "-o", folder / "out"]
+    """The small study in its own process group, as a shell starts it."""
+    options = ["--design", "small", "--jobs", "2", "--work", folder / "work", "-o", folder / "out"]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "analysis", *map(str, words)],
+        [sys.executable, "-P", "-m", "analysis", "speed-error", *map(str, options)],
         env=in_the_clone(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
 
 
-def processes_with(text):
-    found = []
-    for number in filter(str.isdigit, os.listdir("/proc")):
+def results(folder):
+    return list((folder / "work" / "results").glob("*.json"))
+
+
+def wait_for(study, folder, number):
+    """Waits until a running study has written `number` results."""
+    deadline = time.monotonic() + 300
+    while len(results(folder)) < number:
+        assert study.poll() is None and time.monotonic() < deadline, study.stderr.read()
+        time.sleep(0.05)
+
+
+def is_gone(group):
+    """Waits until no process of a group is left; False if some remain after 5 s."""
+    for _ in range(50):
         try:
-            with open(f"/proc/{number}/environ", "rb") as file:
-                found += [number] if text.encode() in file.read() else []
-        except OSError:
-            pass
-    return found
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def interrupted(folder, number, signals):
+    """Starts a study and presses Ctrl-C after `number` results: (exit code, stderr, True if all processes ended)."""
+    study = start(folder)
+    wait_for(study, folder, number)
+    for _ in range(signals):
+        os.killpg(study.pid, signal.SIGINT)
+        time.sleep(0.3)
+    _, error = study.communicate(timeout=30)
+    return study.returncode, error, is_gone(study.pid)
 
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A small study that was killed after its first results, and what was there then: name -> time of writing."""
+    """A small study that was interrupted twice, killed and resumed.
+
+    Its folder, the outcomes of the interruptions, and the time at which each result before the kill was written.
+    """
     folder = tmp_path_factory.mktemp("study")
-    os.environ["LABKIT_STUDY_OF_THE_TESTS"] = str(folder)
+    outcomes = [interrupted(folder, 1, signals=1), interrupted(folder, 3, signals=2)]
     child = start(folder)
-    results = folder / "work" / "results"
-    deadline = time.monotonic() + 300
-    while not (results.exists() and len(list(results.glob("*.json"))) >= 5):
-        assert child.poll() is None and time.monotonic() < deadline, child.stderr.read()
-        time.sleep(0.05)
+    wait_for(child, folder, RESULTS)
     child.send_signal(signal.SIGKILL)
     child.wait()
-    time.sleep(0.5)
-    assert processes_with(str(folder)) == [str(os.getpid())] or not processes_with(str(folder))
-    kept = {file: file.stat().st_mtime_ns for file in results.glob("*.json")}
+    assert is_gone(child.pid)
+    kept = {file: file.stat().st_mtime_ns for file in results(folder)}
     child = start(folder)
     _out, error = child.communicate(timeout=500)
     assert child.returncode == 0, error
-    return folder, kept
+    return folder, outcomes, kept
+
+
+def test_ctrl_c_ends_a_study_with_one_line(study):
+    for code, error, ended in study[1]:
+        assert code == 130 and ended
+        lines = re.split("[\r\n]+", error)
+        assert "Traceback" not in error
+        assert [line for line in lines if "resumes the study" in line] == [lines[-2]] and lines[-1] == ""
 
 
 def test_a_study_that_was_killed_goes_on_and_repeats_nothing(study):
-    _folder, kept = study
-    assert 5 <= len(kept) < sum(len(case.seeds) for case in small().cases)
+    kept = study[2]
+    assert RESULTS <= len(kept) < sum(len(case.seeds) for case in small().cases)
     assert {file: file.stat().st_mtime_ns for file in kept} == kept
 
 
@@ -73,8 +107,8 @@ def test_the_data_set_is_whole_and_labelled(study):
     for name, variable in data.data_vars.items():
         assert variable.attrs["long_name"] and ("units" in variable.attrs), name
     run = data["seed"].values > 0
-    said = data["status"].values.astype(str)
-    assert (said[run] == "").all()
+    status = data["status"].values.astype(str)
+    assert (status[run] == "").all()
     values = data["value"].sel(observable="ratio_critical").values[run]
     assert np.isfinite(values).all()
 
@@ -89,7 +123,7 @@ def test_a_study_goes_on_from_the_data_set_of_another(study, tmp_path):
 
 
 def test_a_file_that_is_no_study(study_command, run_file, tmp_path):
-    for file, words in ((run_file, "is not a study"), (tmp_path / "none.nc", "cannot be read")):
+    for file, words in ((run_file, "is not a study file"), (tmp_path / "none.nc", "cannot be read")):
         done = study_command("speed-error", "--design", "small", "--from", file, cwd=tmp_path)
         assert done.returncode == 2 and words in done.stderr and not list(tmp_path.iterdir())
 
@@ -111,17 +145,34 @@ def test_the_page_has_all_sections_and_every_figure_that_it_shows(study):
     page = (study[0] / "out" / "README.md").read_text()
     for title in (
         "Recommended settings",
-        "along CV",
+        "in CV tests",
         "One factor at a time",
-        "The time step, through the limit",
-        "How many grains",
-        "Two grains",
+        "The time step below and above",
+        "Number of grains",
+        "Collisions of two grains",
         "stress-force-fabric family",
     ):
         assert title in page
     assert "nan" not in page
     for picture in re.findall(r"!\[.*?\]\((.*?)\)", page):
         assert (study[0] / "out" / picture).stat().st_size > 10_000
+
+
+def test_redraw_writes_the_same_page_from_the_data_alone(study, study_command, tmp_path):
+    out = shutil.copytree(study[0] / "out", tmp_path / "out")
+    page, errors = (out / "README.md").read_text(), (out / "errors.csv").read_text()
+    for file in ("README.md", "errors.csv", "pareto_cp.png"):
+        (out / file).unlink()
+    done = study_command("speed-error", "--redraw", "-o", out, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (out / "README.md").read_text() == page and (out / "errors.csv").read_text() == errors
+    assert (out / "pareto_cp.png").stat().st_size > 10_000
+    assert [file.name for file in tmp_path.iterdir()] == ["out"]
+
+
+def test_redraw_without_a_study(study_command, tmp_path):
+    done = study_command("speed-error", "--redraw", "-o", tmp_path / "none", cwd=tmp_path)
+    assert done.returncode == 2 and "cannot be read as a study file" in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_design_that_is_unknown(study_command, tmp_path):

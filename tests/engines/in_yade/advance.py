@@ -1,4 +1,4 @@
-"""Takes a state through YADE: writes it after each of the given numbers of steps of one velocity gradient.
+"""Advances a state in YADE with one velocity gradient and writes it after each of the given numbers of steps.
 
 advance.py ROOT OUTPUT STATE STEPS,STEPS,... GRADIENT(nine numbers, comma separated)
 """
@@ -13,13 +13,13 @@ import numpy as np
 from labkit.dem.state import read_state, write_state
 from labkit.engines.yade import YadeEngine
 
-file, counts, numbers = common.words
+file, counts, numbers = common.arguments
 gradient = np.array([float(x) for x in numbers.split(",")]).reshape(3, 3)
 engine = YadeEngine(read_state(file))
 result = {"files": [], "stress": []}
 done = 0
 for count in (int(x) for x in counts.split(",")):
-    while done < count:  # in pieces, as a run does
+    while done < count:  # in parts, as in a run
         engine.advance(min(50, count - done), gradient)
         done = min(done + 50, count)
     result["files"].append(f"{common.output}.{count}.state.nc")

@@ -1,9 +1,9 @@
-"""What the scripts here share: labkit on the path, and a place for the result."""
+"""Common to the scripts of this folder: puts labkit on the path and writes the result."""
 
 import json
 import sys
 
-root, output, *words = sys.argv[1:]
+root, output, *arguments = sys.argv[1:]
 sys.path.append(root)
 
 

@@ -1,4 +1,4 @@
-"""A specimen that gets 500 steps to come to rest, which is too few."""
+"""A specimen that has only 500 steps to come to rest, too few."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""A relaxed specimen on YADE: stress against getStress, and a run through a state file against one without."""
+"""A relaxed specimen in YADE: stress compared with getStress, and a run through a state file with an unbroken run."""
 
 import os
 import sys
@@ -16,8 +16,8 @@ from labkit.dem.state import STATE, read_state, write_state
 from labkit.engines.yade import YadeEngine
 from labkit.micro.stress import love_stress
 
-specimen = read_state(common.words[0])
-gradient = velocity_gradient(ConstantVolume(), 1.0, specimen.time_step)
+specimen = read_state(common.arguments[0])
+gradient = velocity_gradient(ConstantVolume(10.0), 1.0, specimen.time_step)
 engine = YadeEngine(specimen)
 engine.advance(2000, gradient)
 half = engine.state()
@@ -29,7 +29,7 @@ result["kinetic_energy_yade"] = float(utils.kineticEnergy())
 
 
 def difference(a, b):
-    """Largest difference of each array, over its largest value."""
+    """Largest difference of each array, divided by its largest value."""
     if len(a.contact_grain) != len(b.contact_grain):
         return {"contacts": float("inf")}
     return {
@@ -38,31 +38,31 @@ def difference(a, b):
     }
 
 
-def go_on(engine):
+def continued(engine):
     engine.advance(100, gradient)
     return engine.state()
 
 
-# as if nothing had happened: without a break, and through a file
-without = go_on(engine)
+# an unbroken run, and a run through a file
+unbroken = continued(engine)
 path = common.output + ".state.nc"
 write_state(path, half)
-through = go_on(YadeEngine(read_state(path)))
-result["through_file"] = difference(without, through)
+through = continued(YadeEngine(read_state(path)))
+result["through_file"] = difference(unbroken, through)
 
-# a checkpoint in the run: exactly the run that is resumed from it
+# a run with a checkpoint, and the run resumed from it
 engine = YadeEngine(specimen)
 engine.advance(500, gradient)
 checkpoint = engine.reload()
-result["checkpoint"] = difference(go_on(engine), go_on(YadeEngine(checkpoint)))
-result["repeated"] = difference(go_on(YadeEngine(specimen)), go_on(YadeEngine(specimen)))
+result["checkpoint"] = difference(continued(engine), continued(YadeEngine(checkpoint)))
+result["repeated"] = difference(continued(YadeEngine(specimen)), continued(YadeEngine(specimen)))
 
-# no hidden mass scaling
+# no mass scaling
 result["density"] = float(O.bodies[0].state.mass / (4 / 3 * np.pi * O.bodies[0].shape.radius ** 3))
 result["time_step"] = float(O.dt)
 result["density_scaling"] = sorted({float(b.state.densityScaling) for b in O.bodies if b})
 
-# cost of reading the contacts, in steps
+# cost of reading the contacts, in time steps
 engine = YadeEngine(specimen)
 engine.advance(200, gradient)
 begin = time.perf_counter()

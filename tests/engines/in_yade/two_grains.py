@@ -1,4 +1,4 @@
-"""Two grains on YADE: stiffness, sliding, rolling, twist and separation, for one pair of radii."""
+"""Two grains in YADE: stiffness, sliding, rolling, twist and separation for one pair of radii."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ from labkit.engines.yade import YadeEngine
 
 DT = 1e-9
 STILL = np.zeros((3, 3))
-radius = np.array([float(w) for w in common.words])
+radius = np.array([float(x) for x in common.arguments])
 scene = Scene(local_damping=0.0)
 overlap = 0.01 * radius.sum()
 normal = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
@@ -23,7 +23,7 @@ cell = np.eye(3) * 20 * radius.max()
 
 
 def pair(velocity=0.0, spin=(0.0, 0.0), gap=None):
-    """Two overlapping grains across the periodic boundary; the second moves, both may spin."""
+    """Two overlapping grains, of which the second moves and both may spin."""
     distance = radius.sum() - (overlap if gap is None else -gap)
     position = np.array([np.zeros(3), distance * normal])
     state = grains_in_cell(scene, radius, position, cell)
@@ -47,7 +47,7 @@ result["normal_force"] = float(O.interactions[0, 1].phys.normalForce.norm())
 result["kn_delta"] = float(scene.normal_stiffness(*radius) * overlap)
 result["normal_force_of_state"] = float(first.normal_force[0])
 
-# one step of tangential motion: the increment of ft is kt v dt, times YADE's factor against ratcheting
+# one step of tangential motion: the increment of ft is kt v dt times YADE's anti-ratcheting factor
 speed = 1e-3
 moved = after(pair(velocity=speed * tangent), 1)
 result["kt"] = float(np.linalg.norm(moved.tangential_force[0]) / (speed * DT))
@@ -56,7 +56,7 @@ result["ratcheting_factor"] = float(radius.sum() / (radius.sum() - overlap))
 # the force on the first grain points along the motion of the second
 result["drag_direction"] = float(moved.tangential_force[0] @ tangent / np.linalg.norm(moved.tangential_force[0]))
 
-# a long way: sliding at mu fn
+# large displacement: sliding at mu fn
 slid = after(pair(velocity=200.0 * tangent), 20)
 contact = slid.snapshot().contacts
 result["sliding"] = float(np.linalg.norm(slid.tangential_force[0]) / contact.normal_force[0])
@@ -76,7 +76,7 @@ twisted = after(pair(spin=(1e5 * normal, -1e5 * normal)), 20)
 result["twist_moment"] = float(np.linalg.norm(twisted.rolling_moment[0]))
 result["twist_torque"] = float(O.forces.t(0, True).norm())
 
-# pulled apart: no contact, no force, no tension
+# separated: no contact, no force, no tension
 apart = after(pair(velocity=overlap / (10 * DT) * normal), 20)
 result["contacts_apart"] = len(apart.contact_grain)
 result["force_apart"] = float(np.linalg.norm(O.forces.f(0, True)))

@@ -1,0 +1,85 @@
+"""Default names of output files, built from the parameters."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path as File
+
+from labkit.cli.arguments import given
+from labkit.dem.paths import Path
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import SIDE, Recipe
+from labkit.errors import shown
+from labkit.parameters import parameters_of
+
+SHORT = {
+    "young_modulus": "E",
+    "time_step_factor": "t",
+    "friction": "mu",
+    "rolling_friction": "mur",
+    "strain": "e",
+    "rate": "r",
+    "reversals": "c",
+}
+
+
+def specimen_name(recipe: Recipe, scene: Scene) -> str:
+    """Name of a state file, built from the recipe and from those parameters of the scene that differ from Table 1."""
+    size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
+    parts = [
+        f"e{recipe.void_ratio:g}",
+        f"f{recipe.step1_friction:g}",
+        f"r{recipe.step1_rolling_friction:g}",
+        size,
+        f"s{recipe.seed}",
+    ]
+    for name in parameters_of(Scene):
+        value = getattr(scene, name)
+        if value != getattr(Scene, name):
+            parts.append(_part(name, value))
+    return "_".join(parts) + ".state.nc"
+
+
+def run_name(options: argparse.Namespace, kind: type[Path]) -> str:
+    """Name of a run file, built from the specimen, the path and the parameters that were given."""
+    of_path = {name: _part(name, value) for name, value in _read(options, kind).items()}
+    parts = [stem(options.specimen), kind.name]
+    parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
+    parts += [options.settings] if options.settings is not None else []
+    parts += [_part(name, value) for name, value in _read(options, Scene).items()]
+    return str(File(options.specimen).with_name("_".join([*parts, *of_path.values()]) + ".run.nc"))
+
+
+def _read(options: argparse.Namespace, kind: type) -> dict[str, object]:
+    """Parameters of a dataclass given on the command line, in SI units."""
+    return {name: parameters_of(kind)[name].read(text) for name, text in given(options, kind).items()}
+
+
+def _part(name: str, value: object) -> str:
+    """A parameter as part of a file name."""
+    if name == "law":
+        return str(value)
+    if name == "pressure":
+        return f"p{value / 1e3:g}kPa"  # type: ignore[operator]
+    return SHORT.get(name, name) + (shown(value).replace(",", "_") if isinstance(value, tuple) else shown(value))
+
+
+def consolidated_name(specimen: str, pressure: float) -> str:
+    """Name of the state file of a consolidated specimen, in the folder of the specimen."""
+    return str(File(specimen).with_name(f"{stem(specimen)}_{_part('pressure', pressure)}.state.nc"))
+
+
+def model_name(options: argparse.Namespace, start: type, path: str, kinds: Iterable[type]) -> str:
+    """Name of a run file of the constitutive model, built from the parameters that were given."""
+    parts = ["model", path]
+    for kind in (start, *kinds):
+        for name, value in _read(options, kind).items():
+            part = _part(name, value)
+            parts += [part] if part not in parts else []
+    return "_".join(parts) + ".run.nc"
+
+
+def stem(file: str) -> str:
+    """Name of a state or run file without its folder and ending."""
+    return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc")

@@ -1,0 +1,156 @@
+"""The least-squares problem of a calibration: unknowns, predictions along the recorded strain, and residuals."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import scipy.optimize
+
+from labkit.model.adaptive import advance
+from labkit.model.compiled import compiled
+from labkit.model.observation import Observation
+from labkit.model.parameters import Constants, Model
+from labkit.model.rates import FINE, SIZE, Control
+from labkit.model.tensors import to_six
+
+NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
+AXIS = np.diag([-0.5, -0.5, 1.0])
+TOLERANCE = 1e-7  # of the integration, well below the resolution of the finite differences of the Jacobian
+PRIOR = 3.0  # width of a weak prior on the unknown of a parameter, which bounds parameters that are not determined
+MOST_EVALUATIONS = 100
+
+
+def is_exponent(name: str) -> bool:
+    """True for the parameters that are fitted as they are, not as logarithms, since they may be zero."""
+    return name.startswith(("gamma", "beta"))
+
+
+def parameter_value(name: str, initial: float, u: float) -> float:
+    """Value of a parameter at its unknown u: initial exp(u), or initial (1 + u) for an exponent."""
+    if is_exponent(name):
+        return float(max(initial * (1.0 + u), 0.0))
+    return float(initial * np.exp(np.clip(u, -20.0, 20.0)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Residuals:
+    """Residuals as a function of the unknowns x.
+
+    The unknowns are one number per fitted parameter, zero at its initial value (`parameter_value`), followed by five
+    per run: the offset of its initial state from its first record, in units of NATURAL. `names`: fitted parameters;
+    `initial`: name -> initial value of every parameter.
+    """
+
+    observations: Sequence[Observation]
+    model: Model
+    names: tuple[str, ...]
+    initial: Mapping[str, float]
+
+    def start(self) -> np.ndarray:
+        """The unknowns at the start of a fit, all zero."""
+        return np.zeros(len(self.names) + 5 * len(self.observations))
+
+    def values(self, x: np.ndarray) -> dict[str, float]:
+        """Name -> value of every parameter at the unknowns x."""
+        fitted = zip(self.names, x, strict=False)  # x continues with the unknowns of the runs
+        return {**self.initial} | {name: parameter_value(name, self.initial[name], u) for name, u in fitted}
+
+    def constants(self, x: np.ndarray) -> Constants:
+        """Constants of compiled code at the unknowns x."""
+        values: dict[str, Any] = self.values(x)
+        return self.model.constants._replace(**values)
+
+    def predicted(self, x: np.ndarray, k: int, constants: Constants | None = None) -> np.ndarray:
+        """Prediction (n, 5) for run k; `constants`: those at x, if already computed."""
+        o, n = self.observations[k], len(self.names)
+        offset = x[n + 5 * k : n + 5 * (k + 1)] * NATURAL
+        first = o.values[0] + offset
+        first[:2] = np.maximum(first[:2], (1.0, 1e-6))
+        return follow(o, first, constants or self.constants(x))
+
+    def residuals(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Misfits of all runs over `weight` (5,), followed by those of the prior."""
+        constants = self.constants(x)
+        blocks = [
+            ((self.predicted(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)
+        ]
+        return np.concatenate([*blocks, x[: len(self.names)] / PRIOR])
+
+    def jacobian(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Derivative of `residuals` by forward differences; the initial state of a run affects only that run."""
+        n, step = len(self.names), 1e-4
+        base = [self.predicted(x, k) for k in range(len(self.observations))]
+        sizes = [b.size for b in base]
+        rows = np.concatenate([[0], np.cumsum(sizes)])
+        J = np.zeros((rows[-1] + n, x.size))
+        J[rows[-1] :, :n] = np.eye(n) / PRIOR
+        for j in range(x.size):
+            moved = x.copy()
+            moved[j] += step
+            constants = self.constants(moved)
+            runs: Sequence[int] = range(len(base)) if j < n else [(j - n) // 5]
+            for k in runs:
+                change = (self.predicted(moved, k, constants) - base[k]) / (step * weight)
+                J[rows[k] : rows[k + 1], j] = change.ravel()
+        return J
+
+    def solve(self, x: np.ndarray, weight: np.ndarray) -> Any:
+        """Minimise the residuals from x; returns the result of scipy.optimize.least_squares."""
+        return scipy.optimize.least_squares(
+            self.residuals,
+            x,
+            self.jacobian,
+            method="lm",
+            args=(weight,),
+            x_scale="jac",
+            xtol=1e-5,
+            ftol=1e-6,
+            max_nfev=MOST_EVALUATIONS,
+        )
+
+    def misfit(self, x: np.ndarray) -> np.ndarray:
+        """RMS difference between prediction and observation (runs, 5)."""
+        return np.array(
+            [np.sqrt(np.mean((self.predicted(x, k) - o.values) ** 2, axis=0)) for k, o in enumerate(self.observations)]
+        )
+
+    def sensitive(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """(names on which at least one record depends, the other names)."""
+        n = len(self.names)
+        J = self.jacobian(self.start(), NATURAL)[:-n, :n]
+        size = np.sqrt((J**2).sum(axis=0))
+        free = tuple(
+            name for name, s in zip(self.names, size, strict=True) if s > 1.0 / PRIOR and self.initial[name] > 0.0
+        )
+        return free, tuple(name for name in self.names if name not in free)
+
+
+def follow(observation: Observation, first: np.ndarray, constants: Constants) -> np.ndarray:
+    """Prediction of the model along the strain of an observation, from `first` (5,); (n, 5), zz components."""
+    y = np.zeros(SIZE)
+    y[0], y[1], y[2] = observation.e[0], first[0], first[1]
+    for start, zz in zip((3, 9, 15), first[2:], strict=True):
+        y[start : start + 6] = to_six(zz * AXIS)
+    states = np.empty((len(observation.e), SIZE))
+    _follow_strain(y, observation.strain_step, constants, TOLERANCE, states)
+    return states[:, (1, 2, 5, 11, 17)]
+
+
+@compiled
+def _follow_strain(y, strain_step, c, tolerance, states):
+    """Integrate along given strain steps; where the domain of the equations ends, the last state is repeated."""
+    free, measure, target, x = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), np.zeros(0)
+    states[0] = y
+    step = 1e-4
+    for k in range(strain_step.shape[0]):
+        size = np.sqrt(np.sum(strain_step[k] ** 2))
+        if size > 0.0:
+            control = Control(strain_step[k] / size, free, measure, target, 0.0)
+            status, step, _, _ = advance(y, size, step, control, x, c, tolerance, 10_000)
+            if status != FINE:
+                states[k + 1 :] = y
+                return
+        states[k + 1] = y

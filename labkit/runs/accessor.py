@@ -1,0 +1,338 @@
+"""The accessor `run.lab`: tables of records and statistics computed from the contacts of a run."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+
+from labkit.dem.paths import travelled
+from labkit.dem.scene import Scene
+from labkit.errors import InputError
+from labkit.io.schema import RECORD
+from labkit.micro.contacts import NO_CONTACTS, Contacts
+from labkit.micro.fabric import Statistics, statistics
+from labkit.micro.networks import Lives, follow, network_stress
+from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
+from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
+from labkit.runs import tables
+from labkit.sff.budget import PARTS, error_budget
+from labkit.sff.c0 import TERMS, sff_stress, strength_shares
+from labkit.sff.family import FORMS, stress
+
+AXES = {"i": list("xyz"), "j": list("xyz")}  # labels of the components of vectors and tensors
+
+
+@xr.register_dataset_accessor("lab")
+class Lab:
+    """Statistics of a run opened with `open_run`, available as `run.lab`."""
+
+    def __init__(self, run: xr.Dataset) -> None:
+        """Called by xarray when `run.lab` is first used."""
+        self._run = run
+
+    @functools.cached_property
+    def scene(self) -> Scene:
+        """Scene of the run."""
+        return Scene.from_json(self._run.attrs["scene"])
+
+    @functools.cached_property
+    def _radius(self) -> np.ndarray:
+        return self._run["radius"].values
+
+    @property
+    def number_of_snapshots(self) -> int:
+        """Number of snapshots, the records with contacts."""
+        return self._run.sizes["snapshot"]
+
+    def at_snapshots(self, name: str) -> xr.DataArray:
+        """Values of a recorded variable at the snapshots, dimension `snapshot`."""
+        return self._run[name].isel(time=self._run["record"])
+
+    def to_dataframe(self, units: bool = False) -> pandas.DataFrame:
+        """Records as a pandas.DataFrame, one row per record; contacts and grains are not read.
+
+        Columns: `time`, `axial_strain`, `p`, `q`, `q_over_p`, then every recorded variable; vectors and tensors have
+        one column per component (`stress_xx`, `stress_xy`, ...). SI units; `units=True` appends the unit to each
+        column name, e.g. `p [Pa]`. Use this method instead of `run.to_dataframe()`, which is a method of xarray: it
+        builds a row for every combination of record, contact and grain and runs out of memory.
+        """
+        derived = {"p": self.mean_stress(), "q": self.deviatoric_stress(), "q_over_p": self.stress_ratio()}
+        first = {name: self._run[name] for name in ("time", "axial_strain")}
+        recorded = {str(name): self._run[name] for name, v in self._run.variables.items() if v.dims[:1] == ("time",)}
+        return tables.table({**first, **derived, **recorded}, units)
+
+    def contacts_table(self, snapshot: int, units: bool = False) -> pandas.DataFrame:
+        """Contacts of one snapshot as a pandas.DataFrame, one row per contact; columns as in `to_dataframe`.
+
+        `contact_grain_1` and `contact_grain_2` are the indices of the two grains, from 0.
+        """
+        contacts = self.contacts(snapshot)
+        return tables.table({str(name): contacts[name] for name in contacts.data_vars}, units)
+
+    def contacts(self, snapshot: int) -> xr.Dataset:
+        """Contacts of one snapshot, a Dataset along `contact`; only these contacts are read.
+
+        `snapshot`: index along the dimension, counted from the end if negative. The run may be a selection of records
+        and snapshots, but not of contacts.
+        """
+        names = [n for n, v in self._run.data_vars.items() if "contact" in v.dims]
+        start, size = (int(self._run[name].values[snapshot]) for name in ("row_start", "row_size"))
+        return self._run[names].isel(contact=slice(start, start + size))
+
+    def snapshot(self, number: int) -> Snapshot:
+        """One Snapshot, the argument of every statistic; only this snapshot is read.
+
+        `number`: counted from the end if negative.
+        """
+        number = range(self.number_of_snapshots)[number]
+        contacts, at = self.contacts(number), self._run.isel(snapshot=number)
+        names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+        return Snapshot(
+            self.scene,
+            self._radius,
+            at["snapshot_cell"].values,
+            Contacts(*(contacts[name].values for name in names)),
+            at["position"].values if "position" in at else None,
+            float(at["snapshot_time"]) if "snapshot_time" in at else 0.0,
+            float(at["snapshot_strain"]),
+            number=number,
+        )
+
+    def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
+        """The Snapshots with these numbers, or all of them, with one in memory at a time."""
+        return (self.snapshot(k) for k in numbers or range(self.number_of_snapshots))
+
+    def _without_contacts(self) -> Snapshot:
+        """A Snapshot of the grains without contacts, in a cell of 1 m3."""
+        return Snapshot(self.scene, self._radius, np.eye(3), NO_CONTACTS)
+
+    def normalised_contacts(self, snapshot: int) -> xr.Dataset:
+        """Contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
+
+        `strong_by_force`: the normal force exceeds its mean; `strong_by_normalised_force`: Lambda_n exceeds its mean.
+        """
+        at, both = self.snapshot(snapshot), ("contact", "side")
+        return self.contacts(snapshot).assign(
+            normalised_normal_force=(
+                both,
+                normalised_normal_force(at),
+                {"units": "1", "long_name": "normalised force Lambda_n"},
+            ),
+            strong_by_force=(both, strong_by_force(at), {"long_name": "normal force above its mean"}),
+            strong_by_normalised_force=(both, strong_by_normalised_force(at), {"long_name": "Lambda_n above its mean"}),
+        )
+
+    def over_snapshots(
+        self,
+        function: Callable[[Snapshot], Mapping[str, Any]],
+        attributes: Mapping[str, Mapping[str, Any]] | None = None,
+        coords: Mapping[str, Any] | None = None,
+    ) -> xr.Dataset:
+        """Apply a function to every snapshot; returns a Dataset along `snapshot`. One snapshot is in memory at a time.
+
+        The function has the signature
+
+            def function(snapshot: labkit.Snapshot) -> dict[str, float | np.ndarray | tuple]:
+
+        and returns the same names for every snapshot. A value is a number, a tensor (3, 3), or, for any other shape,
+        a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. `attributes`: name -> attributes
+        of the variable, e.g. `{"size": {"units": "m"}}`; `coords`: as for xarray.Dataset. A run without snapshots
+        gives variables of length 0; the function is then called once, without contacts, to find their names and
+        shapes. Raises InputError for another shape without dimensions.
+        """
+        results = [function(snapshot) for snapshot in self.snapshots()]
+        shapes = results or [function(self._without_contacts())]
+        columns = {}
+        for name, first in shapes[0].items():
+            dimensions = _with_dimensions(name, first)[0]
+            values = np.array([_with_dimensions(name, each[name])[1] for each in shapes])[: len(results)]
+            columns[name] = (("snapshot", *dimensions), values, (attributes or {}).get(name))
+        result = xr.Dataset(columns, coords={**self._snapshot_coordinates(), **(coords or {})})
+        return with_axes(result)
+
+    def statistics(self) -> xr.Dataset:
+        """Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
+
+        F^t, the `mobilisation`, is the tangential counterpart of F: the mean of normal (x) tangential force over all
+        directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
+        """
+        names = [f.name for f in dataclasses.fields(Statistics)]
+        attributes = {name: {"units": RECORD[name].units, "long_name": RECORD[name].long_name} for name in names}
+        return self.over_snapshots(lambda snapshot: vars(statistics(snapshot)), attributes)
+
+    def love_stress(self) -> xr.DataArray:
+        """Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        return self._stress_of(love_stress, "Love's stress from the contacts")
+
+    def sff_stress(self) -> xr.DataArray:
+        """Stress according to C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        return self._stress_of(sff_stress, "stress according to C0 from the contacts")
+
+    def _stress_of(self, function: Callable[[Snapshot], np.ndarray], long_name: str) -> xr.DataArray:
+        attributes = {"stress": {"units": "Pa", "long_name": long_name}}
+        return self.over_snapshots(lambda snapshot: {"stress": function(snapshot)}, attributes)["stress"].rename(None)
+
+    def sff_family(self, forms: Sequence[str] = tuple(FORMS)) -> xr.DataArray:
+        """Stress according to each of labkit.sff.family.FORMS, DataArray (snapshot, form, i, j), Pa."""
+
+        def stresses(snapshot: Snapshot) -> dict[str, Any]:
+            values = [stress(form, snapshot) for form in forms]
+            return {"stress": (("form", "i", "j"), np.reshape(values, (-1, 3, 3)))}
+
+        name = {"units": "Pa", "long_name": "stress according to a stress-force-fabric relationship"}
+        return self.over_snapshots(stresses, {"stress": name}, {"form": list(forms)})["stress"].rename(None)
+
+    def error_budget(self, e: str = "nominal", with_lambda: bool = True) -> xr.DataArray:
+        """Contributions to C0 - Love (labkit.sff.budget), DataArray (snapshot, part, i, j), Pa; they sum to C0 - Love.
+
+        `e`, `with_lambda`: as for labkit.sff.budget.error_budget.
+        """
+
+        def errors(snapshot: Snapshot) -> dict[str, Any]:
+            parts = error_budget(snapshot, e, with_lambda)
+            return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}
+
+        name = {"units": "Pa", "long_name": "part of C0 - Love"}
+        return self.over_snapshots(errors, {"error": name}, {"part": list(PARTS)})["error"].rename(None)
+
+    def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
+        """Stresses by grain size (Eqs. 13-18), a Dataset along `snapshot` and `group` with the fields of GroupStresses.
+
+        `groups`: number of equal intervals of the diameter; `edges`: limits of the intervals, m, instead. The
+        coordinate `diameter` is the middle of each interval, m.
+        """
+        grains = self._without_contacts()
+        edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
+        group = groups_by_diameter(grains, edges)
+
+        def stresses(snapshot: Snapshot) -> dict[str, Any]:
+            values = group_stresses(snapshot, group, len(edges) - 1)
+            names = [*vars(values), "by_volume"]
+            return {name: (("group", "i", "j")[: getattr(values, name).ndim], getattr(values, name)) for name in names}
+
+        units = {name: {"units": "Pa"} for name in ("per_contact", "per_volume")}
+        middle = ("group", 0.5 * (edges[1:] + edges[:-1]), {"units": "m", "long_name": "grain diameter"})
+        return self.over_snapshots(stresses, units, {"diameter": middle})
+
+    def strong_networks(self) -> xr.Dataset:
+        """Fraction of strong contact sides, and the fractions of q and p that they carry, (snapshot, definition)."""
+
+        def shares(snapshot: Snapshot) -> dict[str, Any]:
+            masks = strong_by_force(snapshot), strong_by_normalised_force(snapshot)
+            whole = network_stress(snapshot, np.ones((len(snapshot.contacts), 2), dtype=bool))
+            parts = [network_stress(snapshot, mask) for mask in masks]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                values = {
+                    "fraction": [mask.mean() if mask.size else np.nan for mask in masks],
+                    "share_of_q": np.array([deviatoric_stress(x) for x in parts]) / deviatoric_stress(whole),
+                    "share_of_p": np.array([mean_stress(x) for x in parts]) / mean_stress(whole),
+                }
+            return {name: (("definition",), value) for name, value in values.items()}
+
+        units = {name: {"units": "1"} for name in ("fraction", "share_of_q", "share_of_p")}
+        return self.over_snapshots(shares, units, {"definition": ["force", "normalised force"]})
+
+    def contact_lives(self) -> xr.Dataset:
+        """Each contact from birth to death as observed at the snapshots, a Dataset along `life`.
+
+        `pair` (life, side): the two grains; `birth`: first snapshot with the contact; `death`: first snapshot without
+        it; `alive`: True if the contact still exists at the last snapshot, so that its death is unknown;
+        `birth_strain`; `lifetime`: axial strain accumulated from birth to death, or to the last snapshot if alive.
+        """
+        lives, strain = self._lives, self._travelled()
+        alive = lives.death == self.number_of_snapshots
+        end = strain[np.minimum(lives.death, len(strain) - 1)] if len(strain) else np.zeros(0)
+        return xr.Dataset(
+            {
+                "pair": (("life", "side"), lives.pair),
+                "birth": ("life", lives.birth),
+                "death": ("life", lives.death),
+                "alive": ("life", alive),
+                "birth_strain": ("life", strain[lives.birth], {"units": "1"}),
+                "lifetime": ("life", end - strain[lives.birth], {"units": "1"}),
+            }
+        )
+
+    def contact_changes(self) -> xr.Dataset:
+        """Contacts gained, lost and kept since the previous snapshot, and their mean age, a Dataset along `snapshot`.
+
+        `mean_age`: axial strain accumulated since the birth of a contact, averaged over the contacts.
+        """
+        lives, strain = self._lives, self._travelled()
+        with np.errstate(invalid="ignore", divide="ignore"):
+            age = lives.age_sum(strain) / lives.contacts
+        columns = {name: ("snapshot", getattr(lives, name)) for name in ("contacts", "gained", "lost", "kept")}
+        return xr.Dataset(
+            {**columns, "mean_age": ("snapshot", age, {"units": "1"})},
+            coords={**self._snapshot_coordinates(), "travelled": ("snapshot", strain, {"units": "1"})},
+        )
+
+    @functools.cached_property
+    def _lives(self) -> Lives:
+        pairs = (self.contacts(k)["contact_grain"].values for k in range(self.number_of_snapshots))
+        return follow(pairs, len(self._radius))
+
+    def _travelled(self) -> np.ndarray:
+        """Axial strain accumulated up to each snapshot, regardless of its sign."""
+        return travelled(self._run["axial_strain"].values)[self._run["record"].values]
+
+    def strength_shares(self) -> xr.DataArray:
+        """Contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time)."""
+        names = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
+        shares = strength_shares(*(self._run[name].values for name in names))
+        return xr.DataArray(
+            np.array([shares[term] for term in TERMS]),
+            dims=("term", "time"),
+            coords={"term": list(TERMS), "axial_strain": ("time", self._run["axial_strain"].values)},
+            attrs={"units": "1", "long_name": "contribution to q/p of C0"},
+        )
+
+    def sff_error(self) -> xr.DataArray:
+        """Frobenius norm of C0 - Love relative to that of Love at every record, DataArray (time)."""
+        error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
+        return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
+
+    def mean_stress(self, name: str = "stress") -> xr.DataArray:
+        """Mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
+        return self._scalar(mean_stress(self._run[name].values), "Pa", "mean stress p")
+
+    def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
+        """q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa."""
+        return self._scalar(deviatoric_stress(self._run[name].values), "Pa", "deviatoric stress q")
+
+    def stress_ratio(self, name: str = "stress") -> xr.DataArray:
+        """Stress ratio q/p of a recorded stress, DataArray (time), dimensionless; NaN where p and q are zero."""
+        stress = self._run[name].values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = deviatoric_stress(stress) / mean_stress(stress)
+        return self._scalar(ratio, "1", "stress ratio q/p")
+
+    def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
+        named = self._run["axial_strain"].copy(data=values).rename(None)
+        return named.assign_attrs(units=units, long_name=long_name)
+
+    def _snapshot_coordinates(self) -> dict[str, Any]:
+        return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
+
+
+def with_axes(data: xr.Dataset) -> xr.Dataset:
+    """The Dataset with the coordinate labels x, y, z on its dimensions `i` and `j`, if it has them."""
+    return data.assign_coords({name: labels for name, labels in AXES.items() if name in data.dims})
+
+
+def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], Any]:
+    """(dimensions, values) of a number or tensor (3, 3); a value with dimensions is returned unchanged."""
+    if isinstance(value, tuple):
+        return value
+    shape = np.shape(value)
+    if shape not in ((), (3, 3)):
+        raise InputError(f"{name} has the shape {shape}: return (dimensions, values), e.g. (('grain',), values)")
+    return ("i", "j")[: len(shape)], value

@@ -1,0 +1,39 @@
+"""The command that installs an extra names the source of this installation, never the bare name."""
+
+import json
+import shlex
+import subprocess
+import sys
+from importlib import metadata
+
+from labkit.io import extras
+from labkit.io.extras import install_command
+
+
+def test_in_a_checkout_the_command_names_it():
+    assert install_command("campaign") == shlex.join(
+        [sys.executable, "-m", "pip", "install", f"{extras.ROOT}[campaign]"]
+    )
+
+
+def test_pip_accepts_the_command():
+    """A dry run without an index resolves every extra from the checkout and what is installed."""
+    words = shlex.split(install_command("paraview"))
+    options = ["--dry-run", "--no-index", "--no-build-isolation", "--no-deps", "--quiet"]
+    done = subprocess.run([*words, *options], capture_output=True, text=True)
+    assert done.returncode == 0 or "hatchling" in done.stderr, done.stderr
+
+
+def test_an_installed_package_names_the_file_it_came_from(tmp_path):
+    wheel = tmp_path / "lab kit-0.1-py3-none-any.whl"
+    wheel.write_bytes(b"")
+    url = json.dumps({"url": wheel.as_uri(), "archive_info": {}})
+    assert extras._source(url) == str(wheel)
+    assert extras._source(json.dumps({"url": "https://example.org/labkit.whl"})) is None
+    assert extras._source(None) is None
+
+
+def test_without_a_source_the_packages_are_named():
+    requires = metadata.distribution("labkit").requires
+    assert any(one.startswith("snakemake") for one in extras._packages("campaign", requires))
+    assert [one.partition(">")[0] for one in extras._packages("paraview", requires)] == ["meshio"]
