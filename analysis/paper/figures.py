@@ -59,7 +59,7 @@ LOWEST_PRESSURE = 1e3  # Pa; below this, stress ratios are noise
 
 def save(figure: Figure, file: str | Path, runs: Runs | None = None) -> str:
     """Writes a figure, with its run files in the provenance; returns the name of the file."""
-    plots.save(figure, file, sources(runs or {}), "./lab notebooks", DPI)
+    plots.save(figure, file, sources(runs or {}), "./lab paper", DPI)
     return str(file)
 
 
