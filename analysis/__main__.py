@@ -13,7 +13,7 @@ from labkit.cli.registry import command
 
 STUDIES = {  # name -> (module with add_options(parser) and main(options, command), help); imported on first use
     "paper": ("analysis.paper.command", "run the paper's tests; write their tables, figures and report"),
-    "notebooks": ("analysis.paper.notebooks", "redraw the paper's figures with the notebooks of analysis/"),
+    "notebooks": ("analysis.paper.notebooks", "execute the notebooks of analysis/, which plot stored results"),
     "report": ("analysis.paper.report", "write the HTML report of the paper's tests: figures, tables, provenance"),
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),

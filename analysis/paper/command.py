@@ -12,12 +12,12 @@ import pandas
 
 from analysis.paper import runs, sources
 from analysis.paper.condense import condense
+from analysis.paper.drawn import draw_all
 from analysis.paper.ends import Runs
-from analysis.paper.notebooks import execute, notebook_files
 from analysis.paper.origins import threads_of
 from analysis.paper.report import report
 from analysis.paper.tables import write_tables
-from analysis.places import STUDIES, results_folder
+from analysis.places import results_folder
 from labkit.campaign import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
 from labkit.dem import Progress
@@ -29,7 +29,7 @@ from labkit.visuals import draw_grains, plots
 
 TESTS = Path(__file__).with_name("paper.yaml")
 PICTURED = "cv-dense"  # run shown in gallery.png, at its start and end
-CONDENSED, TABLES, NOTEBOOKS = 0.3, 0.5, 0.95  # fractions of the progress at which these steps are finished
+CONDENSED, TABLES, FIGURES = 0.3, 0.5, 0.95  # fractions of the progress at which these steps are finished
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -100,12 +100,12 @@ def paper(campaign: str | Path | None, output: str | Path, command: str, progres
         source = stored[PICTURED].encoding["source"]
         plots.save(draw_grains(snapshots(source, [0, -1])), folder / "gallery.png", [source], command)
         yield folder / "gallery.png"
-    notebooks = notebook_files(STUDIES)
-    for k, notebook in enumerate(notebooks):
-        progress(TABLES + (NOTEBOOKS - TABLES) * k / len(notebooks), f"drawing the figures of {notebook.name}")
-        execute(notebook, folder, folder)
-        yield notebook
-    progress(NOTEBOOKS, "writing the report")
+
+    def drawn(fraction: float, text: str) -> None:
+        progress(TABLES + (FIGURES - TABLES) * fraction, text)
+
+    yield from draw_all(stored, folder, drawn)
+    progress(FIGURES, "writing the report")
     report(folder, folder / "report.html", command)
     progress(1.0, "done")
     yield folder / "report.html"

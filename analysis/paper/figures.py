@@ -59,7 +59,7 @@ LOWEST_PRESSURE = 1e3  # Pa; below this, stress ratios are noise
 
 def save(figure: Figure, file: str | Path, runs: Runs | None = None) -> str:
     """Writes a figure, with its run files in the provenance; returns the name of the file."""
-    plots.save(figure, file, sources(runs or {}), "./lab notebooks", DPI)
+    plots.save(figure, file, sources(runs or {}), "./lab paper", DPI)
     return str(file)
 
 
@@ -80,7 +80,7 @@ def fig_2(groups: xr.Dataset | None) -> Figure:
 
     `groups`: from size_groups.read_size_groups.
     """
-    with plt.rc_context(STYLE | {"axes.titlesize": 8}):
+    with plt.rc_context(STYLE | {"axes.titlesize": 8, "axes.labelsize": 7.5}):
         if groups is None:
             return say_missing(plt.figure(figsize=(WIDTH, 0.5)), ["stresses of the grain size groups of cv-dense"])
         return micro_figures.group_stresses(groups, groups["love"], WIDTH)[0]
@@ -245,7 +245,7 @@ EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
 def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "strain") -> Figure:
     """Z, Lambda, A, F and F^t of the tests `names` over the axial strain, or the accumulated strain `travelled`."""
     diagrams = [f"{quantity}-{over}" for quantity in EVOLUTION]
-    with plt.rc_context(STYLE):
+    with plt.rc_context(STYLE | ({"axes.labelsize": 8} if over == "travelled" else {})):  # its label is long
         figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.0), layout="constrained")
         panels = grid.ravel()
         colors = {name: COLORS[density_of(name)] for name in names}

@@ -16,9 +16,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from analysis.places import results_folder
 from labkit.dem import REVERSALS
-from labkit.io import require_writable
+from labkit.io import make_folder
 from labkit.model import Model, as_run, drive, isotropic_state, model_path, with_inherent_anisotropy
 from labkit.visuals import plots
 
@@ -30,14 +29,13 @@ DENSITIES = (0.77, 0.724, 0.670, 0.606)
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab model-figures`."""
     parser.add_argument(
-        "-o", "--output", default=results_folder(), help="existing folder for the figures (default: results)"
+        "-o", "--output", default="model_figures", help="folder for the figures (default: model_figures)"
     )
 
 
 def main(options: argparse.Namespace, command: str) -> None:
     """Draws every figure into the folder."""
-    require_writable(Path(options.output) / "labkit")
-    for file in draw_all(options.output):
+    for file in draw_all(make_folder(options.output, "--output")):
         print(f"figure: {file}")
 
 

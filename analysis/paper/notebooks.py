@@ -1,18 +1,20 @@
-"""Executes notebooks headless, each in its own kernel, and saves their figures."""
+"""Executes the notebooks headless, each in its own kernel, and stores or writes their outputs if requested."""
 
 from __future__ import annotations
 
 import argparse
+import base64
 import os
 from pathlib import Path
 from typing import Any
 
 from analysis.places import ROOT, STUDIES, results_folder
 from labkit.errors import InputError, PhysicsError
-from labkit.io import install_command, make_folder
+from labkit.io import make_folder, whole_file, write_text
 
 LIMIT = 600  # seconds per cell
-RESULTS, FIGURES = "LABKIT_RESULTS", "LABKIT_FIGURES"  # environment variables that the notebooks read
+INLINE = "module://matplotlib_inline.backend_inline"  # figures become outputs; commands of labkit use Agg
+RESULTS = "LABKIT_RESULTS"  # environment variable with the data folder, read by the notebooks
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -23,13 +25,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--results", default=results_folder("paper"), help="folder with the data (default: results/paper)"
     )
-    parser.add_argument("-o", "--output", help="folder for the figures (default: the data folder)")
+    parser.add_argument("-o", "--output", help="folder for the executed notebooks and their figures (default: none)")
+    parser.add_argument(
+        "--store", action="store_true", help="store the new outputs in the notebooks themselves (default: leave them)"
+    )
 
 
 def main(options: argparse.Namespace, command: str) -> None:
-    """Executes the notebooks of a folder."""
+    """Executes the notebooks in a folder. Without -o or --store, no file changes."""
+    output = Path(make_folder(options.output, "--output")) if options.output else None
     for file in notebook_files(options.folder):
-        execute(file, options.results, options.output or options.results)
+        notebook = execute(file, options.results)
+        if options.store:
+            write(notebook, file)
+        if output is not None:
+            write(notebook, output / file.name)
+            for k, picture in enumerate(pictures(notebook), 1):
+                with whole_file(output / f"{file.stem}_{k}.png") as temporary:
+                    Path(temporary).write_bytes(picture)
         print(f"{file}: done", flush=True)
 
 
@@ -41,30 +54,64 @@ def notebook_files(folder: str | Path) -> list[Path]:
     return files
 
 
-def execute(file: str | Path, results: str | Path, output: str | Path) -> Any:
-    """Executes a notebook with the data of the folder `results`; its figures go to the folder `output`.
+def execute(file: str | Path, results: str | Path) -> Any:
+    """Executes a notebook with the data of the folder `results`, and returns it without volatile metadata.
 
-    The notebook file is not changed; the executed notebook is returned. Raises PhysicsError if a cell fails,
-    InputError if Jupyter's packages are not installed.
+    The file is not changed. Raises PhysicsError if a cell fails, InputError if Jupyter's packages are not installed.
     """
     try:
         import nbformat
         from nbclient import NotebookClient
         from nbclient.exceptions import CellExecutionError
     except ImportError:
-        raise InputError(f"notebooks need packages that are not installed: {install_command('notebooks')}") from None
-    places = {RESULTS: str(Path(results).resolve()), FIGURES: str(make_folder(output, "--output").resolve())}
-    python_path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]  # so that notebooks can import `analysis`
+        raise InputError("notebooks need packages that are not installed: pip install 'labkit[notebooks]'") from None
+    python_path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {
+        RESULTS: str(Path(results).resolve()),
+        "PYTHONPATH": os.pathsep.join(python_path),
+        "MPLBACKEND": INLINE,
+    }
     notebook = nbformat.read(file, as_version=4)
+    metadata = notebook.metadata.copy()
     client = NotebookClient(
         notebook,
         timeout=LIMIT,
         kernel_name="python3",
+        record_timing=False,
         resources={"metadata": {"path": str(Path(file).parent)}},
         extra_arguments=["--IPKernelApp.log_level=40"],  # hide warnings of the kernel
     )
     try:
-        client.execute(env={**os.environ, **places, "PYTHONPATH": os.pathsep.join(python_path)})
+        client.execute(env={**os.environ, **environment})
     except CellExecutionError as error:
         raise PhysicsError(f"{file}: {error.ename}: {error.evalue}") from None
+    notebook.metadata = metadata  # without the versions of the kernel
+    for cell in notebook.cells:
+        cell.metadata = {}
+        if cell.cell_type == "code":
+            cell.outputs = _merged(cell.outputs)
     return notebook
+
+
+def _merged(outputs: list[Any]) -> list[Any]:
+    """Outputs of a cell with consecutive pieces of text joined; how a kernel divides its text is random."""
+    merged: list[Any] = []
+    for output in outputs:
+        if output.output_type == "stream" and merged and merged[-1].get("name") == output.name:
+            merged[-1].text += output.text
+        else:
+            merged.append(output)
+    return merged
+
+
+def pictures(notebook: Any) -> list[bytes]:
+    """PNG images among the outputs of a notebook, in order."""
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    return [base64.b64decode(output.data["image/png"]) for output in outputs if "image/png" in output.get("data", {})]
+
+
+def write(notebook: Any, file: Path) -> None:
+    """Writes a notebook."""
+    import nbformat
+
+    write_text(file, nbformat.writes(notebook) + "\n")

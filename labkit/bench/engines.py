@@ -56,7 +56,7 @@ def bench(specimen: str, steps: int, rounds: int, progress: Progress) -> dict[st
 
 def _in_lammps(program: str, specimen: str, steps: int) -> dict[str, float]:
     state = read_state(specimen)
-    rates = velocity_gradient(ConstantVolume().for_scene(state.scene), None, 1.0, state.time_step).diagonal()
+    rates = velocity_gradient(ConstantVolume().for_scene(state.scene), 1.0, state.time_step).diagonal()
     return {"steps_per_second": bench_lammps.steps_per_second(program, state, rates, steps)}
 
 

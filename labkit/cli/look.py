@@ -92,7 +92,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     print(table.to_string(index=False, float_format="%.4g"))
     scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
     print(f"M of all: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
-    plots.save(plots.e_p_paths(runs), options.output, files)
+    plots.save(plots.e_p_paths(runs, list_runs=True), options.output, files)
     print(f"figure: {options.output}")
     if options.csv:
         write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), files)
@@ -141,6 +141,7 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
             value=options.variable,
         )
     figure, table = draw(run, options.groups, options.snapshot, **keywords)
+    plots.name_run(figure, run)  # a figure of the user may not name its run
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
@@ -172,7 +173,7 @@ def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
     output = options.output or figure_name(options.file, "picture")
     require_outputs(output, None)
     numbers = options.snapshot or [-1] * (labkit_kind(options.file) == "run")
-    plots.save(picture(snapshots(options.file, numbers)), output, [options.file])
+    plots.save(picture(snapshots(options.file, numbers), Path(options.file).name), output, [options.file])
     print(f"picture: {output}")
 
 

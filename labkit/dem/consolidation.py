@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.dem import servo
+from labkit.dem.control import Control
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
-from labkit.dem.control import Control
 from labkit.dem.loading import Path
 from labkit.dem.paths import Consolidation
 from labkit.dem.specimen import ready
@@ -65,7 +65,9 @@ def bring_to(specimen: State, path: Path, start: Start, progress: Progress = sil
             return state.at_rest()
         stiffness, before = servo.cell_stiffness(snapshot, control.components), state.velocity_gradient
         for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
-            before = servo.velocity_gradient(path, control, 1.0, state.time_step, engine.stress(), stiffness, before)
+            before = servo.velocity_gradient(
+                path, 1.0, state.time_step, engine.stress(), stiffness, before, control=control
+            )
             engine.advance(servo.STANDARD.interval, before)
     raise PhysicsError(
         f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {STEP_LIMIT} steps "

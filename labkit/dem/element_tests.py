@@ -240,10 +240,12 @@ class Mixed(Path):
     """
 
     strain: float = parameter(0.1, above=0.0, high=50.0, help="travelled strain at which the path ends")
-    strain_rate: Any = parameter((0.0,) * 6, kind=tuple, help="prescribed strain rates over `rate`: xx,yy,zz,yz,xz,xy")
-    free: Any = parameter((), kind=tuple, help="strain rates that the servo adjusts: 6 numbers for each held stress")
-    measured: Any = parameter((), kind=tuple, help="coefficients of each held stress: 6 numbers, shear counted twice")
-    target: Any = parameter((), kind=tuple, unit="Pa", help="held stresses")
+    strain_rate: tuple[float, ...] = parameter(
+        (0.0,) * 6, help="prescribed strain rates over `rate`: xx,yy,zz,yz,xz,xy"
+    )
+    free: tuple[float, ...] = parameter((), help="strain rates that the servo adjusts: 6 numbers for each held stress")
+    measured: tuple[float, ...] = parameter((), help="coefficients of each held stress: 6 numbers, shear counted twice")
+    target: tuple[float, ...] = parameter((), unit="Pa", help="held stresses")
 
     name = "mixed"
     rate_limit = 8.0

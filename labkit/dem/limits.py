@@ -15,8 +15,8 @@ from labkit.errors import InputError
 from labkit.io.files import open_netcdf
 from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot
-from labkit.micro.tensors import symmetric
 from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.tensors import symmetric
 
 STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap then reaches its limit
 OVERLAP_LIMIT = 0.02  # mean delta/D

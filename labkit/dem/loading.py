@@ -90,7 +90,7 @@ class Path(abc.ABC):
     shear: ClassVar[bool] = False  # True for a shear test, which tends to a critical state
     holds: ClassVar[str] = "stress"  # name of the controlled stress
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
-    line_style: ClassVar[str] = "-"  # of matplotlib, in figures
+    line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # of matplotlib, in figures
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
 
     def __post_init__(self) -> None:

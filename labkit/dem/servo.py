@@ -57,7 +57,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
         C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
 
     b: branch length; sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni nk)/4.
-    Shape (6, 6) in Mandel's order (labkit.micro.tensors); with `components` = 3 its block of normal components alone.
+    Shape (6, 6) in Mandel's order (labkit.micro.tensors); with `components` = 3 only its block of normal components.
     """
     scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
@@ -81,7 +81,6 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
 
 def velocity_gradient(
     path: Path,
-    control: Control | None,
     sign: float,
     time_step: float,
     stress: np.ndarray | None = None,
@@ -89,16 +88,18 @@ def velocity_gradient(
     before: np.ndarray | None = None,
     servo: Servo = STANDARD,
     travelled: float = 0.0,
+    control: Control | None = None,
 ) -> np.ndarray:
     """The velocity gradient L (3, 3), 1/s, of a path until the `servo` corrects again.
 
-    Prescribed rates G make 1 + L dt = exp(-G dt) in every step: the cell follows the logarithmic strains exactly, and
-    rates without volume change keep the volume. `sign` reverses the path. `control`: that of the path; with it needs the `stress`
-    (3, 3), Pa, and the cell's `stiffness` (c, c), Pa, of now, the gradient `before` (3, 3), 1/s, and the strain
-    `travelled`, on which prescribed rates and targets may depend. Raises InputError if the path has no rate or one of
-    these is missing.
+    Prescribed rates G give 1 + L dt = exp(-G dt) in every step: the cell follows the logarithmic strains exactly, and
+    an isochoric rate preserves the volume. `sign` = -1 reverses the path. A path with a Control needs the current
+    `stress` (3, 3) Pa, the `stiffness` of the cell (c, c) Pa for its c components, and `before`, the gradient (3, 3)
+    1/s up to now. Prescribed rates and targets may depend on the strain `travelled`. `control`: that of the path, if
+    it is at hand. Raises InputError if the path has no rate or one of these is missing.
     """
     given = sign * path.axial_rate * path.flow(travelled)
+    control = control or path.control()
     if control is None:
         return _exact(given, time_step)
     if stress is None or stiffness is None or before is None:

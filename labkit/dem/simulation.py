@@ -157,7 +157,6 @@ class _Loop:
             leg = self.position.leg if on_stress else self.schedule.leg(self.step)
             self.gradient = velocity_gradient(
                 self.path,
-                self.control,
                 self.schedule.sign * (-1.0) ** leg,
                 self.time_step,
                 self.engine.stress() if self.control else None,
@@ -165,6 +164,7 @@ class _Loop:
                 self.gradient,
                 self.options.servo,
                 self.path.axial_rate * self.time_step * self.step,
+                self.control,
             )
             steps = min(self.options.servo.interval if self.control or on_stress else LISTEN, end - self.step)
             self.engine.advance(steps, self.gradient)
@@ -185,7 +185,7 @@ class _Loop:
         if self.stopped and self.schedule.is_close_to_record(state.step):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
-        kept = self.schedule.is_snapshot(self.recorder.records, last) or turned and self.is_kept_turn()
+        kept = self.schedule.is_snapshot(self.recorder.records, last) or (turned and self.is_kept_turn())
         self.recorder.record(values, snapshot if kept else None)
         self.continue_from(state, snapshot)
         self.progress(1.0 if last else state.step / self.schedule.steps, _status(values))

@@ -14,7 +14,7 @@ from labkit.dem.state import State
 
 def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
     """Steps per second over `steps` steps, and the cost of a stress and of a record in equivalent steps."""
-    gradient = velocity_gradient(ConstantVolume().for_scene(state.scene), None, 1.0, state.time_step)
+    gradient = velocity_gradient(ConstantVolume().for_scene(state.scene), 1.0, state.time_step)
     engine = start(state)
     engine.advance(max(1, steps // 5), gradient)
     rate = steps / _seconds(lambda: engine.advance(steps, gradient))

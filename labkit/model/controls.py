@@ -10,8 +10,8 @@ from labkit.dem.element_tests import Mixed, Oedometer
 from labkit.dem.loading import Path
 from labkit.dem.paths import PATHS, make_path
 from labkit.errors import InputError
+from labkit.micro.tensors import to_six
 from labkit.model.rates import Control
-from labkit.model.tensors import to_six
 from labkit.parameters import with_unit
 
 __all__ = ["Mixed", "Oedometer", "control_of", "model_path", "strain_control"]

@@ -11,12 +11,12 @@ from labkit.dem.paths import Path
 from labkit.dem.scene import Scene
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.parameters import Model
 from labkit.model.rates import stress_of
 from labkit.model.state import ModelState, require_density
-from labkit.model.tensors import to_six, to_tensor
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, over the mean stress
 PARTS = 10  # of a span between records, in which a varying control is constant

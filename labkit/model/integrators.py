@@ -16,11 +16,11 @@ import scipy.integrate
 import scipy.linalg
 
 from labkit.errors import InputError, PhysicsError
+from labkit.micro.tensors import to_tensor
 from labkit.model import rates as compiled_rates
 from labkit.model.adaptive import FLOOR, advance
 from labkit.model.parameters import Model
 from labkit.model.rates import FINE, NO_CONVERGENCE, REASONS, SIZE, TOO_MANY_STEPS, Control
-from labkit.model.tensors import to_tensor
 
 
 class Failure(PhysicsError):

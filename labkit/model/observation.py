@@ -9,7 +9,7 @@ import numpy as np
 import xarray
 
 from labkit.errors import InputError
-from labkit.model.tensors import to_six
+from labkit.micro.tensors import to_six
 
 VARIABLES = (
     "coordination_number",

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
+from labkit.micro.tensors import to_six
 from labkit.model.adaptive import advance
 from labkit.model.compiled import compiled
 from labkit.model.observation import Observation
 from labkit.model.parameters import Constants, Model
 from labkit.model.rates import FINE, SIZE, Control
-from labkit.model.tensors import to_six
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])

@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.model.equations import compression_coordination_number
 from labkit.model.parameters import TABLE_2, Model
-from labkit.model.tensors import require_symmetric, to_six, to_tensor
 from labkit.sff.c0 import c0_stress, symmetric_product
 
 

@@ -10,12 +10,13 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.model.compiled import compiled
 from labkit.model.differentials import rates_differentials
 from labkit.model.parameters import Model
 from labkit.model.rates import SIZE, STATE, strain_driven, stress_rate_of
 from labkit.model.state import ModelState, deviatoric_basis
-from labkit.model.tensors import load, require_symmetric, store, to_six, to_tensor, trace
+from labkit.model.tensors import load, store, trace
 
 
 def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:

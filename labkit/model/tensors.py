@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.micro.tensors import ROOT2, require_symmetric, to_six, to_tensor
+from labkit.micro.tensors import ROOT2
 from labkit.model.compiled import compiled
 
 Six = tuple[float, float, float, float, float, float]

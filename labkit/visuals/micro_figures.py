@@ -1,16 +1,17 @@
-"""Figures of grains and contacts in a run, each with the table behind it. Strain in %, see labkit.visuals.plots.
+"""Figures of grains and contacts of a run, each with its table. Strain in %, see labkit.visuals.plots.
 
-Every function takes a run opened with labkit.open_run, a number of size groups and the number of a snapshot, from the
-end if negative, and returns (Figure, pandas.DataFrame). Here are sizes and contacts; the others come from the files
-beside.
+Every function takes a run opened with labkit.open_run, the number of size groups and the number of a snapshot (negative
+numbers count from the end), and returns (Figure, pandas.DataFrame). This module draws sizes and contacts; the names
+imported below come from the neighbouring modules.
 """
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
+import matplotlib
 import numpy as np
 import pandas
 import xarray
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
@@ -18,8 +19,8 @@ from labkit.micro.normalised import normalised_normal_force
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.visuals.direction_figure import directions, percent
+from labkit.visuals.frame import WIDTH, add_heading, new_figure, strain_axis
 from labkit.visuals.layer_figure import stratified_layer
-from labkit.visuals.plots import WIDTH
 from labkit.visuals.sff_figures import budget, family, shares, stack_shares
 
 __all__ = [
@@ -35,55 +36,66 @@ __all__ = [
     "stratified_layer",
 ]
 
-DENSITY_BINS, DENSITY_TOP = 30, 6.0  # of the mean force
+DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
+SHORTEST = 0.1  # of the median interval between snapshots: shorter intervals have no meaningful rate
+SMALLEST_Q = 0.1  # of the largest q: a share of a smaller q has no meaning
 
 
 def groups(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """sigma^N(k) and sigma^V(k) over Love by grain size (Fig. 2), and sigma^V(k) Z(k)/Z, the stress of the grains."""
-    return group_stresses(run.lab.size_groups(number), run.lab.love_stress())
+    """sigma^N(k), sigma^V(k) (Fig. 2) and grain stress sigma^V(k) Z(k)/Z by grain size, divided by Love's stress."""
+    axis = strain_axis(run, at_snapshots=True)
+    figure, table = group_stresses(run.lab.size_groups(number), run.lab.love_stress(), axis=axis)
+    add_heading(figure, run)
+    return figure, table
 
 
 def group_stresses(
-    found: xarray.Dataset, love: xarray.DataArray, width: float = WIDTH
+    stresses: xarray.Dataset,
+    love: xarray.DataArray,
+    width: float = WIDTH,
+    axis: tuple[str, np.ndarray] | None = None,
 ) -> tuple[Figure, pandas.DataFrame]:
-    """`groups` from what the accessor computes: `found` of run.lab.size_groups, `love` of run.lab.love_stress.
+    """Draws `groups` from the results of the accessor.
 
-    `width` in inches.
+    `stresses`: run.lab.size_groups(number); `love`: run.lab.love_stress(); `width` in inches; `axis`: label and
+    values of the strain axis (default: axial strain, %).
     """
-    strain, number = found["axial_strain"].values * 100, found.sizes["group"]
+    axial, number = stresses["axial_strain"].values, stresses.sizes["group"]
+    strain_label, strain = axis or ("axial strain (%)", 100 * axial)
     panels = {
-        "per contact, $\\sigma^N(k)/\\sigma$": found["per_contact"].values,
-        "per volume, $\\sigma^V(k)/\\sigma$": found["per_volume"].values,
-        "of the grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": found["per_volume"].values
-        * found["coordination_ratio"].values[..., None, None],
+        "per contact, $\\sigma^N(k)/\\sigma$": stresses["per_contact"].values,
+        "per volume, $\\sigma^V(k)/\\sigma$": stresses["per_volume"].values,
+        "grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": stresses["per_volume"].values
+        * stresses["coordination_ratio"].values[..., None, None],
     }
     scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": deviatoric_stress}
-    figure, axes = plt.subplots(1, 3, figsize=(width, 0.4 * width), sharey=True, layout="constrained")
+    figure = new_figure(width, 0.42 * width)
+    axes = figure.subplots(1, 3, sharey=True)
     rows = []
-    colors = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, number))
+    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
     for panel, (title, values) in zip(axes, panels.items(), strict=True):
         for k, color in enumerate(colors):
             ratio = {name: of(values[:, k]) / of(love.values) for name, of in scalars.items()}
-            label = f"{found['diameter'].values[k] * 1e3:.3f}"
+            label = f"{stresses['diameter'].values[k] * 1e3:.3f}"
             panel.plot(strain, ratio["p"], color=color, label=label)
-            panel.plot(strain[1:], ratio["q"][1:], "--", color=color)  # q of the isotropic start is zero
+            panel.plot(strain[1:], ratio["q"][1:], "--", color=color)  # q is zero at the isotropic start
             rows += [
                 {
                     "stress": title.split(",")[0],
                     "group": k,
-                    "diameter_mm": found["diameter"].values[k] * 1e3,
-                    "axial_strain": s / 100,
+                    "diameter_mm": stresses["diameter"].values[k] * 1e3,
+                    "axial_strain": s,
                     **{name: r[i] for name, r in ratio.items()},
                 }
-                for i, s in enumerate(strain)
+                for i, s in enumerate(axial)
             ]
-        panel.set(xlabel="axial strain (%)", title=title)
+        panel.set(xlabel=strain_label, title=title)
         panel.axhline(1.0, color="0.5", lw=0.8)
         panel.grid(alpha=0.25)
-    axes[0].set_ylabel("over Love: p solid, q dashed")
+    axes[0].set_ylabel("stress over Love's stress: p solid, q dashed")
     figure.legend(
         *axes[0].get_legend_handles_labels(),
-        title="middle of the size group, D (mm)",
+        title="mid-size D of the group (mm)",
         loc="outside lower center",
         ncols=number,
         frameon=False,
@@ -93,17 +105,18 @@ def group_stresses(
 
 
 def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Probability densities of f_n and of Lambda_n by grain size, over the mean of all contact sides."""
-    of = run.lab.snapshot(snapshot)
-    edges = diameter_edges(of, number)
-    side_group = groups_by_diameter(of, edges)[of.contacts.grain]
-    force = np.stack([of.contacts.normal_force] * 2, axis=1)
+    """Probability densities of f_n and Lambda_n by grain size, both divided by their mean over all contact sides."""
+    at = run.lab.snapshot(snapshot)
+    edges = diameter_edges(at, number)
+    side_group = groups_by_diameter(at, edges)[at.contacts.grain]
+    force = np.stack([at.contacts.normal_force] * 2, axis=1)
     values = {
         "normal force, $f_n/\\langle f_n\\rangle$": force,
-        "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$": normalised_normal_force(of),
+        "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$": normalised_normal_force(at),
     }
-    figure, axes = plt.subplots(1, 2, figsize=(WIDTH, 4.2), sharey=True, layout="constrained")
-    colors = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, number))
+    figure = new_figure(WIDTH, 4.5)
+    axes = figure.subplots(1, 2, sharey=True)
+    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
     bins = np.linspace(0.0, DENSITY_TOP, DENSITY_BINS + 1)
     middle = 0.5 * (bins[1:] + bins[:-1])
     rows = []
@@ -131,10 +144,10 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
         panel.set(xlabel=title)
         panel.grid(alpha=0.25)
     axes[0].set_ylabel("probability density")
-    figure.suptitle(f"at {percent(run, snapshot)} axial strain; dotted: mean of the group", fontsize=10)
+    add_heading(figure, run, f"at {percent(run, snapshot)} axial strain; dotted: mean of the group")
     figure.legend(
         *axes[0].get_legend_handles_labels(),
-        title="middle of the size group, D (mm)",
+        title="mid-size D of the group (mm)",
         loc="outside lower center",
         ncols=number,
         frameon=False,
@@ -144,37 +157,59 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
 
 
 def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Contacts gained and lost between snapshots, how long they live, and what the strong network carries."""
+    """Contacts gained and lost between snapshots, their lifetimes, and the share of q that strong contacts carry."""
     changes, lives, strong = run.lab.contact_changes(), run.lab.contact_lives(), run.lab.strong_networks()
-    strain = changes["axial_strain"].values * 100
-    travelled = changes["travelled"].values
-    figure, axes = plt.subplots(1, 3, figsize=(WIDTH, 4.2), layout="constrained")
-    step = np.diff(travelled) * 100
-    for name, color in (("gained", "C2"), ("lost", "C3")):
-        rate = changes[name].values[1:] / changes["contacts"].values[:-1] / step * 100
-        axes[0].plot(strain[1:], rate, "o-", ms=3, color=color, label=name)
-    axes[0].set(xlabel="axial strain (%)", ylabel="contacts per 1 % of strain (%)", ylim=(0, None))
-    axes[0].legend(frameon=False, fontsize=8)
-    for born, label, color in (
-        (lives["birth"].values == 0, "of the specimen", "C0"),
-        (lives["birth"].values > 0, "born in the test", "C1"),
-    ):
-        if born.any():
-            life, alive = lives["lifetime"].values[born], lives["alive"].values[born]
-            survival = stats.ecdf(stats.CensoredData(uncensored=life[~alive], right=life[alive])).sf
-            axes[1].step(survival.quantiles * 100, survival.probabilities, where="post", color=color, label=label)
-    axes[1].set(xlabel="lifetime, axial strain travelled (%)", ylabel="contacts that live longer", ylim=(0, 1))
-    axes[1].legend(frameon=False, fontsize=8)
-    for k, definition in enumerate(strong["definition"].values):
-        chosen = strong.isel(definition=k)
-        axes[2].plot(strain, chosen["fraction"], "--", color=f"C{k}", label=f"strong by {definition}: share of sides")
-        axes[2].plot(strain[1:], chosen["share_of_q"][1:], "-", color=f"C{k}", label="their share of q")
-    axes[2].set(xlabel="axial strain (%)", ylabel="share", ylim=(0, None))
-    axes[2].legend(frameon=False, fontsize=7)
-    for panel in axes:
+    figure = new_figure(WIDTH, 4.8)
+    left, middle, right = figure.subplots(1, 3)
+    _draw_rates(left, changes)
+    _draw_lifetimes(middle, lives)
+    q = np.abs(deviatoric_stress(run.lab.at_snapshots("stress").values))
+    _draw_strong(right, 100 * changes["travelled"].values, strong, q)
+    for panel in (left, middle, right):
         panel.grid(alpha=0.25)
+        panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize=8)
+    add_heading(figure, run)
     table = changes.to_dataframe().reset_index()
     for k, name in enumerate(("force", "normalised")):
         for column in ("fraction", "share_of_q", "share_of_p"):
             table[f"strong_by_{name}_{column}"] = strong[column].values[:, k]
     return figure, table
+
+
+def _draw_rates(axes: Axes, changes: xarray.Dataset) -> None:
+    """Contacts gained and lost per 1 % of strain, in % of the contacts before."""
+    accumulated = changes["travelled"].values * 100
+    step = np.diff(accumulated)
+    long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
+    for name, color in (("gained", "C2"), ("lost", "C3")):
+        rate = np.divide(
+            changes[name].values[1:], changes["contacts"].values[:-1] * step / 100, where=long, out=step * np.nan
+        )
+        axes.plot(accumulated[1:], rate, "o-", ms=3, color=color, label=name)
+    axes.set(xlabel="accumulated axial strain (%)", ylabel="contacts per 1 % of strain (%)", ylim=(0, None))
+
+
+def _draw_lifetimes(axes: Axes, lives: xarray.Dataset) -> None:
+    """Survival function of the contacts present at the start and of those formed later."""
+    for chosen, label, color in (
+        (lives["birth"].values == 0, "present at the start", "C0"),
+        (lives["birth"].values > 0, "formed during the test", "C1"),
+    ):
+        if chosen.any():
+            life, alive = lives["lifetime"].values[chosen], lives["alive"].values[chosen]
+            survival = stats.ecdf(stats.CensoredData(uncensored=life[~alive], right=life[alive])).sf
+            axes.step(survival.quantiles * 100, survival.probabilities, where="post", color=color, label=label)
+    axes.set(xlabel="lifetime, accumulated axial strain (%)", ylabel="fraction that survives", ylim=(0, 1))
+
+
+def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q: np.ndarray) -> None:
+    """Fraction of strong contact sides and their share of q, by both definitions of strong."""
+    enough = q > SMALLEST_Q * q.max(initial=0.0)
+    for k, definition in enumerate(strong["definition"].values):
+        chosen = strong.isel(definition=k)
+        axes.plot(
+            accumulated, chosen["fraction"], "--", color=f"C{k}", label=f"strong by {definition}: fraction of sides"
+        )
+        share = np.where(enough, chosen["share_of_q"], np.nan)
+        axes.plot(accumulated, share, "-", color=f"C{k}", label=f"strong by {definition}: share of q")
+    axes.set(xlabel="accumulated axial strain (%)", ylabel="fraction", ylim=(0, None))

@@ -1,7 +1,7 @@
 """Files for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
 
-VTK XML files (.vtu) of each snapshot, and a list of them over time (.pvd). SI units, single precision; stress and
-strain with compression positive. meshio writes them: it is hundreds of times smaller than VTK.
+The VTK XML files (.vtu) of the snapshots are listed with their times in .pvd files. SI units, single precision;
+compression positive. The files are written with meshio, which is hundreds of times smaller than VTK.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ import os
 import types
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.extras import install_command
 from labkit.io.files import whole_file
 from labkit.micro.fabric import statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
@@ -25,28 +27,28 @@ from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 
 HINT = (
-    "in ParaView: grains with Glyph (Sphere, scaled by diameter, factor 1); contacts with Tube (radius varied by "
-    "tube_radius, absolute)"
+    "in ParaView, show grains with Glyph (Sphere, scaled by diameter, factor 1) and contacts with Tube (radius varied "
+    "by tube_radius, absolute)"
 )
-TUBE = 0.08  # radius of a contact of mean force in ParaView, in mean grain diameters
+TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
 
-Mesh = tuple[np.ndarray, tuple[str, np.ndarray], dict, dict]  # points, cells, data of points, data of cells
+Mesh = tuple[np.ndarray, tuple[str, np.ndarray], dict, dict]  # points, cells, point data, cell data
 
 
 def require_meshio() -> types.ModuleType:
-    """The module. Raises InputError if it is not installed."""
+    """The meshio module. Raises InputError if it is not installed."""
     try:
         import meshio
     except ImportError:
-        raise InputError("files for ParaView need meshio: pip install 'labkit[paraview]'") from None
+        raise InputError(f"files for ParaView need meshio: {install_command('paraview')}") from None
     return meshio
 
 
 def write_series(snapshots: Iterable[Snapshot], folder: str | os.PathLike) -> list[Path]:
-    """Writes Snapshots into a folder that is there; the .pvd files to open."""
+    """Writes Snapshots into an existing folder; returns the .pvd files to open."""
     meshio = require_meshio()
     folder = Path(folder)
-    times = {name: {} for name in MESHES}
+    times: dict[str, dict[str, float]] = {name: {} for name in MESHES}
     for snapshot in snapshots:
         for name, mesh_of in MESHES.items():
             file = folder / f"{name}_{snapshot.number:04d}.vtu"
@@ -60,7 +62,7 @@ def write_series(snapshots: Iterable[Snapshot], folder: str | os.PathLike) -> li
             with whole_file(file) as temporary:
                 meshio.write(temporary, mesh, file_format="vtu")
             times[name][file.name] = snapshot.time
-    return [write_collection(folder / f"{name}.pvd", found) for name, found in times.items()]
+    return [write_collection(folder / f"{name}.pvd", files) for name, files in times.items()]
 
 
 def write_collection(path: Path, times: Mapping[str, float]) -> Path:
@@ -74,8 +76,8 @@ def write_collection(path: Path, times: Mapping[str, float]) -> Path:
     return path
 
 
-def _small(values):
-    """Single precision, tensors as rows of nine: what the format and its size ask for."""
+def _small(values: Any) -> np.ndarray:
+    """Converts values to single precision and tensors to rows of nine, as VTK stores them."""
     values = np.asarray(values)
     if values.ndim > 1:
         values = values.reshape(len(values), int(np.prod(values.shape[1:])))
@@ -84,7 +86,7 @@ def _small(values):
 
 
 def grains(snapshot: Snapshot) -> Mesh:
-    """Points at the centres. Tensors of a grain: fabric <n n> and stress, see labkit.micro.grains."""
+    """Points at the grain centres. Tensors per grain: fabric <n n> and stress, see labkit.micro.grains."""
     grain, normalised = np.arange(snapshot.number_of_grains), normalised_normal_force(snapshot)
     of_grains = mean_per_grain(snapshot, normalised)
     force = np.stack([snapshot.contacts.normal_force] * 2, axis=1)
@@ -107,35 +109,35 @@ def grains(snapshot: Snapshot) -> Mesh:
 
 
 def contacts(snapshot: Snapshot) -> Mesh:
-    """A line for each contact between the two centres; one through a face of the cell ends beyond it."""
-    found, both = snapshot.contacts, normalised_normal_force(snapshot).mean(axis=1)
+    """Lines between the centres of grains in contact; a contact across a face of the cell ends outside the cell."""
+    contacts, both = snapshot.contacts, normalised_normal_force(snapshot).mean(axis=1)
     ratio = over_mean(both, both)
-    tangential = np.linalg.norm(found.tangential_force, axis=1)
-    limit = snapshot.scene.friction * found.normal_force
+    tangential = np.linalg.norm(contacts.tangential_force, axis=1)
+    limit = snapshot.scene.friction * contacts.normal_force
     data = {
-        "normal_force": found.normal_force,
-        "tangential_force": found.tangential_force,
-        "force_on_first": found.force_on_first(),
-        "rolling_moment": found.rolling_moment,
-        "overlap": found.overlap,
+        "normal_force": contacts.normal_force,
+        "tangential_force": contacts.tangential_force,
+        "force_on_first": contacts.force_on_first(),
+        "rolling_moment": contacts.rolling_moment,
+        "overlap": contacts.overlap,
         "normalised_force": both,
         "normalised_force_over_mean": ratio,
         "strong": ratio > 1.0,
         "friction_mobilised": np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0),
-        "first_grain": found.grain[:, 0],
-        "second_grain": found.grain[:, 1],
+        "first_grain": contacts.grain[:, 0],
+        "second_grain": contacts.grain[:, 1],
         "periodic": _crosses_face(snapshot),
     }
     ends = {
-        "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too: what ParaView's Tube needs
+        "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too: ParaView's Tube needs point data
         "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * ratio, 2),
     }
-    lines = np.arange(2 * len(found)).reshape(-1, 2)
+    lines = np.arange(2 * len(contacts)).reshape(-1, 2)
     return snapshot.contact_ends().reshape(-1, 3), ("line", lines), ends, data
 
 
 def cell(snapshot: Snapshot) -> Mesh:
-    """The cell as one hexahedron, with the stress and the five statistics of C0 on it."""
+    """The cell as one hexahedron, with the stress and the five statistics of C0."""
     stress = love_stress(snapshot)
     values = {
         "stress": stress,
@@ -150,19 +152,19 @@ def cell(snapshot: Snapshot) -> Mesh:
 
 
 def cell_corners(cell: np.ndarray) -> np.ndarray:
-    """The corners (8, 3), m, of a cell (3, 3) at the origin, in VTK's order: around the bottom, then the top."""
+    """Corners (8, 3), m, of a cell (3, 3) at the origin, in the order of VTK: around the bottom, then the top."""
     around = [(0, 0), (1, 0), (1, 1), (0, 1)]
     return np.array([(*xy, z) for z, xy in itertools.product((0, 1), around)]) @ cell.T
 
 
 def over_mean(values: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Values over the mean of `of`; zero if `of` is empty or its mean is not positive."""
+    """Values divided by the mean of `of`; zero if `of` is empty or its mean is not positive."""
     mean = of.mean() if len(of) else 0.0
     return values / mean if mean > 0.0 else np.zeros_like(values)
 
 
-def _crosses_face(snapshot):
-    """Whether the second grain of each contact lies in another period than the first."""
+def _crosses_face(snapshot: Snapshot) -> np.ndarray:
+    """True for each contact across a face of the cell, shape (contact,)."""
     gap = snapshot.contact_ends()[:, 1] - snapshot.wrapped_position[snapshot.contacts.grain[:, 1]]
     return np.linalg.norm(gap, axis=1) > 0.5 * snapshot.radius.min()
 

@@ -1,41 +1,50 @@
-"""Pictures of a specimen: its grains, and beside them its contacts as sticks, of one or more snapshots.
+"""Pictures of a specimen at one or more snapshots: the grains, and next to them the contacts as sticks.
 
-Both are coloured by the normalised force over its mean; the stick of a contact is as wide as that is large.
+Both are coloured by the normalised force divided by its mean; the width of a stick is proportional to the same ratio.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-import matplotlib.pyplot as plt
+import matplotlib
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from labkit.micro.grains import mean_per_grain
 from labkit.micro.normalised import normalised_normal_force
 from labkit.micro.snapshot import Snapshot, contacts_per_grain
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.visuals.frame import new_figure
 from labkit.visuals.paraview import cell_corners, over_mean
 from labkit.visuals.render import canvas, draw_spheres, draw_sticks, haze, shaded, view_from
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
-COLORS, TOP = "YlOrRd", 3.0  # of the normalised force over its mean
+COLORS, TOP = "YlOrRd", 3.0  # colour map and its upper end, normalised force over its mean
 RATTLER = (0.62, 0.72, 0.80)
-STICK, WIDEST = 0.08, 4.0  # radius in mean grain diameters per mean force, and the force beyond which it stays
-PANEL = 5.2  # inches, width
+STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
+WIDEST = 4.0  # force over mean force above which sticks grow no wider
+PANEL = 5.2  # width of a panel, inches
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 
 
-def picture(snapshots: Iterable[Snapshot]) -> Figure:
-    """Grains and contacts of each Snapshot, a row each, all on one scale."""
+def picture(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
+    """Grains and contacts of Snapshots, one row each, all at the same scale.
+
+    name: name of the run or specimen, written above the first row.
+    """
     snapshots = list(snapshots)
     low, high = _frame(snapshots)
     tall = PANEL * (high[1] - low[1]) / (high[0] - low[0])
-    head, foot = 0.32, 0.95
-    height = len(snapshots) * (tall + head) + foot
-    figure = plt.figure(figsize=(2 * PANEL, height))
+    head, foot, top = 0.32, 0.95, 0.3 if name else 0.0
+    height = len(snapshots) * (tall + head) + foot + top
+    figure = new_figure(2 * PANEL, height, layout=None)
+    if name:
+        figure.suptitle(name, fontsize=11, y=1.0 - 0.1 / height)
     for row, snapshot in enumerate(snapshots):
-        bottom = height - (row + 1) * (tall + head)
+        bottom = height - top - (row + 1) * (tall + head)
         for column, image in enumerate(images(snapshot, low, high)):
             axes = figure.add_axes((0.5 * column, bottom / height, 0.5, tall / height))
             axes.imshow(image, origin="lower")
@@ -50,11 +59,12 @@ def picture(snapshots: Iterable[Snapshot]) -> Figure:
 def images(
     snapshot: Snapshot, low: np.ndarray, high: np.ndarray, width: int = round(150 * PANEL)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The pictures of the grains and of the contacts, (rows, width, 4) each, of the part of the view from `low` to
-    `high` (2,), m from the middle of the cell.
+    """Images of the grains and of the contacts, each (rows, width, 4), red, green, blue and opacity.
+
+    `low`, `high` (2,): corners of the part of the view to draw, m from the centre of the cell.
     """
-    middle = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
-    low, high = low + middle, high + middle
+    centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
+    low, high = low + centre, high + centre
     mean = 2.0 * snapshot.radius.mean()
     corners = cell_corners(snapshot.cell)
     edges = np.array([corners[list(edge)] for edge in EDGES])
@@ -70,14 +80,14 @@ def images(
 
 
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
-    """Colour (grain, 3) by the mean of Lambda_n over the contacts of each grain, over that of all contact sides."""
+    """Colours (grain, 3): mean Lambda_n over the contacts of each grain, divided by the mean over all contact sides."""
     normalised = normalised_normal_force(snapshot)
     colors = _colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
     return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
 
 
 def caption(snapshot: Snapshot) -> str:
-    """Where on its path a snapshot is."""
+    """Axial strain, stresses and numbers of grains and contacts of a snapshot, as text."""
     stress = love_stress(snapshot) / 1e3
     p, q = mean_stress(stress), deviatoric_stress(stress)
     strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
@@ -85,13 +95,14 @@ def caption(snapshot: Snapshot) -> str:
     return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
 
 
-def _colors(ratio):
-    return plt.get_cmap(COLORS)(np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
+def _colors(ratio: np.ndarray) -> np.ndarray:
+    return matplotlib.colormaps[COLORS](np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
 
 
-def _frame(snapshots):
-    """The lower left and upper right corner, m from the middle of each cell, of a view that holds all of them and the
-    grains at their faces.
+def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner of a view that contains all cells and the grains at their faces.
+
+    m from the centre of each cell.
     """
     corners = [cell_corners(snapshot.cell) for snapshot in snapshots]
     seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
@@ -99,19 +110,19 @@ def _frame(snapshots):
     return seen.min(axis=0) - margin, seen.max(axis=0) + margin
 
 
-def _color_bar(figure, height):
+def _color_bar(figure: Figure, height: float) -> None:
     axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
-    colors = plt.cm.ScalarMappable(plt.Normalize(0.0, TOP), COLORS)
+    colors = ScalarMappable(Normalize(0.0, TOP), COLORS)
     figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
     axes.set_xlabel(
-        "normalised force $\\Lambda_n$ over its mean; of a grain: mean of its contacts, blue: it has none",
+        "normalised force $\\Lambda_n$ over its mean (grains: mean over their contacts; blue: no contacts)",
         fontsize=9,
         labelpad=2,
     )
 
 
-def _scale_bar(figure, metres_per_inch, height):
-    """A length of 1, 2 or 5 times a power of ten, m, that is at most an inch and a half."""
+def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
+    """Draws a scale bar of 1, 2 or 5 times a power of ten, at most 1.5 inches long."""
     longest = 1.5 * metres_per_inch
     power = 10.0 ** np.floor(np.log10(longest))
     length = power * max(n for n in (1, 2, 5) if n * power <= longest)
@@ -123,8 +134,8 @@ def _scale_bar(figure, metres_per_inch, height):
     figure.text(0.06 + across / 2, 0.46 / height, f"{1e3 * length:g} mm", ha="center", va="top", fontsize=9)
 
 
-def _directions(figure, height):
-    """x, y and z as arrows at the lower right."""
+def _directions(figure: Figure, height: float) -> None:
+    """Draws x, y and z as arrows at the lower right."""
     size = 0.8  # inches
     axes = figure.add_axes(
         (0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4), ylim=(-0.8, 1.6)
@@ -132,4 +143,5 @@ def _directions(figure, height):
     axes.axis("off")
     for name, arrow in zip("xyz", VIEW[:2].T, strict=True):
         axes.annotate("", arrow, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "lw": 1.2, "color": "0.2"})
-        axes.text(*(1.3 * arrow), name, ha="center", va="center", fontsize=9, color="0.2")
+        x, y = 1.3 * arrow
+        axes.text(x, y, name, ha="center", va="center", fontsize=9, color="0.2")

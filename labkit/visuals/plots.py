@@ -1,15 +1,18 @@
-"""Figures. Love (or DEM) is solid, C0 dashed; stress in MPa, strain in %."""
+"""Figures of runs: stresses, records, critical states, calibration. Stress in MPa, strain in %."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 import xarray
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -17,101 +20,155 @@ from labkit.dem.paths import PATHS, travelled
 from labkit.errors import InputError
 from labkit.io.files import whole_file
 from labkit.io.provenance import provenance, write_provenance
+from labkit.visuals.frame import (
+    DPI,
+    WIDTH,
+    add_heading,
+    colors_for,
+    include_zero,
+    name_of,
+    name_run,
+    new_figure,
+    strain_axis,
+)
+
+__all__ = [
+    "DPI",
+    "FORMATS",
+    "WIDTH",
+    "calibration",
+    "curves",
+    "diagram",
+    "e_p_paths",
+    "name_run",
+    "percent",
+    "records",
+    "save",
+    "sff_against_love",
+    "test",
+    "work_precision",
+]
 
 Runs = Mapping[str, xarray.Dataset]
 
-WIDTH = 10.0  # inches
-DPI = 150
 FORMATS = (".png", ".pdf", ".svg", ".webp")
-STYLES = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
+STYLES: dict[str, tuple[str, Literal["-", "--"]]] = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 
 
 def sff_against_love(runs: Runs) -> Figure:
     """q and p against axial strain, and q against p, of runs opened with labkit.open_run; a Figure.
 
-    `runs`: label -> run. A colour is a run, solid is Love, dashed is C0.
+    `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed.
     """
-    figure, panels = plt.subplots(1, 3, figsize=(WIDTH, 3.6 + 0.22 * (len(runs) // 4)), layout="constrained")
-    for color, (label, run) in zip(_colors(len(runs)), runs.items(), strict=True):
-        strain = run["axial_strain"].values * 100
+    figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
+    panels = figure.subplots(1, 3)
+    for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
+        strain = percent(run)
         for name, style in STYLES.values():
             p, q = run.lab.mean_stress(name).values / 1e6, run.lab.deviatoric_stress(name).values / 1e6
             for axes, x, y in zip(panels, (strain, strain, p), (q, p, q), strict=True):
                 axes.plot(x, y, style, color=color, label=label if style == "-" else None)
     for axes in panels:
-        axes.set(xlabel="axial strain (%)", ylim=(min(0, axes.get_ylim()[0]), None))
+        axes.set_xlabel("axial strain (%)")
+        include_zero(axes, "y")
         axes.grid(alpha=0.25)
     panels[0].set(ylabel="deviatoric stress q (MPa)")
     panels[1].set(ylabel="mean stress p (MPa)")
     panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
+    include_zero(panels[2], "x")
     lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in STYLES.items()]
     runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
-    columns = max(1, min(5, 110 // max(len(label) for label in runs)))
+    columns = _columns(runs, 5)
     figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     return figure
 
 
 def test(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """q, p and the path of stress of one run, Love's stress and C0 (`sff_against_love`), and its table."""
+    """q, p and the stress path of one run, from Love's stress and from C0 (`sff_against_love`), and its table."""
     columns = {"axial_strain": run["axial_strain"].values}
     for who, (name, _) in STYLES.items():
         columns[f"p_{who}_Pa"] = run.lab.mean_stress(name).values
         columns[f"q_{who}_Pa"] = run.lab.deviatoric_stress(name).values
-    return sff_against_love({run.attrs["path"]: run}), pandas.DataFrame(columns)
+    figure = sff_against_love({name_of(run): run})
+    add_heading(figure, run)
+    return figure, pandas.DataFrame(columns)
 
 
 def records(
     run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Any recorded variable over the axial strain, one of your own too: of a tensor its components. Raises InputError
-    for a variable that the run does not hold.
+    """Any recorded variable, including user-defined ones, against axial strain; for a tensor, its components.
+
+    Of a symmetric tensor the six independent components are drawn (`xy = yx`), of any other tensor all nine. Raises
+    InputError if the run does not hold the variable.
     """
-    names = [name for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
-    if variable not in names:
+    names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
+    if variable is None or variable not in names:
         raise InputError(
             "is not recorded" if variable else "is missing",
             field="variable",
             value=variable,
-            allowed=f"one of {', '.join(map(str, names))}",
+            allowed=f"one of {', '.join(names)}",
         )
     values = run[variable]
-    columns = {"axial_strain": run["axial_strain"].values}
-    if values.ndim == 3:
-        columns |= {f"{variable}_{'xyz'[i]}{'xyz'[j]}": values.values[:, i, j] for i in range(3) for j in range(i, 3)}
-    else:
-        flat = values.values.reshape(len(values), -1).T
-        columns |= {variable + (f"_{'xyz'[k]}" if len(flat) > 1 else ""): row for k, row in enumerate(flat)}
-    figure, axes = plt.subplots(figsize=(0.6 * WIDTH, 4.0), layout="constrained")
-    for color, (label, column) in zip(_colors(len(columns) - 1), list(columns.items())[1:], strict=True):
-        axes.plot(percent(run), column, color=color, label=label)
+    components = _components(values.values)
+    figure = new_figure(0.75 * WIDTH, 4.2)
+    axes = figure.subplots()
+    strain_label, strain = strain_axis(run)
     units = values.attrs.get("units", "1")
-    label = f"{values.attrs.get('long_name', variable)}" + f" ({units})" * (units != "1")
-    axes.set(xlabel="axial strain (%)", ylabel=label)
+    factor, shown = (1e-6, "MPa") if units == "Pa" else (1.0, units)
+    for color, (label, column) in zip(colors_for(len(components)), components.items(), strict=True):
+        axes.plot(strain, factor * column, color=color, label=label)
+    label = f"{values.attrs.get('long_name', variable)}" + f" ({shown})" * (shown != "1")
+    axes.set(xlabel=strain_label, ylabel=textwrap.fill(label, 44))
     axes.grid(alpha=0.25)
-    if len(columns) > 2:
-        axes.legend(frameon=False, fontsize=8)
+    if len(components) > 1:
+        figure.legend(loc="outside right center", title="component", frameon=False, fontsize=8)
+    add_heading(figure, run)
+    columns = {"axial_strain": run["axial_strain"].values}
+    columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
     return figure, pandas.DataFrame(columns)
 
 
 test.of_records = records.of_records = True  # type: ignore[attr-defined]  # they need no snapshots
+SYMMETRY_TOLERANCE = 1e-3  # of the largest component: smaller differences are invisible in a figure
+
+
+def _components(values: np.ndarray) -> dict[str, np.ndarray]:
+    """Label -> series of each component that differs; `values` (time, ...), the label of a scalar is empty."""
+    if values.ndim != 3:
+        flat = values.reshape(len(values), -1).T
+        return {"xyz"[k] if len(flat) > 1 else "": row for k, row in enumerate(flat)}
+    finite = np.nan_to_num(values)
+    asymmetry = np.abs(finite - finite.swapaxes(1, 2)).max(initial=0.0)
+    if asymmetry > SYMMETRY_TOLERANCE * np.abs(finite).max(initial=0.0):
+        return {"xyz"[i] + "xyz"[j]: values[:, i, j] for i in range(3) for j in range(3)}
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    names = {(i, j): "xyz"[i] + "xyz"[j] + (f" = {'xyz'[j]}{'xyz'[i]}" if i != j else "") for i, j in pairs}
+    return {names[i, j]: values[:, i, j] for i, j in pairs}
 
 
 def e_p_paths(
-    runs: Runs, critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None, width: float = WIDTH
+    runs: Runs,
+    critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+    width: float = WIDTH,
+    list_runs: bool = False,
 ) -> Figure:
-    """e against p of shear tests in one diagram (Fig. 1), and q against p beside it; a Figure.
+    """Shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; a Figure.
 
-    `runs`: label -> run. The colour is the specimen's void ratio at the start, the line style the path. `critical`:
-    label -> (p, e) of critical state lines, Pa.
+    `runs`: label -> run. The colour is the initial void ratio of the specimen, the line style the path. `critical`:
+    label -> (p, e) of critical state lines, Pa. `list_runs`: add the labels of the runs to the legend.
     """
-    figure, (left, right) = plt.subplots(1, 2, figsize=(width, 0.52 * width), layout="constrained")
+    figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)
+    left, right = figure.subplots(1, 2)
     styles = {name: PATHS[name].line_style for name in dict.fromkeys(run.attrs["path"] for run in runs.values())}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
-    scale = plt.Normalize(start.min(), start.max() + 1e-9)
-    for e, run in zip(start, runs.values(), strict=True):
-        color, style = plt.get_cmap("viridis")(0.9 * scale(e)), styles[run.attrs["path"]]
+    scale, colors = Normalize(start.min(), start.max() + 1e-9), matplotlib.colormaps["viridis"]
+    tests = []
+    for e, (label, run) in zip(start, runs.items(), strict=True):
+        color, style = colors(0.9 * scale(e)), styles[run.attrs["path"]]
         p, q = run.lab.mean_stress().values / 1e6, run.lab.deviatoric_stress().values / 1e6
-        left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2)
+        tests += left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2, label=label)
         left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
         right.plot(p, q, linestyle=style, color=color, lw=1.2)
         right.plot(p[-1], q[-1], "o", color=color, ms=4)
@@ -129,14 +186,16 @@ def e_p_paths(
         axes.grid(alpha=0.25)
     columns = 8 if width >= WIDTH else 4
     figure.legend(handles=lines, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
-    bar = figure.colorbar(plt.cm.ScalarMappable(scale, plt.get_cmap("viridis")), ax=right, pad=0.02)
+    if list_runs:
+        figure.legend(handles=tests, loc="outside upper center", ncols=_columns(runs, 8), frameon=False, fontsize=8)
+    bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")
     return figure
 
 
 QUANTITIES = {
     "strain": ("axial strain (%)", lambda run, stress: percent(run)),
-    "travelled": ("axial strain travelled (%)", lambda run, stress: travelled(percent(run))),
+    "travelled": ("accumulated axial strain (%)", lambda run, stress: travelled(percent(run))),
     "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
     "q": ("q (MPa)", lambda run, stress: run.lab.deviatoric_stress(stress).values / 1e6),
     "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),
@@ -150,9 +209,9 @@ QUANTITIES = {
 
 
 def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.ndarray]]]:
-    """(label of x, label of y, function of a run and the name of a stress that gives x and y) of a diagram.
+    """Definition of a diagram: label of x, label of y, and a function (run, name of a stress) -> (x, y).
 
-    `name`: two of QUANTITIES, e.g. `q-strain` for q over the axial strain.
+    `name`: two of QUANTITIES, e.g. `q-strain` for q against axial strain.
     """
     (y_label, y), (x_label, x) = (QUANTITIES[part] for part in name.split("-"))
     return x_label, y_label, lambda run, stress="stress": (x(run, stress), y(run, stress))
@@ -164,16 +223,15 @@ def percent(run: xarray.Dataset) -> np.ndarray:
 
 
 def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
-    """Runs of simulations and of the model in the diagrams `names`, a row of panels for each group; a Figure.
+    """Simulations and model predictions in the diagrams `names`, one row of panels per group; a Figure.
 
-    `rows`: title of the row -> (label -> run). Where a figure has both kinds, the model is dotted.
+    `rows`: title of the row -> (label -> run). If a figure shows both kinds, the model is dotted.
     """
-    figure, grid = plt.subplots(
-        len(rows), len(names), figsize=(WIDTH, 3.1 * len(rows)), layout="constrained", squeeze=False
-    )
+    figure = new_figure(WIDTH, 3.1 * len(rows))
+    grid = figure.subplots(len(rows), len(names), squeeze=False)
     both = len({run.attrs.get("engine") == "model" for runs in rows.values() for run in runs.values()}) > 1
     for panels, (title, runs) in zip(grid, rows.items(), strict=True):
-        for color, (label, run) in zip(_colors(len(runs)), runs.items(), strict=True):
+        for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             style = ":" if both and run.attrs.get("engine") == "model" else "-"
             for axes, name in zip(panels, names, strict=True):
                 axes.plot(*diagram(name)[2](run), style, color=color, lw=1.4, label=label)
@@ -189,42 +247,45 @@ STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 
 
 def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
-    """The five statistics of runs against the model with fitted parameters, over the travelled strain; a Figure.
+    """The five statistics of runs and of the fitted model against the accumulated strain; a Figure.
 
-    `observations`: of labkit.model.observation; `predicted`: name of the run -> (n, 5). Solid is the run, dotted
-    the model.
+    `observations`: from labkit.model.observation; `predicted`: name of the run -> (n, 5). Runs are solid, the model is
+    dotted.
     """
-    figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 6.0), layout="constrained")
-    panels = grid.ravel()
-    for color, o in zip(_colors(len(observations)), observations, strict=True):
+    figure = new_figure(WIDTH, 6.0)
+    panels = figure.subplots(2, 3).ravel()
+    for color, o in zip(colors_for(len(observations)), observations, strict=True):
         steps = np.linalg.norm(o.strain_step, axis=1)
-        way = 100 * np.concatenate([[0.0], np.cumsum(steps)])
+        accumulated = 100 * np.concatenate([[0.0], np.cumsum(steps)])
         for k, axes in enumerate(panels[:5]):
-            axes.plot(way, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
-            axes.plot(way, predicted[o.name][:, k], ":", color=color, lw=1.8)
-    for label, axes in zip(STATISTICS, panels, strict=False):
-        axes.set(xlabel="travelled strain |eps| (%)", ylabel=label)
+            axes.plot(accumulated, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
+            axes.plot(accumulated, predicted[o.name][:, k], ":", color=color, lw=1.8)
+    for label, axes in zip(STATISTICS, panels[:5], strict=True):
+        axes.set(xlabel="accumulated strain |eps| (%)", ylabel=label)
         axes.grid(alpha=0.25)
     panels[5].axis("off")
-    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, style in (("run", "-"), ("model", ":"))]
+    styles: dict[str, Literal["-", ":"]] = {"run": "-", "model": ":"}
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, style in styles.items()]
     handles = panels[0].get_legend_handles_labels()[0] + lines
     panels[5].legend(handles=handles, loc="center", frameon=False, fontsize=8, ncols=1 + len(handles) // 14)
     return figure
 
 
 def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float, float | None]]]]) -> Figure:
-    """Time against error of integrators; a Figure. `panels`: title -> (label -> list of (setting, seconds, error)).
+    """Computing time against error of integrators; a Figure.
 
-    Settings at which an integrator gave up have no error and no point.
+    `panels`: title -> (label -> list of (setting, seconds, error)). Settings at which an integrator failed have no
+    error and are not drawn.
     """
-    figure, grid = plt.subplots(1, len(panels), figsize=(WIDTH * 1.3, 4.6), layout="constrained", squeeze=False)
-    for axes, (title, curves_) in zip(grid[0], panels.items(), strict=True):
-        for number, (label, points) in enumerate(curves_.items()):
-            kept = [(error, 1e3 * seconds) for _, seconds, error in points if error]
-            color, marker = plt.get_cmap("tab20").colors[number % 20], "osD^v<>*PXhp"[number % 12]
-            axes.loglog(
-                *zip(*kept, strict=True), marker=marker, ms=4, lw=1.2, color=color, label=label
-            ) if kept else None
+    figure = new_figure(WIDTH * 1.3, 4.6)
+    grid = figure.subplots(1, len(panels), squeeze=False)
+    colors = matplotlib.color_sequences["tab20"]
+    for axes, (title, results) in zip(grid[0], panels.items(), strict=True):
+        for number, (label, points) in enumerate(results.items()):
+            kept = np.array([(error, 1e3 * seconds) for _, seconds, error in points if error])
+            color, marker = colors[number % 20], "osD^v<>*PXhp"[number % 12]
+            if len(kept):
+                axes.loglog(*kept.T, marker=marker, ms=4, lw=1.2, color=color, label=label)
         axes.set(xlabel="relative error of the stress", ylabel="time (ms)", title=title)
         axes.title.set_fontsize(10)
         axes.invert_xaxis()
@@ -234,21 +295,23 @@ def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float
     return figure
 
 
-def _colors(number: int) -> Any:
-    return plt.get_cmap("tab10").colors[:number] if number <= 10 else plt.get_cmap("viridis")(np.linspace(0, 1, number))
+def _columns(labels: Runs, most: int) -> int:
+    """Number of legend columns that fit the width of the page."""
+    return max(1, min(most, 110 // max(len(label) for label in labels)))
 
 
 def save(
     figure: Figure, path: str | Path, inputs: Sequence[str | Path] = (), command: str | None = None, dpi: int = DPI
 ) -> None:
-    """Writes a figure, whole or not at all, in the format of the name's ending, and closes it. A PNG file holds its
-    provenance, beside another lies a file with it; `inputs`: the files that it shows, `command`: what made it
-    (default: this process).
+    """Writes a figure atomically, in the format given by the file extension, and closes it.
+
+    A PNG file contains its provenance; for other formats the provenance is written to a separate file next to the
+    figure. `inputs`: files that the figure shows; `command`: command that made it (default: that of this process).
     """
-    ending = Path(path).suffix[1:].lower()
-    metadata = {"provenance": provenance(command, inputs, path)} if ending == "png" else None
+    extension = Path(path).suffix[1:].lower()
+    metadata = {"provenance": provenance(command, inputs, path)} if extension == "png" else None
     with whole_file(path) as temporary:
-        figure.savefig(temporary, dpi=dpi, format=ending, metadata=metadata)
-    if ending != "png":
+        figure.savefig(temporary, dpi=dpi, format=extension, metadata=metadata)
+    if extension != "png":
         write_provenance(path, inputs, command)
     plt.close(figure)

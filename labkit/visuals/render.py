@@ -1,7 +1,7 @@
-"""Shaded pictures of spheres and sticks: exact surfaces, seen without perspective, so that a length is a length.
+"""Shaded images of spheres and sticks: exact surfaces in orthographic projection, so that lengths are to scale.
 
-A canvas keeps the nearest surface of every pixel. The light comes from the upper left; what lies behind its neighbours
-is darker. No display, no graphics library, and the same bits every time.
+A canvas keeps the nearest surface of every pixel. The light comes from the upper left; gaps between objects are darker.
+Rendering needs no display and no graphics library, and is reproducible bit for bit.
 """
 
 from __future__ import annotations
@@ -12,18 +12,19 @@ import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-FINE = 2  # pixels of the canvas per pixel of the picture, along each side
+FINE = 2  # pixels of the canvas per pixel of the image, along each side
 LIGHT = np.array([-0.45, 0.55, 0.70])  # to the right, up, towards the viewer
 AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
-SHADE = 1.7  # how dark gaps are
+SHADE = 1.7  # strength of the darkening in gaps
 
 
 @dataclasses.dataclass(frozen=True)
 class Canvas:
-    """depth (rows, columns): along the view, greater is nearer, -inf where nothing is; normal and color (..., 3).
+    """Nearest surface at every pixel.
 
-    view (3, 3): its rows point to the right, up, and towards the viewer; corner (2,): of the lower left pixel, and
-    size of a pixel, both in the unit of the scene.
+    view (3, 3): its rows point to the right, up, and towards the viewer; corner (2,): lower left corner of the image;
+    pixel: size of a pixel, same unit as corner; depth (rows, columns): along the view, greater is nearer, -inf where
+    there is no surface; normal, color (rows, columns, 3).
     """
 
     view: np.ndarray
@@ -35,7 +36,7 @@ class Canvas:
 
 
 def view_from(azimuth: float, elevation: float) -> np.ndarray:
-    """The view (3, 3) of somebody who stands at these angles, degrees from x about z, and up from the plane x y."""
+    """View (3, 3) from a direction; azimuth: degrees from x about z; elevation: degrees above the x-y plane."""
     a, b = np.radians([azimuth, elevation])
     toward = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -43,7 +44,7 @@ def view_from(azimuth: float, elevation: float) -> np.ndarray:
 
 
 def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> Canvas:
-    """An empty Canvas from `low` to `high` (2,), right and up in the view, `width` pixels wide in the picture."""
+    """An empty Canvas from `low` to `high` (2,), right and up in the view; the image is `width` pixels wide."""
     pixel = (high[0] - low[0]) / (FINE * width)
     rows = FINE * round((high[1] - low[1]) / (FINE * pixel))
     shape = rows, FINE * width
@@ -61,15 +62,15 @@ def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarr
 
 
 def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
-    """How white each pixel (rows, columns) fades, by how far it lies behind the faces of a cell at the origin.
+    """Fading to white of each pixel (rows, columns), 0 to 1, by its depth behind the faces of a cell at the origin.
 
-    cell (3, 3): cell vectors as columns; `length`: in which two thirds of the colour go.
+    cell (3, 3): cell vectors as columns; `length`: depth over which two thirds of the colour fade.
     """
     rows, columns = on.depth.shape
     x, y = (on.corner[k] + on.pixel * (np.arange(n) + 0.5) for k, n in ((0, columns), (1, rows)))
     near = np.full((rows, columns), np.inf)
     for row in np.linalg.inv(on.view @ cell):  # view coordinates to periods, between 0 and 1 inside
-        if abs(row[2]) > 1e-9 * np.linalg.norm(row):  # the line of sight is not along this pair of faces
+        if abs(row[2]) > 1e-9 * np.linalg.norm(row):  # the line of sight is not parallel to this pair of faces
             periods = row[0] * x[None, :] + row[1] * y[:, None]
             near = np.minimum(near, ((row[2] > 0.0) - periods) / row[2])
     behind = np.where(np.isfinite(on.depth), near - on.depth, 0.0)
@@ -77,9 +78,9 @@ def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
 
 
 def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
-    """The picture, (rows, columns, 4), red, green, blue and opacity, 0 to 1, first row at the bottom.
+    """Image (rows, columns, 4): red, green, blue and opacity, 0 to 1, first row at the bottom.
 
-    `reach`: the length over which things darken what lies between them; `white`: 0 to 1 of each pixel, see `haze`.
+    `reach`: range of the ambient darkening between neighbouring objects; `white`: 0 to 1 for each pixel, see `haze`.
     """
     light = LIGHT / np.linalg.norm(LIGHT)
     halfway = (light + np.array([0.0, 0.0, 1.0])) / np.linalg.norm(light + np.array([0.0, 0.0, 1.0]))
@@ -96,20 +97,20 @@ def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndar
 
 
 def _open_sky(on: Canvas, reach: float) -> np.ndarray:
-    """How much of the light from all around comes to each pixel: less where it lies lower than what is on both sides.
+    """Fraction of the ambient light that reaches each pixel: less where the surroundings on both sides are higher.
 
-    Both sides together, so that a slope is not darkened by its upper side.
+    Opposite sides are averaged so that the upper side of a slope does not darken it.
     """
-    number = 12
+    number = 12  # steps, arranged in a sunflower spiral
     angle, far = 2.4 * np.arange(number), reach / on.pixel * np.sqrt((np.arange(number) + 0.5) / number)
-    steps = np.rint(far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).astype(int)  # a sunflower
+    steps = np.rint(far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).astype(int)
     lower = gaussian_filter(_lower(on.depth, steps, reach), FINE, mode="nearest", truncate=2.0)
     return np.exp(-SHADE * lower / (number * reach))
 
 
 @numba.njit(cache=True, nogil=True)
 def _lower(depth, steps, most):
-    """Sum over pairs of opposite steps of how far each pixel lies below the middle of both, each `most` at most."""
+    """Depth of each pixel below the mean of two opposite neighbours, at most `most`, summed over pairs of steps."""
     rows, columns = depth.shape
     lower = np.zeros((rows, columns))
     for i in range(rows):
@@ -172,7 +173,7 @@ def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
 
 @numba.njit(cache=True, nogil=True)
 def _stick_surface(u, v, axis, length, r):
-    """Height of the surface above (u, v), from the start of a stick, -inf beside it; and how far along the axis."""
+    """Height of a stick's surface at (u, v) above its start, -inf outside the stick, and distance along its axis."""
     w = u * axis[0] + v * axis[1]
     a = 1.0 - axis[2] ** 2  # |(u, v, h)|^2 - (along)^2 = r^2, along = w + h axis_z, a quadratic for h
     b = -w * axis[2]

@@ -1,74 +1,106 @@
-"""A live view of runs in the terminal, where batches run: q-eps, e-p and the error of C0, drawn again and again.
+"""A live view of runs in the terminal: q against strain, e against p, and the error of C0, redrawn at intervals.
 
-A run file is replaced as a whole at every save, so that it can be read while the run goes on.
+Every save replaces the run file atomically, so a run can be read while it is being written.
 """
 
 from __future__ import annotations
 
 import shutil
+import string
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import plotext
 import xarray
+from xarray.backends import NetCDF4DataStore
 
+import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
+from labkit.io.files import open_netcdf
 from labkit.io.interruption import being_written
-from labkit.runs.dataset import open_run
 
 SHOWN = ("stress", "stress_sff", "void_ratio", "axial_strain")
-MARKS = "*o+x#%@$&="  # one for each run: terminals may have no colours
+FIRST_MARKS = "*o+x#%@$&="
+MARKS = FIRST_MARKS + "".join(
+    c for c in string.ascii_letters + string.digits if c not in FIRST_MARKS
+)  # no colours needed
+CLEAR = "\x1b[2J\x1b[H"
 
 
 def watch(files: Sequence[str], interval: int, once: bool) -> None:
-    """Draws until no run goes on any more, every `interval` seconds, or `once`. Raises InputError."""
+    """Redraws every `interval` seconds until no run is being written, or draws just once if `once`.
+
+    Raises InputError.
+    """
+    names = short_names(files)
     while True:
-        runs = {Path(file).name.removesuffix(".run.nc"): records(file) for file in files}
-        going_on = [being_written(Path(file)) for file in files]
+        being_computed = [being_written(Path(file)) for file in files]
+        runs = {name: records(file) for name, file in zip(names, files, strict=True)}
         size = shutil.get_terminal_size((100, 30))
-        if not once:
-            print("\x1b[2J\x1b[H", end="")  # clears the terminal
-        print(draw(runs, size.columns, max(12, size.lines - len(runs) - 2)))
-        lines = (status(name, run, writes) for (name, run), writes in zip(runs.items(), going_on, strict=True))
-        print(*lines, sep="\n", flush=True)
-        if once or not any(going_on):
+        drawing = draw(runs, size.columns, max(12, size.lines - len(runs) - 1))
+        lines = [
+            f"{mark_of(k)} {status(name, run, active)}"
+            for k, ((name, run), active) in enumerate(zip(runs.items(), being_computed, strict=True))
+        ]
+        print(("" if once else CLEAR) + "\n".join([drawing.rstrip("\n"), *lines]), flush=True)
+        if once or not any(being_computed):
             return
         time.sleep(interval)
 
 
+def short_names(files: Sequence[str]) -> list[str]:
+    """File names without folder and ending, or the names as given if two of them would be the same."""
+    short = [Path(file).name.removesuffix(".run.nc") for file in files]
+    return short if len(set(short)) == len(short) else list(files)
+
+
+def mark_of(number: int) -> str:
+    """Character that draws the run with this number, counted from 0."""
+    return MARKS[number % len(MARKS)]
+
+
 def records(file: str) -> xarray.Dataset:
-    """What is shown of a run, in memory, the file closed."""
-    with open_run(file) as run:
-        return run[list(SHOWN)].load()
+    """Data shown for a run, loaded into memory and the file closed.
+
+    Only the records are read, in one opening of the file: a save between two openings would mix two versions of it.
+    Raises InputError if it is not a run file.
+    """
+    with open_netcdf(file, "run") as dataset:
+        run = xarray.open_dataset(NetCDF4DataStore(dataset), decode_times=False).set_coords("axial_strain")
+        unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}  # in older files
+        return run.assign({k: v for k, v in unknown.items() if k not in run})[list(SHOWN)].load()
 
 
-def status(name: str, run: xarray.Dataset, going_on: bool) -> str:
-    """One line on a run; `going_on`: whether a process writes it now."""
+def status(name: str, run: xarray.Dataset, active: bool) -> str:
+    """One-line summary of a run; `active`: True if a process is writing the file."""
     strain = float(run["axial_strain"][-1])
-    state = "complete" if run.attrs["complete"] else "going on" if going_on else "interrupted"
+    state = "complete" if run.attrs["complete"] else "running" if active else "interrupted"
     return (
         f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, axial strain {strain:.2%}, "
-        f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, C0 off by {float(run.lab.sff_error()[-1]):.2%}"
+        f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, error of C0 {float(run.lab.sff_error()[-1]):.2%}"
     )
 
 
 def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
-    """The three diagrams as text, of that many columns and lines."""
-    plotext.main()  # what is cleared below is the whole figure, not the panel that was drawn last
+    """Three diagrams as text, `width` columns by `height` lines; each run has its own mark, see `mark_of`."""
+    plotext.main()  # selects the whole figure, so that the next line clears every panel
     plotext.clear_figure()
     plotext.theme("clear")
     plotext.subplots(1, 3)
     plotext.plot_size(width, height)
     panels = (
-        ("q (MPa), strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.deviatoric_stress() / 1e6)),
-        ("e, p (MPa)", lambda r: (r.lab.mean_stress() / 1e6, r["void_ratio"])),
-        ("C0 error (%), strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.sff_error() * 100)),
+        ("q (MPa)", "axial strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.deviatoric_stress() / 1e6)),
+        ("void ratio e", "p (MPa)", lambda r: (r.lab.mean_stress() / 1e6, r["void_ratio"])),
+        ("C0 error (%)", "axial strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.sff_error() * 100)),
     )
-    for number, (title, values) in enumerate(panels, start=1):
+    for number, (title, x_label, values) in enumerate(panels, start=1):
         plotext.subplot(1, number)
         plotext.title(title)
-        for k, (name, run) in enumerate(runs.items()):
-            x, y = values(run)
-            label = name if len(runs) > 1 else None
-            plotext.plot(x.values.tolist(), y.values.tolist(), label=label, marker=MARKS[k % len(MARKS)])
+        plotext.xlabel(x_label)
+        for k, run in enumerate(runs.values()):
+            x, y = (np.asarray(v) for v in values(run))
+            known = np.isfinite(x) & np.isfinite(y)
+            if known.any():
+                plotext.plot(x[known].tolist(), y[known].tolist(), marker=mark_of(k))
     return plotext.build()

@@ -7,7 +7,7 @@ from labkit.dem.state import grains_in_cell, read_state
 from labkit.micro.indicators import elastic_energy
 
 
-def test_kinetic_energy_leaves_the_mean_field_out():
+def test_kinetic_energy_excludes_the_mean_field():
     scene = Scene()
     radius = np.array([80e-6, 90e-6])
     position = np.array([[1e-3, 2e-3, 3e-3], [0.0, 1e-3, 0.0]])
@@ -26,12 +26,12 @@ def test_kinetic_energy_leaves_the_mean_field_out():
 
 @pytest.mark.parametrize("law", ["rolling_resistance", "spring_dashpot"])
 @pytest.mark.parametrize(("friction", "rolling"), [(0.4, 0.1), (0.4, 0.0), (0.0, 0.1), (0.0, 0.0)])
-def test_a_ledger_begins_with_the_springs_that_the_scene_has(law, friction, rolling, specimen_file):
-    """A specimen may come from a scene with more of them."""
+def test_a_ledger_starts_with_the_springs_of_the_scene(law, friction, rolling, specimen_file):
+    """The specimen may come from a scene with additional springs."""
     state = read_state(specimen_file)
     assert state.tangential_force.any() and state.rolling_moment.any()
-    begun = opened(state.replace(scene=Scene(law=law, friction=friction, rolling_friction=rolling)))
+    started = opened(state.replace(scene=Scene(law=law, friction=friction, rolling_friction=rolling)))
     for name, kept in (("tangential_force", friction > 0.0), ("rolling_moment", rolling > 0.0)):
-        np.testing.assert_array_equal(getattr(begun, name), getattr(state, name) if kept else 0.0)
-    assert begun.ledger.start == kinetic_energy(begun) + elastic_energy(begun.snapshot()) > 0.0
-    assert balance_error(begun) == 0.0
+        np.testing.assert_array_equal(getattr(started, name), getattr(state, name) if kept else 0.0)
+    assert started.ledger.start == kinetic_energy(started) + elastic_energy(started.snapshot()) > 0.0
+    assert balance_error(started) == 0.0

@@ -1,4 +1,4 @@
-"""The table of parameters: units, ranges, whole numbers, words, and what is said of values that are not possible."""
+"""The table of parameters: units, ranges, integers, choices, and messages about invalid values."""
 
 import argparse
 import dataclasses
@@ -50,8 +50,8 @@ def refused(kind, **values):
     ],
 )
 def test_a_pressure_has_a_unit_or_is_in_pascal(text, pascal):
-    found = ConstantMeanStress(pressure=text).pressure
-    assert found == pascal and type(found) is float
+    pressure = ConstantMeanStress(pressure=text).pressure
+    assert pressure == pascal and type(pressure) is float
 
 
 @pytest.mark.parametrize(("text", "metre"), [("4 mm", 4e-3), ("0.4cm", 4e-3), ("4e-3", 4e-3), ("4000 um", 4e-3)])
@@ -75,24 +75,24 @@ def test_rates_densities_and_shares():
         (ConstantMeanStress, "pressure", "5 mPa", "Pa, kPa, MPa, GPa"),
     ],
 )
-def test_an_unknown_unit_is_refused_with_those_that_are_known(kind, field, text, units):
+def test_an_unknown_unit_is_refused_and_the_known_units_are_listed(kind, field, text, units):
     unit = text.split()[1]
     error = refused(kind, **{field: text})
     assert str(error) == f"{field} {text} has an unknown unit {unit!r}: give it in {units}"
     assert (error.field, error.value, error.allowed) == (field, text, f"it in {units}")
 
 
-def test_where_a_unit_is_needed_a_bare_number_is_refused():
+def test_a_bare_number_is_refused_where_a_unit_is_required():
     known = parameters_of(ConstantMeanStress)["pressure"]
     assert known.read("0.5 MPa", unit_needed=True) == 0.5e6
-    with pytest.raises(InputError, match="^pressure 500000 has no unit: give e.g. 0.5 MPa or 500 kPa$"):
+    with pytest.raises(InputError, match=r"^pressure 500000 has no unit: give e\.g\. 0\.5 MPa or 500 kPa$"):
         known.read("500000", unit_needed=True)
     assert parameters_of(ConstantMeanStress)["strain"].read("0.05", unit_needed=True) == 0.05
 
 
 @pytest.mark.parametrize("value", [0.5, "0.5", 99.9, 5, "5e-1", np.float64(0.3), 1e-300])
 @pytest.mark.parametrize("name", ["cr", "cp", "cyclic_cp", "isoc", "isod"])
-def test_a_bare_pressure_below_100_pa_is_asked_about(name, value):
+def test_a_bare_pressure_below_100_pa_is_refused(name, value):
     error = refused(PATHS[name], pressure=value)
     number = f"{float(value):g}"
     assert str(error) == (
@@ -103,7 +103,7 @@ def test_a_bare_pressure_below_100_pa_is_asked_about(name, value):
     assert PATHS[name](pressure=f"{number} Pa").pressure == float(value)
 
 
-def test_parameters_whose_range_says_it_are_not_asked_about():
+def test_the_check_of_bare_pressures_applies_only_to_unbounded_ranges():
     assert Scene(young_modulus=50.0).young_modulus == 50.0
     assert refused(Layer, pressure=0.1).problem == "is not possible"
 
@@ -112,8 +112,8 @@ def test_parameters_whose_range_says_it_are_not_asked_about():
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
-def test_every_parameter_keeps_to_its_range(kind):
-    """Its default is inside; what is beyond either end, NaN and infinity are not."""
+def test_every_parameter_is_limited_to_its_range(kind):
+    """The default is inside; values beyond either end, NaN and infinity are refused."""
     needed = {name: "0.67" for name, known in parameters_of(kind).items() if known.default is dataclasses.MISSING}
     kind(**needed)
     for name, known in parameters_of(kind).items():
@@ -133,7 +133,7 @@ def test_every_parameter_keeps_to_its_range(kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "values", "said"),
+    ("kind", "values", "message"),
     [
         (Scene, {"friction": -0.1}, "friction -0.1 is not possible: give 0 to 10"),
         (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not possible: give 1e-09 to 1000 m"),
@@ -154,11 +154,11 @@ def test_every_parameter_keeps_to_its_range(kind):
         (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not possible: give a number above 0, at most 0.1 m"),
     ],
 )
-def test_the_sentence_names_the_field_the_value_and_what_is_allowed(kind, values, said):
-    assert str(refused(kind, **values)) == said
+def test_the_message_names_the_field_the_value_and_the_allowed_range(kind, values, message):
+    assert str(refused(kind, **values)) == message
 
 
-def test_a_front_end_names_the_field_in_its_own_way():
+def test_a_front_end_can_rename_the_field_in_a_message():
     error = refused(Recipe, void_ratio=0.67, step1_friction=-1)
     assert (error.field, error.value, error.allowed, error.problem) == (
         "step1_friction",
@@ -171,17 +171,17 @@ def test_a_front_end_names_the_field_in_its_own_way():
     assert named("path") == "path" and isinstance(error, ValueError)
 
 
-# --- whole numbers, flags, words, lists ---------------------------------------------------------------------------
+# --- integers, flags, choices, lists --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("value", [500, "500", 500.0, "5e2", np.int64(500), "500.0"])
-def test_whole_numbers(value):
-    found = Recipe(0.67, grains=value).grains
-    assert found == 500 and type(found) is int
+def test_integers(value):
+    grains = Recipe(0.67, grains=value).grains
+    assert grains == 500 and type(grains) is int
 
 
 @pytest.mark.parametrize("value", [500.5, "500.5", math.nan, math.inf, "1e30"])
-def test_what_is_not_a_whole_number_is_refused(value):
+def test_numbers_that_are_not_integers_are_refused(value):
     error = refused(Recipe, void_ratio=0.67, grains=value)
     assert error.field == "grains" and error.problem in ("is not a whole number", "is not possible")
     assert refused(Recipe, void_ratio=0.67, seed=True).problem == "is not a number"
@@ -193,12 +193,12 @@ def test_flags(value):
 
 
 @pytest.mark.parametrize("value", [1, "yes", None, 0.0])
-def test_what_is_not_a_flag_is_refused(value):
+def test_values_that_are_not_flags_are_refused(value):
     error = refused(Scene, planar=value)
     assert (error.field, error.allowed) == ("planar", "True or False")
 
 
-def test_words_have_their_earlier_names_too():
+def test_choices_accept_their_former_names():
     assert Scene(law="paper").law == "spring_dashpot" and Scene(law="yade").law == "rolling_resistance"
     for value in ("hertz", "", "Paper", 3, None):
         error = refused(Scene, law=value)
@@ -219,21 +219,21 @@ def test_lists_of_numbers(value):
 
 
 @pytest.mark.parametrize("value", [0.01, None, "up,down", ["up"], [None], [], "", [math.nan], [0.01, 0.02], [3.0]])
-def test_what_is_no_list_of_strains_is_refused(value):
+def test_values_that_are_not_strains_are_refused(value):
     assert refused(CyclicConstantMeanStress, reversals=value, pressure=1e5).field == "reversals"
 
 
-# --- files, front ends, one's own ---------------------------------------------------------------------------------
+# --- files, front ends, user-defined fields --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_a_path_survives_its_file_to_the_last_bit(name):
+def test_a_path_is_restored_from_its_file_to_the_last_bit(name):
     given = {"rate": 10.0 / 3.0, **({"pressure": "0.1 Pa"} if name != "cv" else {})}
     path = make_path(name, given)
     assert path_of(name, json.loads(json.dumps({**path.parameters(), "record_strain": 1e-3}))) == path
 
 
-def test_a_value_that_was_checked_is_restored_without_a_question():
+def test_a_value_that_was_checked_is_restored_without_another_check_of_its_unit():
     scene = Scene(young_modulus=1.0, friction=1 / 3)
     assert restored(Scene, dataclasses.asdict(scene)) == scene
     assert make_path("cp", {"pressure": with_unit(0.1, "Pa")}).pressure == 0.1
@@ -242,7 +242,7 @@ def test_a_value_that_was_checked_is_restored_without_a_question():
 
 @dataclasses.dataclass(frozen=True)
 class Own:
-    """Parameters of one's own, one of them of a unit that labkit does not know."""
+    """User-defined parameters, one of them with a unit that labkit does not define."""
 
     wanted: float = parameter(help="without a default", low=0.0)
     torque: float = parameter(1.0, unit="N m", low=0.0, high=5.0, help="of the shaft")
@@ -253,7 +253,7 @@ class Own:
         check_parameters(self)
 
 
-def test_parameters_of_ones_own():
+def test_user_defined_parameters():
     assert list(parameters_of(Own)) == ["wanted", "torque", "twice"]
     assert Own(torque="2.5 N m", wanted="3", twice="true", note=7) == Own(3.0, 2.5, True, 7)
     assert str(refused(Own, torque="2 Nmm", wanted=1)) == "torque 2 Nmm has an unknown unit 'Nmm': give it in N m"
@@ -264,17 +264,18 @@ def test_the_command_line_has_every_parameter_with_its_unit_and_default():
     parser = argparse.ArgumentParser()
     add_parameters(parser, Recipe)
     add_parameters(parser, Scene)
-    said = " ".join(parser.format_help().split())
+    text = " ".join(parser.format_help().split())
     for name, known in (parameters_of(Recipe) | parameters_of(Scene)).items():
-        assert (f"{option_name(name)} " in said) == known.option, name
-    assert "--mean-diameter" in said and "mean diameter of the grains in m (default: 0.00017)" in said
-    assert "one of rolling_resistance, spring_dashpot" in said and "--planar" not in said
+        assert (f"{option_name(name)} " in text) == known.option, name
+    assert "--mean-diameter" in text and "mean diameter D of the grains in m (default: 0.00017)" in text
+    assert "one of rolling_resistance, spring_dashpot" in text and "--planar" not in text
 
 
-def test_an_option_that_differs_between_paths_says_so():
+def test_the_help_of_an_option_lists_differences_between_paths():
     parser = argparse.ArgumentParser()
     add_path_parameters(parser, PATHS.values())
-    said = " ".join(parser.format_help().split())
-    assert "axial strain rate in 1/s (default: 10), of cv, cr, cp, cyclic_cp" in said
-    assert "(default: 5), of isoc" in said and "(default: 2.5), of isod" in said
-    assert "stress that the path holds in Pa, of cr, cp, cyclic_cp" in said
+    text = " ".join(parser.format_help().split())
+    grains = "for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains)"
+    assert f"axial strain rate in 1/s (default: 10 {grains}, of cv, cr, cp, cyclic_cp" in text
+    assert f"(default: 5 {grains}, of isoc" in text and f"(default: 2.5 {grains}, of isod" in text
+    assert "stress that the path holds in Pa, of cr, cp, cyclic_cp" in text

@@ -55,9 +55,9 @@ def test_shearing_mobilises_strength(run):
 def test_stored_stresses_are_recomputed_from_stored_contacts(run):
     assert relative_error(run.lab.love_stress(), run.lab.at_snapshots("stress")).max() < 1e-12
     assert relative_error(run.lab.sff_stress(), run.lab.at_snapshots("stress_sff")).max() < 1e-12
-    found = run.lab.statistics()
+    statistics = run.lab.statistics()
     np.testing.assert_allclose(
-        found["mean_normalised_force"], run.lab.at_snapshots("mean_normalised_force"), rtol=1e-12
+        statistics["mean_normalised_force"], run.lab.at_snapshots("mean_normalised_force"), rtol=1e-12
     )
 
 
@@ -74,9 +74,9 @@ def test_the_accessor_returns_labelled_data(run):
 
 def test_verification_of_a_small_specimen(run):
     """500 grains are too few for C0 to agree within 2 %: the other checks pass, and C0 is close."""
-    found = {f.name: f for f in findings(run)}
-    assert all(f.holds for name, f in found.items() if f.decides and "C0" not in name)
-    assert next(f for name, f in found.items() if "C0" in name).value < 0.06
+    checks = {f.name: f for f in findings(run)}
+    assert all(f.holds for name, f in checks.items() if f.decides and "C0" not in name)
+    assert next(f for name, f in checks.items() if "C0" in name).value < 0.06
 
 
 def test_a_finished_run_is_not_run_again(labkit_command, specimen_file, run_file):

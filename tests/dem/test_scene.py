@@ -42,13 +42,13 @@ def test_values_out_of_range_are_refused(field, value):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"colour": 1}', "null"])
-def test_text_that_is_no_scene_is_refused(text):
+def test_text_that_is_not_a_scene_is_refused(text):
     with pytest.raises(InputError, match="not a labkit scene"):
         Scene.from_json(text)
 
 
 @pytest.mark.parametrize(("earlier", "name"), [("yade", "rolling_resistance"), ("paper", "spring_dashpot")])
-def test_laws_have_their_names_of_version_0_1_0_too(earlier, name):
+def test_laws_keep_their_names_of_version_0_1_0(earlier, name):
     scene = Scene(law=earlier)
     assert scene.law == name and scene == Scene(law=name) and scene.contact_law.name == name
     assert Scene.from_json(scene.to_json().replace(name, earlier)) == scene

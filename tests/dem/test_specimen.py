@@ -18,12 +18,12 @@ def test_insertion_meets_the_void_ratio_the_side_and_the_sizes_exactly(void_rati
     assert ((0 <= state.position) & (state.position < 2e-3)).all()
 
 
-def test_the_full_cube_holds_as_many_grains_as_the_papers():
+def test_the_full_cube_holds_as_many_grains_as_in_the_paper():
     assert 13_800 <= insert_grains(Scene(), Recipe(0.724)).number_of_grains
     assert insert_grains(Scene(), Recipe(0.606)).number_of_grains <= 15_000
 
 
-def test_insertion_comes_from_the_seed_alone():
+def test_insertion_depends_only_on_the_seed():
     recipe = Recipe(0.67, side=1.5e-3, seed=4)
     a, b = insert_grains(Scene(), recipe), insert_grains(Scene(), recipe)
     np.testing.assert_array_equal(a.position, b.position)
@@ -53,14 +53,14 @@ def test_impossible_recipes_are_refused(values):
     with pytest.raises(InputError) as refused:
         Recipe(**{"void_ratio": 0.67, **values})
     assert refused.value.field == next(iter(values))
-    with pytest.raises(InputError, match="grains 3 is not possible: give 100 to 1e.06"):
+    with pytest.raises(InputError, match=r"grains 3 is not possible: give 100 to 1e\+06"):
         Recipe(0.67, grains=3)
-    with pytest.raises(InputError, match="side 0.0002 m would hold 1.79 grains: give 0.000772 to 0.0163 m"):
+    with pytest.raises(InputError, match=r"side 0\.0002 m would hold 1\.79 grains: give 0\.000772 to 0\.0163 m"):
         insert_grains(Scene(), Recipe(0.67, side=2e-4))
 
 
 def test_a_size_is_a_side_or_a_number_of_grains():
-    with pytest.raises(InputError, match="^side 0.002 and a number of grains are both given: leave one out"):
+    with pytest.raises(InputError, match=r"^side 0\.002 and a number of grains are both given: omit one"):
         Recipe(0.67, side=2e-3, grains=1000)
     scene = Scene()
     assert Recipe(0.67).side_of(scene) == 4e-3 and Recipe(0.67, side="2 mm").side_of(scene) == 2e-3
@@ -69,7 +69,7 @@ def test_a_size_is_a_side_or_a_number_of_grains():
     assert abs(insert_grains(scene, Recipe(0.67, grains=1100)).number_of_grains / 1100 - 1) < 0.02
 
 
-def test_a_specimen_is_at_rest_with_table_1_and_its_void_ratio(specimen_file):
+def test_a_specimen_is_at_rest_with_the_scene_of_table_1_and_its_void_ratio(specimen_file):
     state = read_state(specimen_file)
     snapshot = state.snapshot()
     contacts = snapshot.contacts
@@ -94,14 +94,15 @@ def test_the_same_command_makes_the_same_specimen(labkit_command, specimen_file,
     np.testing.assert_array_equal(a.tangential_force, b.tangential_force)
 
 
-def test_grains_that_carry_no_load_are_an_honest_failure(labkit_command, tmp_path):
+def test_grains_that_carry_no_load_are_an_error(labkit_command, tmp_path):
     output = tmp_path / "loose.state.nc"
     done = labkit_command("specimen", "--void-ratio", 1.2, "--step1-friction", 0, "--grains", 150, "-o", output)
     assert done.returncode == 1
-    assert "come apart" in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    assert done.stderr.splitlines()[-1].startswith("labkit: the grains have separated (coordination number")
+    assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
 
 
-def test_a_specimen_that_does_not_come_to_rest_within_the_limit_says_so(in_yade):
+def test_a_specimen_that_does_not_come_to_rest_within_the_limit_is_an_error(in_yade):
     message = in_yade("no_rest.py")["message"]
     assert "not at rest after 500 steps" in message and "unbalanced force" in message

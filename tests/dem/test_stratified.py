@@ -1,4 +1,4 @@
-"""The stratified layer on YADE, in small: forces differ by stratum, normalised forces do not."""
+"""A small stratified layer on YADE: forces differ between the strata, normalised forces do not."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def layer_file(tmp_path_factory, labkit_command):
     return file
 
 
-def test_the_layer_is_brought_to_its_stress_ratio_in_its_plane(layer_file):
+def test_the_layer_reaches_its_stress_ratio_in_its_plane(layer_file):
     state = read_state(layer_file)
     stress = love_stress(state.snapshot())
     assert np.isclose(stress[2, 2] / stress[0, 0], 2.0, rtol=3e-3)
@@ -41,7 +41,7 @@ def test_mean_force_differs_by_stratum_and_normalised_force_does_not(layer_file)
 
 
 def test_a_disc_has_the_same_stiffness_whatever_its_size_on_yade_too(layer_file):
-    """The first test holds only if YADE has this kn: the state's stress is made of it, the servo's of YADE's forces."""
+    """The first test fails if YADE uses another kn: the servo reads the stress from YADE, the state computes it."""
     scene = read_state(layer_file).scene
     assert scene.planar
     stiffness = scene.normal_stiffness(np.array([1e-4, 2e-4]), np.array([1e-4, 4e-4]))
@@ -61,7 +61,7 @@ def test_strata_fill_their_halves_at_the_plane_void_ratio():
 
 
 @pytest.mark.parametrize("name", ["size_ratio", "width", "pressure", "ratio"])
-def test_values_that_cannot_be(name):
+def test_values_out_of_range_are_refused(name):
     with pytest.raises(InputError, match=f"^{name} -1 is not possible: give ") as refused:
         Layer(**{name: -1.0})
     assert (refused.value.field, refused.value.value) == (name, -1.0)

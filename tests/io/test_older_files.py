@@ -183,7 +183,7 @@ def test_a_damaged_file_is_refused_in_one_line(run_file, tmp_path, labkit_comman
         ("scene", "scene.run.nc is damaged (the attribute scene is missing): repeat the run"),
         ("law", "law.run.nc: law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot"),
     ):
-        for command in ("verify", "critical", "watch", "picture"):
+        for command in ("verify", "critical", "picture", *(["watch"] if file != "law" else [])):  # watch needs no law
             words = [command, f"{file}.run.nc", *(["--once"] if command == "watch" else [])]
             done = labkit_command(*words, cwd=tmp_path)
             assert done.returncode == 2 and done.stderr.startswith(f"labkit: {said}"), (words, done.stderr)

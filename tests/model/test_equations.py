@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labkit.errors import InputError
+from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.parameters import Model, Parameters
 from labkit.model.state import ModelState
 from labkit.model.stiffness import state_rate, stress_rate
-from labkit.model.tensors import to_six, to_tensor
 from labkit.sff.c0 import c0_stress
 from tests.model.random_states import AXIS, assert_same_rates, deviator, random_state, rotation, symmetric
 from tests.model.scalar_formulas import scalar_rates

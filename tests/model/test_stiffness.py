@@ -6,13 +6,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from labkit.errors import InputError, PhysicsError
+from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import strain_control
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.material_point import states, update, voigt
 from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
-from labkit.model.tensors import to_six, to_tensor
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)

@@ -1,27 +1,7 @@
-"""Commands that show runs: watch, critical, info."""
-
-import time
+"""Commands that show runs: critical."""
 
 import labkit
 from labkit.runs.critical import critical_states
-
-
-def test_watch_draws_a_run_in_the_terminal(run_file, labkit_command):
-    done = labkit_command("watch", "--once", run_file)
-    assert done.returncode == 0, done.stderr
-    assert "axial strain 2.00%" in done.stdout and "C0 off by" in done.stdout
-    assert sum(line.count("│") > 3 for line in done.stdout.splitlines()) > 8
-
-
-def test_watch_ends_when_the_runs_are_complete(run_file, labkit_command):
-    begin = time.monotonic()
-    assert labkit_command("watch", "--interval", 60, run_file).returncode == 0
-    assert time.monotonic() - begin < 50
-
-
-def test_watch_refuses_what_is_no_run(specimen_file, labkit_command):
-    done = labkit_command("watch", "--once", specimen_file)
-    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
 
 
 def test_critical_table_and_figure(run_file, labkit_command, tmp_path):

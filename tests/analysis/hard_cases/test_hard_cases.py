@@ -164,7 +164,7 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
     [
         (["nonsense"], "choose from loose_cv"),
         (["very_loose", "--grains", "7"], "give 100"),
-        (["very_loose", "--work", "FILE"], "give another"),
+        (["very_loose", "--work", "FILE"], "choose another"),
     ],
 )
 def test_bad_input_is_one_line(options, message, tmp_path, capsys):

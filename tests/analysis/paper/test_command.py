@@ -3,8 +3,7 @@
 import pandas
 import pytest
 
-from analysis.paper.notebooks import notebook_files
-from tests.analysis.test_notebooks import ROOT, figures_of
+from analysis.paper.drawn import OF_RUNS, OTHERS
 
 CAMPAIGN = """
 settings: quick
@@ -50,9 +49,8 @@ def test_a_run_that_fails_is_reported_and_the_others_are_used(first, folder):
     assert first.returncode == 1 and "run wild failed: the time step" in first.stderr
     output = folder / "results/paper"
     assert {file.name for file in (output / "runs").iterdir()} == {"cv-dense.run.nc", "cp_500kPa-dense.run.nc"}
-    figures = {name for file in notebook_files(ROOT / "analysis") for name in figures_of(file)}
     there = {file.name for file in output.iterdir()}
-    assert {*TABLES, *figures, "gallery.png", "report.html", "calibrated.json", "model.nc"} <= there
+    assert {*TABLES, *OF_RUNS, *OTHERS, "gallery.png", "report.html", "calibrated.json", "model.nc"} <= there
     assert "paper:" in first.stdout and "calibrating the model" in first.stdout  # progress
     costs = pandas.read_csv(output / "campaign.csv")
     assert set(costs["threads"]) == {1} and (costs["grain_steps"] == costs["steps"] * costs["grains"]).all()

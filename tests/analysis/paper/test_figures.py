@@ -64,7 +64,7 @@ def test_figure_of_available_runs(name, runs, folder, tmp_path):
     assert any(line.get_xdata().size > 10 for axes in figure.axes for line in axes.lines)
     file = figures.save(figure, tmp_path / "f.png", runs)
     known = of_file(file)
-    assert known["command"] == "./lab notebooks" and len(known["inputs"]) == len(RUNS)
+    assert known["command"] == "./lab paper" and len(known["inputs"]) == len(RUNS)
 
 
 @pytest.mark.parametrize("name", DRAW)

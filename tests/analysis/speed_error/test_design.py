@@ -44,13 +44,13 @@ def test_rates_and_sizes_cover_the_range():
     assert min(steps) < 0.1 and max(steps) > 1.0
 
 
-def specimen_task(*words):
-    return simulate.specimen_task(parsed(simulate.specimen_options, ["--void-ratio", "0.67", *words]), "")
+def specimen_task(*options):
+    return simulate.specimen_task(parsed(simulate.specimen_options, ["--void-ratio", "0.67", *options]), "")
 
 
-def run_task(path, file, *words):
-    words = [path, str(file), "-o", "x.run.nc", *words]
-    return simulate.run_task(parsed(simulate.run_options, words), "")
+def run_task(path, file, *options):
+    arguments = [path, str(file), "-o", "x.run.nc", *options]
+    return simulate.run_task(parsed(simulate.run_options, arguments), "")
 
 
 def test_standard_is_what_the_commands_do_without_options(specimen_file):
@@ -59,7 +59,7 @@ def test_standard_is_what_the_commands_do_without_options(specimen_file):
     side = plain.recipe.side_of(plain.material)
     assert (side, plain.material.time_step_factor) == (SETTINGS["standard"].side, 0.2)
     plain, standard = run_task("cv", specimen_file), run_task("cv", specimen_file, "--settings", "standard")
-    assert plain.path == standard.path and plain.scene == standard.scene
+    assert plain.path.for_scene(plain.scene) == standard.path and plain.scene == standard.scene
 
 
 def test_settings_change_size_rate_and_time_step(specimen_file):

@@ -39,7 +39,7 @@ def results(folder):
 
 def wait_for(study, folder, number):
     """Waits until a running study has written `number` results."""
-    deadline = time.monotonic() + 300
+    deadline = time.monotonic() + 900
     while len(results(folder)) < number:
         assert study.poll() is None and time.monotonic() < deadline, study.stderr.read()
         time.sleep(0.05)
@@ -63,7 +63,7 @@ def interrupted(folder, number, signals):
     for _ in range(signals):
         os.killpg(study.pid, signal.SIGINT)
         time.sleep(0.3)
-    _, error = study.communicate(timeout=30)
+    _, error = study.communicate(timeout=60)
     return study.returncode, error, is_gone(study.pid)
 
 
@@ -82,7 +82,7 @@ def study(tmp_path_factory):
     assert is_gone(child.pid)
     kept = {file: file.stat().st_mtime_ns for file in results(folder)}
     child = start(folder)
-    _out, error = child.communicate(timeout=500)
+    _out, error = child.communicate(timeout=1500)
     assert child.returncode == 0, error
     return folder, outcomes, kept
 
