@@ -129,7 +129,7 @@ def test_the_lode_angle_is_an_alternative_to_b():
 
 @pytest.mark.parametrize("stresses", [(1e6, 2e6), (1e6, 1e6), (), (-1.0,)])
 def test_stresses_that_do_not_alternate_are_refused(stresses):
-    with pytest.raises(InputError, match="stresses|alternate"):
+    with pytest.raises(InputError, match=r"stresses|alternate"):
         tests.OedometerReloading(stresses=stresses)
 
 
