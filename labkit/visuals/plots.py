@@ -53,18 +53,20 @@ Runs = Mapping[str, xarray.Dataset]
 
 FORMATS = (".png", ".pdf", ".svg", ".webp")
 STYLES: dict[str, tuple[str, Literal["-", "--"]]] = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
+MODEL_STYLES: dict[str, tuple[str, Literal["-", "--"]]] = {"C0 (model)": ("stress", "-")}
 
 
 def sff_against_love(runs: Runs) -> Figure:
     """q and p against axial strain, and q against p, of runs opened with labkit.open_run; a Figure.
 
     `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed.
+    A prediction of the constitutive model has only C0.
     """
     figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
     panels = figure.subplots(1, 3)
     for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
         strain = percent(run)
-        for name, style in STYLES.values():
+        for name, style in (STYLES if _has_grains(run) else MODEL_STYLES).values():
             p, q = run.lab.mean_stress(name).values / 1e6, run.lab.deviatoric_stress(name).values / 1e6
             for axes, x, y in zip(panels, (strain, strain, p), (q, p, q), strict=True):
                 axes.plot(x, y, style, color=color, label=label if style == "-" else None)
@@ -76,11 +78,17 @@ def sff_against_love(runs: Runs) -> Figure:
     panels[1].set(ylabel="mean stress p (MPa)")
     panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
     include_zero(panels[2], "x")
-    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in STYLES.items()]
+    styles = STYLES if any(map(_has_grains, runs.values())) else MODEL_STYLES
+    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in styles.items()]
     runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
     columns = _columns(runs, 5)
     figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     return figure
+
+
+def _has_grains(run: xarray.Dataset) -> bool:
+    """False for a prediction of the constitutive model, whose stress is C0."""
+    return run.attrs.get("engine") != "model"
 
 
 def test(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:

@@ -276,6 +276,7 @@ def test_the_help_of_an_option_lists_differences_between_paths():
     add_path_parameters(parser, PATHS.values())
     text = " ".join(parser.format_help().split())
     grains = "for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains)"
-    assert f"axial strain rate in 1/s (default: 10 {grains}, of cv, cr, cp, cyclic_cp" in text
-    assert f"(default: 5 {grains}, of isoc" in text and f"(default: 2.5 {grains}, of isod" in text
-    assert "stress that the path holds in Pa, of cr, cp, cyclic_cp" in text
+    assert f"cv, cr, cp, cyclic_cp: axial strain rate in 1/s (default: 10 {grains}" in text
+    assert f"isoc: strain rate in each direction in 1/s (default: 5 {grains}" in text
+    assert f"isod: strain rate in each direction in 1/s (default: 2.5 {grains}" in text
+    assert "cr, cp, cyclic_cp: stress that the path holds in Pa" in text

@@ -1,4 +1,4 @@
-"""`labkit figure`, and what the accessor computes over a whole run."""
+"""`labkit figure`, and the statistics that the accessor computes over a run."""
 
 import numpy as np
 import pandas
@@ -36,35 +36,35 @@ def test_figure_and_table(figure, run_file, tmp_path):
 )
 def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    words = ["figure", "records", str(run_file), "--variable", variable, "-o", "f.png", "--csv", "f.csv"]
-    assert main(words) == 0
-    found = pandas.read_csv("f.csv")
-    assert list(found.columns) == ["axial_strain", *columns] and len(found) == run.sizes["time"]
+    arguments = ["figure", "records", str(run_file), "--variable", variable, "-o", "f.png", "--csv", "f.csv"]
+    assert main(arguments) == 0
+    table = pandas.read_csv("f.csv")
+    assert list(table.columns) == ["axial_strain", *columns] and len(table) == run.sizes["time"]
     last = run[variable].values[-1]
     last = last[np.triu_indices(3)] if last.ndim == 2 else np.ravel(last)
-    np.testing.assert_allclose(found[columns].values[-1], last, rtol=1e-4)
+    np.testing.assert_allclose(table[columns].values[-1], last, rtol=1e-4)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "message"),
     [
         (["roses"], "roses"),
         (["groups", "--groups", "0"], "groups"),
         (["directions", "--snapshot", "99"], "snapshot 99"),
-        (["groups", "-o", "f.txt"], "ending"),
+        (["groups", "-o", "f.txt"], "extension"),
         (["records"], "--variable is missing: give one of strain, cell, volume"),
         (["records", "--variable", "colour"], "--variable colour is not recorded: give one of strain, cell, volume"),
         (
             ["groups", "--variable", "stress"],
-            "--variable stress is for the figure records, not for groups: leave it out",
+            "--variable stress applies only to the figure records, not to groups: leave it out",
         ),
     ],
 )
-def test_bad_input(words, said, run_file, tmp_path, monkeypatch, capsys):
+def test_bad_input(arguments, message, run_file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["figure", words[0], str(run_file), *words[1:]]) == 2
+    assert main(["figure", arguments[0], str(run_file), *arguments[1:]]) == 2
     error = capsys.readouterr().err
-    assert said in error and len(error.strip().splitlines()) == 1
+    assert message in error and len(error.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
@@ -78,8 +78,8 @@ def test_groups_and_family_and_budget_are_consistent_over_a_run(run):
     np.testing.assert_allclose(budget.sum("part"), family.sel(form="c0") - love, atol=1e-9 * float(abs(love).max()))
 
 
-def test_the_fourth_order_form_is_nearer_to_love_than_c0(run):
-    """500 grains only: the assumption that all sizes carry the same stress costs C0 more than anything else."""
+def test_the_fourth_order_form_is_closer_to_love_than_c0(run):
+    """With 500 grains, equal stress of all sizes is the largest source of error in C0."""
     love, family = run.lab.love_stress().values, run.lab.sff_family(("c0", "fourth"))
     errors = [np.linalg.norm(family.sel(form=form).values - love, axis=(1, 2)).mean() for form in ("fourth", "c0")]
     assert errors[0] < 0.5 * errors[1]
@@ -101,7 +101,7 @@ def test_lives_and_changes_agree_with_the_contacts_of_the_snapshots(run):
     assert float(changes["mean_age"][-1]) <= float(run["axial_strain"][-1]) + 1e-12
 
 
-def test_strong_contacts_are_the_fewer_and_carry_most_of_q(run):
+def test_strong_contacts_are_the_minority_and_carry_most_of_q(run):
     strong = run.lab.strong_networks().isel(snapshot=-1)
     assert (strong["fraction"] < 0.5).all() and (strong["share_of_q"] > 0.7).all()
 

@@ -1,4 +1,4 @@
-"""Pictures of grains and contacts, and files of them for ParaView, read back without the library that wrote them."""
+"""Pictures of grains and contacts, and files for ParaView, read back without the library that wrote them."""
 
 import base64
 import sys
@@ -23,12 +23,12 @@ TYPES = {"Float32": "<f4", "Int32": "<i4", "Int64": "<i8", "UInt8": "u1"}
 
 
 def read_vtu(path):
-    """Name -> array of a VTK XML file with zlib blocks in base64, as VTK's file format page has it."""
+    """Arrays of a VTK XML file by name, decoded from zlib blocks in base64 according to VTK's file format."""
     arrays = {}
     for element in ElementTree.parse(path).iter("DataArray"):
         text = element.text.strip()
         blocks = int(np.frombuffer(base64.b64decode(text[:8])[:4], "<u4")[0])
-        head = 4 * -(-4 * (3 + blocks) // 3)  # characters: base64 writes 4 for 3 bytes, padded
+        head = 4 * -(-4 * (3 + blocks) // 3)  # characters: base64 encodes 3 bytes as 4 characters, padded
         sizes = np.frombuffer(base64.b64decode(text[:head]), "<u4")[3:]
         data, packed, at = b"", base64.b64decode(text[head:]), 0
         for size in sizes:
@@ -52,7 +52,7 @@ def last(run_file):
     return next(snapshots(run_file, [-1]))
 
 
-def test_every_snapshot_is_in_the_list_at_its_time(series, run_file):
+def test_every_snapshot_is_listed_at_its_time(series, run_file):
     run = labkit.open_run(run_file)
     for name in ("grains", "contacts", "cell"):
         found = list(ElementTree.parse(series / f"{name}.pvd").iter("DataSet"))
@@ -102,7 +102,7 @@ def test_vtk_reads_them(series, last):
     assert reader.GetOutput().GetNumberOfCells() == len(last.contacts)
 
 
-def test_stresses_of_grains_add_up_to_that_of_the_cell(last):
+def test_stresses_of_grains_add_up_to_the_stress_of_the_cell(last):
     volume = 4.0 / 3.0 * np.pi * last.radius**3
     total = np.einsum("g,gij->ij", volume, grain_stress(last)) / last.volume
     np.testing.assert_allclose(total, love_stress(last), rtol=1e-9, atol=1e-6)
@@ -140,19 +140,19 @@ def test_grains_without_contacts_can_be_shown(tmp_path):
 @pytest.mark.parametrize("command", ["picture", "paraview"])
 def test_bad_input(command, run_file, specimen_file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for words, said in (
+    for arguments, message in (
         ([run_file, "--snapshot", 99], "99"),
         ([specimen_file, "--snapshot", 0], "snapshot 0 is for run files"),
         (["nothing.run.nc"], "does not exist"),
         ([run_file, "-o", "no/f.png"] if command == "picture" else [run_file, "-o", run_file], "-o"),
     ):
-        assert main([command, *map(str, words)]) == 2
+        assert main([command, *map(str, arguments)]) == 2
         error = capsys.readouterr().err
-        assert said in error and len(error.strip().splitlines()) == 1
+        assert message in error and len(error.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_without_meshio_it_says_what_to_install(run_file, tmp_path, monkeypatch, capsys):
+def test_without_meshio_the_message_names_what_to_install(run_file, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "meshio", None)
     assert main(["paraview", str(run_file), "-o", str(tmp_path / "p")]) == 2
     assert "pip install" in capsys.readouterr().err and not (tmp_path / "p").exists()
@@ -175,7 +175,7 @@ def test_a_sphere_covers_its_disc_and_rises_to_its_radius():
     np.testing.assert_allclose(np.linalg.norm(on.normal[there], axis=1), 1.0)
 
 
-def test_the_nearer_sphere_hides_the_other_whatever_the_order():
+def test_the_nearer_sphere_hides_the_other_in_any_order():
     centre, radius = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([0.5, 0.3])
     color = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     pictures = []
@@ -187,7 +187,7 @@ def test_the_nearer_sphere_hides_the_other_whatever_the_order():
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.7, np.pi / 2])
-def test_a_stick_covers_what_it_should_at_every_tilt_towards_the_viewer(tilt):
+def test_the_area_and_height_of_a_stick_at_every_tilt_towards_the_viewer(tilt):
     on, r, length = empty(), 0.1, 0.8
     end = length * np.array([[np.cos(tilt), 0.0, np.sin(tilt)]])
     render.draw_sticks(on, np.zeros((1, 3)), end, np.array([r]), RED)
@@ -199,7 +199,7 @@ def test_a_stick_covers_what_it_should_at_every_tilt_towards_the_viewer(tilt):
     assert abs(on.depth.max() - top) < 1e-3
 
 
-def test_what_lies_behind_the_faces_fades_and_what_lies_on_them_does_not():
+def test_spheres_behind_the_faces_fade_and_spheres_on_the_faces_do_not():
     on = render.canvas(render.view_from(30.0, 20.0), (-3.0, -3.0), (3.0, 3.0), 100)
     render.draw_spheres(
         on,
