@@ -62,9 +62,7 @@ def model_options(parser: argparse.ArgumentParser) -> None:
     words = parser.command_line if isinstance(parser, Parser) else ()
     named = [PATHS[word] for word in words if word in PATHS][:1] if {"-h", "--help"} & set(words) else []
     kinds = named or list(PATHS.values())
-    parser.add_argument(
-        "path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join((*PATHS, 'oedometer'))}"
-    )
+    parser.add_argument("path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join(PATHS)}")
     add_parameters(parser.add_argument_group("initial state and integration"), Start)
     group = parser.add_argument_group("loading path")
     add_path_parameters(group, PATHS.values(), leave_out=("pressure",), shown=kinds)
@@ -97,7 +95,7 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.model.run_file import read_model, records, write_result
     from labkit.model.state import isotropic_state, with_inherent_anisotropy
 
-    name = require(options.path, "path", f"one of {', '.join((*PATHS, 'oedometer'))}")
+    name = require(options.path, "path", f"one of {', '.join(PATHS)}")
     for field, example in (("void_ratio", "one, e.g. 0.67"), ("pressure", "one, e.g. 500kPa")):
         require(getattr(options, field), field, example)
     at = Start(**given(options, Start))

@@ -169,7 +169,7 @@ class Biaxial(Path):
         return Control(plane, plane.T, np.array([self.stress_x, self.stress_z]))
 
 
-_TESTS = "labkit.dem.element_tests:"
+_TESTS, _CYCLES = "labkit.dem.element_tests:", "labkit.dem.stress_reversals:"
 PATHS: Registry = Registry(
     "path",
     {
@@ -188,10 +188,10 @@ PATHS: Registry = Registry(
         "stress_rotation": _TESTS + "StressRotation",
         "proportional": _TESTS + "ProportionalStrain",
         "mixed": _TESTS + "Mixed",
-        "isotropic_reloading": _TESTS + "IsotropicReloading",
-        "oedometer_reloading": _TESTS + "OedometerReloading",
-        "undrained_cycles": _TESTS + "UndrainedCycles",
-        "drained_cycles": _TESTS + "DrainedCycles",
+        "isotropic_reloading": _CYCLES + "IsotropicReloading",
+        "oedometer_reloading": _CYCLES + "OedometerReloading",
+        "undrained_cycles": _CYCLES + "UndrainedCycles",
+        "drained_cycles": _CYCLES + "DrainedCycles",
     },
 )
 

@@ -26,7 +26,7 @@ def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():
     [
         ("cx", {}, "path"),
         ("cv", {"strain": 0.0}, "strain"),
-        ("cv", {"strain": -0.1}, "strain"),
+        ("oedometer", {"strain": -0.1}, "strain"),
         ("cv", {"strain": float("nan")}, "strain"),
         ("cv", {"rate": 0.0}, "rate"),
         ("cv", {"rate": -10.0}, "rate"),
@@ -87,7 +87,7 @@ def test_a_small_pressure_given_with_its_unit_is_held(pressure):
 
 
 def test_every_path_of_the_paper_is_registered():
-    assert list(PATHS) == ["cv", "cr", "cp", "isoc", "isod", "cyclic_cp"]
+    assert list(PATHS)[:6] == ["cv", "cr", "cp", "isoc", "isod", "cyclic_cp"]
     assert make_path("cyclic_cp", {"pressure": 0.5e6}).turning_points() == (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
     assert make_path("cr").starting_at(2e5).pressure == 2e5
     assert make_path("isoc").stops(3e6) and not make_path("isoc").stops(2.9e6)

@@ -93,5 +93,5 @@ def test_the_sign_of_the_strain_is_that_of_the_rates():
     class Extension(Lateral):
         strain: float = lk.parameter(-0.01, low=-1.0, high=-1e-6, help="strain to reach")
 
-    assert Schedule.of(Lateral(rate=10.0, strain=0.01), 1e-7, 200, Options()).sign(0) == 1.0
-    assert Schedule.of(Extension(rate=10.0), 1e-7, 200, Options()).sign(0) == -1.0
+    assert Schedule.of(Lateral(rate=10.0, strain=0.01), 1e-7, 200, Options()).sign == 1.0
+    assert Schedule.of(Extension(rate=10.0), 1e-7, 200, Options()).sign == -1.0

@@ -17,7 +17,7 @@ import labkit as lk
 class PlaneStrain(lk.StressPath):
     """Plane strain compression: eps_y = 0, sigma_x held at `pressure`."""
 
-    name = "plane_strain"
+    name = "own_plane_strain"
     shear = True
     holds = "lateral stress"
 

@@ -98,7 +98,7 @@ def test_a_path_that_fails_keeps_its_records(capsys, tmp_path):
         ((*("cv", *START), "--coordination-number", -1), "--coordination-number"),
         ((*("cv", *START), "--coordination-number", 5, "--mean-normalised-force", 0.1), "not both"),
         ((*("cv", *START), "--tolerance", 0), "--tolerance"),
-        ((*("cv", *START), "--strain", -1), "--strain"),
+        ((*("cv", *START), "--strain", -3), "--strain"),
         ((*("cv", *START), "--reversals", "0.1"), "--reversals"),
         ((*("oedometer", *START), "--reversals", "0.1"), "--reversals"),
         ((*("cv", *START), "--stop-pressure", 1e6), "--stop-pressure"),
