@@ -51,7 +51,7 @@ BAD = {
         "run cv s.state.nc --engine warp -o new.run.nc",
         "--engine: 'warp' is unknown: give one of yade, fused, or load",
     ),
-    "negative strain": ("run cv s.state.nc --strain -3 -o new.run.nc", "strain -0.1"),
+    "a strain of -3": ("run cv s.state.nc --strain -3 -o new.run.nc", "strain -3"),
     "pressure above the overlap limit": ("run cr s.state.nc --pressure 5e6 -o new.run.nc", "2 %"),
     "pressure above the limit, consolidation": ("consolidate s.state.nc --pressure 4e6 -o new.state.nc", "pressure"),
     "no pressure to consolidate to": ("consolidate s.state.nc -o new.state.nc", "--pressure"),
