@@ -58,8 +58,11 @@ class Interrupted(Exception):
 
     def __init__(self, message: str, code: int) -> None:
         """code: the exit code."""
-        super().__init__(message)
+        super().__init__(message, code)
         self.code = code
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def option_name(field: str) -> str:

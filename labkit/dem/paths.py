@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -232,3 +233,17 @@ def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
 def travelled(axial_strain: np.ndarray) -> np.ndarray:
     """Accumulated axial strain at each record, shape (n,); it increases through reversals."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])
+
+
+def __getattr__(name: str) -> Any:
+    """Loading paths defined in other modules: `labkit.paths.SimpleShear` and so on."""
+    for module in ("element_tests", "stress_reversals"):
+        kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
+        if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
+            return kind
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Names in this module, and the classes of all registered paths."""
+    return sorted({*globals(), *(kind.__name__ for kind in PATHS.values())})

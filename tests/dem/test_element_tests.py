@@ -137,3 +137,10 @@ def test_stresses_that_do_not_alternate_are_refused(stresses):
 def test_every_path_is_in_the_registry_with_a_description():
     for name in lk.dem.PATHS:
         assert lk.dem.PATHS[name].name == name and lk.dem.PATHS[name].__doc__
+
+
+def test_every_path_is_found_beside_those_of_the_paper():
+    for kind in lk.dem.PATHS.values():
+        assert getattr(lk.paths, kind.__name__) is kind and kind.__name__ in dir(lk.paths)
+    with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
+        _ = lk.paths.Nothing
