@@ -30,7 +30,8 @@ def busy_cores(count: int) -> Iterator[None]:
 def threads(specimen: str, steps: int, rounds: int, progress: Progress) -> str:
     """Tabulate the steps per second on one and on several threads, as medians of alternating rounds.
 
-    The ratio compares with one thread under the same conditions; it is the median of the ratios of single rounds.
+    The ratio is relative to one thread under the same conditions; it is the median of the ratios of the individual
+    rounds.
     """
     cores = os.cpu_count() or 1
     counts, conditions = sorted({1, cores}), {"other cores free": 0, "other cores busy": max(1, cores - 1)}

@@ -174,7 +174,7 @@ def _fits(engine: str, task: Task) -> bool:
 
 
 def rough_time(seconds: float) -> str:
-    """A time in s with one unit, in two digits."""
+    """A time in s as text, rounded, in a single unit."""
     if seconds < 100.0:
         return f"{max(seconds, 1.0):.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.3g} h"

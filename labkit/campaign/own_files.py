@@ -59,6 +59,9 @@ def with_use(text: str, names: Sequence[str]) -> str:
 
 
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """The Campaign of a folder, read only from the copies stored there; ignores LABKIT_USE. For separate processes."""
+    """The Campaign of a folder, read only from the copies stored there; ignores LABKIT_USE.
+
+    Used by jobs that run in separate processes.
+    """
     os.environ[VARIABLE] = ""
     return read_campaign(Path(folder) / CAMPAIGN)

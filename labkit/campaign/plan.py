@@ -71,7 +71,7 @@ class Job:
 
     @property
     def ending(self) -> str:
-        """Ending of the name of the file that the job produces."""
+        """Extension of the job's output file."""
         return "run.nc" if self.kind == "run" else "state.nc"
 
     @property

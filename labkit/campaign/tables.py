@@ -15,7 +15,7 @@ SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": 
 def write_tables(plan: Plan, folder: Path) -> list[Path]:
     """Writes a table per kind of job into the folder; returns the files.
 
-    Raises InputError if a job needs another engine than yade, which yade-batch cannot start.
+    Raises InputError if a job needs an engine other than yade, which yade-batch cannot start.
     """
     others = [job for job in plan.jobs if job.item.engine != "yade"]
     if others:

@@ -81,5 +81,5 @@ def model_name(options: argparse.Namespace, start: type, path: str, kinds: Itera
 
 
 def stem(file: str) -> str:
-    """Name of a state or run file without its folder and ending."""
+    """Name of a state or run file without folder and extension."""
     return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc")

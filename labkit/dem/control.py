@@ -3,7 +3,7 @@
     D = D0 + sum_j x_j P_j        M_i : sigma = s_i(t)        i, j = 1 ... k, k <= 6
 
 D0 is the strain rate that a path prescribes. The servo (labkit.dem.servo) finds the k numbers x_j such that the k
-stresses M_i : sigma follow their targets s_i, which may be constant or functions of the travelled strain t.
+stresses M_i : sigma follow their targets s_i, which may be constant or functions of the accumulated strain t.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ SINGULAR = 1e-9
 
 
 def six_columns(tensors: Any) -> np.ndarray:
-    """k tensors (k, 3, 3), or only their normal components (k, 3), in Mandel's order: (k, 6). Six columns are kept."""
+    """Converts k tensors (k, 3, 3), or only their normal components (k, 3), to Mandel notation, shape (k, 6).
+
+    An array that already has six columns is returned unchanged.
+    """
     tensors = np.asarray(tensors, dtype=float)
     return to_six(tensors) if tensors.ndim == 3 else np.pad(tensors, ((0, 0), (0, 6 - tensors.shape[-1])))
 
@@ -36,9 +39,9 @@ class Control:
 
     measure: the k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
     free: the k tensors P_j, shape (k, 3, 3), or (3, k) if only normal strain rates are adjusted.
-    target: the k stresses, Pa, shape (k,), or a function of the travelled strain that returns them.
+    target: the k stresses, Pa, shape (k,), or a function of the accumulated strain that returns them.
 
-    The fields hold six components in Mandel's order (labkit.micro.tensors): measure (k, 6), free (6, k). Raises
+    The fields hold six components in Mandel notation (labkit.micro.tensors): measure (k, 6), free (6, k). Raises
     InputError for shapes that do not fit, tensors that are not symmetric, and a control that no material can follow.
     """
 
@@ -99,7 +102,7 @@ class Control:
         return tuple(_combination(row) for row in self.measure)
 
     def at(self, travelled: float) -> np.ndarray:
-        """The targets (k,), Pa, after the strain `travelled`."""
+        """The targets (k,), Pa, at the accumulated strain `travelled`."""
         return np.asarray(self.target(travelled) if callable(self.target) else self.target, dtype=float)
 
 

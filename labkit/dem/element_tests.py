@@ -1,7 +1,7 @@
 """Monotonic loading paths beyond those of the paper: true triaxial, plane strain, simple shear, rotating stresses.
 
 Each is a mixed control (labkit.dem.control). Strain rates and stresses are positive in compression; a shear strain rate
-d(gamma_xz)/dt and a shear stress sigma_xz are positive together.
+d(gamma_xz)/dt has the same sign as the shear stress sigma_xz that it causes.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def _shear_flow(spin):
 class StressRotation(StressPath):
     """Rotation of the principal stresses at constant p, q and b = 0.5.
 
-    All six stresses are controlled. Over the first tenth of the travelled `strain` the deviator grows to
+    All six stresses are controlled. Over the first tenth of the accumulated `strain` the deviator grows to
     `stress_ratio` = q/p with sigma_1 along z; then sigma_1 rotates about y by `rotation`.
     """
 
@@ -176,7 +176,7 @@ class StressRotation(StressPath):
         return np.zeros((3, 3))
 
     def stress_at(self, travelled: float) -> np.ndarray:
-        """The stress to follow (3, 3), Pa, after the strain `travelled`."""
+        """The stress to follow (3, 3), Pa, at the accumulated strain `travelled`."""
         p, ramp = self.held_pressure, 0.1 * self.strain
         radius = self.stress_ratio * p * min(travelled / ramp, 1.0) / np.sqrt(3.0)  # q = sqrt(3) radius at b = 0.5
         twice = 2.0 * np.radians(self.rotation) * max(travelled - ramp, 0.0) / (self.strain - ramp)
@@ -193,7 +193,7 @@ class ProportionalStrain(Path):
     """Proportional strain path: constant ratios of the strain rates."""
 
     ratios: tuple[float, ...] = parameter(
-        (-0.5, -0.5, 1.0), help="strain rates xx,yy,zz or xx,yy,zz,yz,xz,xy over `rate`"
+        (-0.5, -0.5, 1.0), help="strain rates xx,yy,zz or xx,yy,zz,yz,xz,xy, divided by `rate`"
     )
 
     name = "proportional"
@@ -232,14 +232,15 @@ class Mixed(Path):
 
         D = strain_rate + sum_j x_j free_j      measured_i : sigma = target_i
 
-    `strain_rate`: the prescribed part over `rate`, (3, 3). `free` and `measured`: k tensors (k, 3, 3). `target`: (k,),
-    Pa. Tensors may also be given, and are stored, as 6 numbers each: xx, yy, zz, yz, xz, xy. `strain`: travelled
-    strain at which the path ends. Raises InputError for tensors that are not symmetric and shapes that do not match.
+    `strain_rate`: the prescribed part divided by `rate`, (3, 3). `free` and `measured`: k tensors (k, 3, 3). `target`:
+    (k,), Pa. Tensors may also be given, and are stored, as 6 numbers each: xx, yy, zz, yz, xz, xy. `strain`:
+    accumulated strain at which the path ends. Raises InputError for tensors that are not symmetric and shapes that do
+    not match.
     """
 
-    strain: float = parameter(0.1, above=0.0, high=50.0, help="travelled strain at which the path ends")
+    strain: float = parameter(0.1, above=0.0, high=50.0, help="accumulated strain at which the path ends")
     strain_rate: tuple[float, ...] = parameter(
-        (0.0,) * 6, help="prescribed strain rates over `rate`: xx,yy,zz,yz,xz,xy"
+        (0.0,) * 6, help="prescribed strain rates divided by `rate`: xx,yy,zz,yz,xz,xy"
     )
     free: tuple[float, ...] = parameter((), help="strain rates that the servo adjusts: 6 numbers for each held stress")
     measured: tuple[float, ...] = parameter((), help="coefficients of each held stress: 6 numbers, shear counted twice")

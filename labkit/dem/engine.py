@@ -68,7 +68,7 @@ class Engine(abc.ABC):
 class Start:
     """Starts an engine: `start(state)`.
 
-    name: of the engine; threads: their number; make: class of the engine, or a function of (state, threads).
+    name: name of the engine; threads: number of threads; make: class of the engine, or a function of (state, threads).
     """
 
     name: str

@@ -10,11 +10,11 @@ import numpy as np
 
 from labkit.dem.state import State
 
-MOST_TILT = 0.5 + 1e-6  # component of a cell vector along another one, over the length of that one
+MOST_TILT = 0.5 + 1e-6  # component of a cell vector along another one, divided by the length of the latter
 
 
 def tilt(cell: np.ndarray) -> float:
-    """Largest component of a cell vector along another one, over the length of that one. cell: (3, 3), m."""
+    """Largest component of a cell vector along another one, divided by the length of the latter. cell: (3, 3), m."""
     product = np.abs(cell.T @ cell / np.diag(cell.T @ cell))
     return float((product - np.diag(np.diag(product))).max())
 
@@ -24,7 +24,7 @@ def reduction(cell: np.ndarray) -> np.ndarray:
     reduced, U = np.array(cell, dtype=float), np.eye(3)
     for _ in range(100):
         product = reduced.T @ reduced
-        along = product / np.diag(product)  # [i, j]: component of vector i along vector j over the length of j
+        along = product / np.diag(product)  # [i, j]: component of vector i along vector j divided by the length of j
         np.fill_diagonal(along, 0.0)
         i, j = np.unravel_index(np.abs(along).argmax(), (3, 3))
         if abs(along[i, j]) <= MOST_TILT:

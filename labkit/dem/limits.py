@@ -33,7 +33,8 @@ class Exceeded:
     """A limit that a run or a specimen exceeds.
 
     records: number of records, out of `of`, at which it is exceeded; strain: smallest and largest axial strain of these
-    records; largest: largest value. A specimen has no records.
+    records; largest: largest value. For a specimen `records`, `of` and `strain` are zero, because it has no
+    records.
     """
 
     name: str

@@ -28,9 +28,9 @@ AnyPath = TypeVar("AnyPath", bound="Path")
 class Held:
     """A quantity that a path keeps constant, checked by `labkit verify`.
 
-    kind: `stress`: measure : sigma stays at target (k,), Pa, which may be a function of the travelled strain; `strain`:
-    measure : strain stays zero; `volume`: the volume keeps its initial value. measure: k tensors as for a Control, kept
-    as (k, 6). Raises InputError for another kind.
+    kind: `stress`: measure : sigma stays at target (k,), Pa, which may be a function of the accumulated strain;
+    `strain`: measure : strain stays zero; `volume`: the volume keeps its initial value. measure: k tensors as for a
+    Control, stored with shape (k, 6). Raises InputError for another kind.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Held:
 
 
 def rate_parameter(what: str, standard: float) -> Any:
-    """The field `rate` of a path whose `standard_rate` is `standard`, 1/s; `what`: the rate, for the help."""
+    """The field `rate` of a path whose `standard_rate` is `standard`, 1/s; `what`: description for the help text."""
     default = f"{standard:g} for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains"
     return parameter(None, unit="1/s", above=0.0, high=1e4, help=f"{what} (default: {default})")
 
@@ -63,8 +63,8 @@ def require_direction(kind: type[Path]) -> None:
         direction = np.empty(0)
     if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] < 0.0:
         allowed = (
-            "strain rates in x, y and z over `rate`, with z not negative; for extension, reverse all three signs and "
-            "make `strain` negative"
+            "strain rates in x, y and z divided by `rate`, with z not negative; for extension, reverse all three signs "
+            "and make `strain` negative"
         )
         raise InputError(field="direction", value=kind.direction, allowed=allowed)
 
@@ -135,10 +135,11 @@ class Path(abc.ABC):
         return self if self.rate is not None else self.at_rate(self.default_rate(scene))
 
     def flow(self, travelled: float) -> np.ndarray:
-        """The prescribed velocity gradient over `rate`, (3, 3), compression positive, after the strain `travelled`.
+        """The prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `travelled`.
 
-        Its symmetric part is the prescribed strain rate. The travelled strain is the integral of |`rate`| over time.
-        By default the gradient is constant, with the components of `direction` on its diagonal.
+        Compression is positive. The symmetric part is the prescribed strain rate. The accumulated strain is the
+        integral of |`rate`| over time. By default the gradient is constant, with the components of `direction` on its
+        diagonal.
         """
         return np.diag(np.array(self.direction))
 
@@ -148,7 +149,7 @@ class Path(abc.ABC):
 
     @property
     def varies(self) -> bool:
-        """True if the prescribed rates or the held stresses change with the travelled strain."""
+        """True if the prescribed rates or the held stresses change with the accumulated strain."""
         control = self.control()
         moving = not np.array_equal(self.flow(0.0), self.flow(0.5 * abs(self.strain)))
         return moving or (control is not None and callable(control.target))
@@ -163,7 +164,7 @@ class Path(abc.ABC):
 
     @property
     def reverses_on_stress(self) -> bool:
-        """True if the class defines `leg_ends`; `turning_points` then only limits the travelled strain."""
+        """True if the class defines `leg_ends`; `turning_points` then only limits the accumulated strain."""
         return type(self).leg_ends is not Path.leg_ends
 
     def ends(self, record: Mapping[str, Any]) -> bool:

@@ -32,7 +32,7 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Position:
-    """Position of a run on its path: the number of reversals on stress so far, and the current equivalent lattice.
+    """Position of a run on its path: the number of reversals triggered by stress so far, and the equivalent lattice.
 
     lattice: the integer matrix U (3, 3) by which the cell has been replaced so far; see labkit.dem.lattice.
     """

@@ -12,9 +12,9 @@ The gain. With e = sigma^t - sigma, r the strain rate and the low-pass filter of
 
 the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M. This is stable for 0 < h < 14. For any h from 0.07
 to 13.9 the roots have the modulus sqrt(0.75), so that an error falls to a tenth within 16 corrections whatever the
-stiffness. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 leaves a margin of seven to the
-stability limit, to allow for the grain dynamics neglected in this analysis, and gives a lag of 0.2 kPa at 10 1/s with T
-of 5 steps. `labkit speed-error` measures other gains and intervals.
+stiffness. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 is a factor of seven below
+the stability limit, which allows for the grain dynamics neglected in this analysis, and gives a lag of 0.2 kPa at
+10 1/s with T of 5 steps. `labkit speed-error` measures other gains and intervals.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ STANDARD = Servo()
 
 
 def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
-    """Stiffness of the cell if all grains moved with the mean field, Pa, an upper bound of the real one.
+    """Stiffness of the cell if all grains moved with the mean field, Pa, an upper bound on the real stiffness.
 
         C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
 
     b: branch length; sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni nk)/4.
-    Shape (6, 6) in Mandel's order (labkit.micro.tensors); with `components` = 3 only its block of normal components.
+    Shape (6, 6) in Mandel notation (labkit.micro.tensors); with `components` = 3 only its block of normal components.
     """
     scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
@@ -95,8 +95,8 @@ def velocity_gradient(
     Prescribed rates G give 1 + L dt = exp(-G dt) in every step: the cell follows the logarithmic strains exactly, and
     an isochoric rate preserves the volume. `sign` = -1 reverses the path. A path with a Control needs the current
     `stress` (3, 3) Pa, the `stiffness` of the cell (c, c) Pa for its c components, and `before`, the gradient (3, 3)
-    1/s up to now. Prescribed rates and targets may depend on the strain `travelled`. `control`: that of the path, if
-    it is at hand. Raises InputError if the path has no rate or one of these is missing.
+    1/s up to now. Prescribed rates and targets may depend on the accumulated strain `travelled`. `control`: the Control
+    of the path, if already available. Raises InputError if the path has no rate or one of these is missing.
     """
     given = sign * path.axial_rate * path.flow(travelled)
     control = control or path.control()

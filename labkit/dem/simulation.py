@@ -1,4 +1,4 @@
-"""Joins specimen, path, engine and recorder in one run, resumed if it was interrupted."""
+"""Combines specimen, path, engine and recorder into a run, which is resumed if it was interrupted."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ class _Loop:
         return last
 
     def is_kept_turn(self) -> bool:
-        """True if a reversal on stress is stored with all contacts: `snapshots` of all reversals are."""
+        """True if a reversal triggered by stress is stored with all contacts: at most `snapshots` of them are."""
         number = self.options.snapshots
         return bool(number) and self.position.leg % -(-self.path.legs() // number) == 0
 

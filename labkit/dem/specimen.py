@@ -26,7 +26,7 @@ SIDE = 4e-3  # m, of the cube in the paper
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """How to make a specimen in a cube: `void_ratio` is nominal, and the frictions apply to relaxation step 1.
+    """How to make a specimen in a cube: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
 
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm.
     Raises InputError for values outside their ranges.
@@ -149,7 +149,7 @@ def make_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress
 
 
 def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
-    """A State at rest from grains inserted with the frictions of step 1; step 2 uses those of `scene`."""
+    """A State at rest from grains inserted with the friction coefficients of step 1; step 2 uses those of `scene`."""
     engine = start(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
     release(engine, lambda f, text: progress(0.3 * f, text))
@@ -216,8 +216,9 @@ def ready(specimen: State, start: Start, guarded: bool = True) -> State:
     """The specimen at rest with the time step of its scene, ready for a test.
 
     A state without contacts, from another program or placed by hand, gets the contacts that the engine detects: the
-    energy balance then includes their energy from the start, and the stability limit their stiffness. Raises InputError
-    if grains overlap too deeply, PhysicsError if the test is `guarded` and the time step exceeds its limit.
+    energy balance then includes their energy, and the stability limit takes their stiffness into account, from the
+    start. Raises InputError if grains overlap too deeply, PhysicsError if the test is `guarded` and the time step
+    exceeds its limit.
     """
     state = specimen.at_rest().replace(time_step=specimen.scene.time_step)
     if len(state.contact_grain) == 0:

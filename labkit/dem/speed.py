@@ -1,4 +1,4 @@
-"""Speed of an engine in a CV test, and the cost of a record and of a stress for the servo."""
+"""Speed of an engine in a CV test, and the cost of writing a record and of evaluating the stress for the servo."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from labkit.dem.state import State
 
 
 def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
-    """Steps per second over `steps` steps, and the cost of a stress and of a record in equivalent steps."""
+    """Steps per second over `steps` steps, and the cost of a stress evaluation and of a record in equivalent steps."""
     gradient = velocity_gradient(ConstantVolume().for_scene(state.scene), 1.0, state.time_step)
     engine = start(state)
     engine.advance(max(1, steps // 5), gradient)

@@ -49,7 +49,9 @@ class IsotropicReloading(_StressReversals):
     """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
 
     rate: float | None = rate_parameter("strain rate in each direction", 5.0)
-    strain: float = parameter(0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before")
+    strain: float = parameter(
+        0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before"
+    )
     pressures: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to visit")
 
     name = "isotropic_reloading"
@@ -70,7 +72,9 @@ class IsotropicReloading(_StressReversals):
 class OedometerReloading(_StressReversals):
     """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
 
-    strain: float = parameter(0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before")
+    strain: float = parameter(
+        0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before"
+    )
     stresses: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to visit")
 
     name = "oedometer_reloading"
@@ -96,10 +100,12 @@ class UndrainedCycles(_StressReversals):
     """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
 
     With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
-    `cycles` cycles, or earlier where the axial strain exceeds `strain_limit` (initial liquefaction in strain).
+    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (initial liquefaction in strain).
     """
 
-    strain: float = parameter(4.0, above=0.0, high=50.0, help="maximum accumulated strain; the test ends there if it has not ended before")
+    strain: float = parameter(
+        4.0, above=0.0, high=50.0, help="maximum accumulated strain; the test ends there if it has not ended before"
+    )
     amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
     cycles: int = parameter(100, low=1, high=100000, help="number of cycles")
     strain_limit: float = parameter(0.05, above=0.0, high=1.0, help="axial strain at which the test ends")
@@ -129,7 +135,9 @@ class UndrainedCycles(_StressReversals):
 class DrainedCycles(_StressReversals, StressPath):
     """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`."""
 
-    strain: float = parameter(4.0, above=0.0, high=50.0, help="maximum accumulated strain; the test ends there if it has not ended before")
+    strain: float = parameter(
+        4.0, above=0.0, high=50.0, help="maximum accumulated strain; the test ends there if it has not ended before"
+    )
     amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
     cycles: int = parameter(10, low=1, high=100000, help="number of cycles")
 

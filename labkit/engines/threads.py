@@ -12,15 +12,15 @@ import logging
 
 WINDOW = 0.02  # duration of one measurement, s: longer than the time slices of the operating system
 CHUNK = 0.002  # intended duration between two readings of the clock, s
-COST = 0.01  # largest fraction of the time spent on trials of the slower number of threads
+COST = 0.01  # largest fraction of the time spent on trials of the slower thread count
 GAIN = 1.1  # factor by which several threads must be faster than one
 
 
 class ThreadChoice:
     """Chooses between one and `most` threads from the measured time per step.
 
-    `count` is the number of threads to use next. The slower number is tried again from time to time, so rarely that
-    its trials cost at most the fraction COST of the time.
+    `count` is the number of threads to use next. The slower thread count is retried occasionally, rarely enough
+    that the trials cost at most the fraction COST of the time.
     """
 
     def __init__(self, most: int) -> None:
@@ -28,7 +28,7 @@ class ThreadChoice:
         self.most, self.count = most, 1
         self._seconds: dict[int, float] = {}  # threads -> seconds per step in the last measurement
         self._steps, self._elapsed = 0, 0.0  # steps and seconds of the current measurement
-        self._pause = 0.0  # s until the slower number of threads is tried again
+        self._pause = 0.0  # s until the slower thread count is retried
         self._failures = 0  # consecutive trials in which several threads were not faster
 
     def steps(self, wanted: int) -> int:

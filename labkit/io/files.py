@@ -76,7 +76,10 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def remove_leftovers(path: Path) -> None:
-    """Removes the temporary files of processes killed in whole_file(path). Call it only with the lock on `path`."""
+    """Removes the temporary files of processes killed in whole_file(path).
+
+    Call it only while holding the lock on `path`.
+    """
     for temporary in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
         temporary.unlink(missing_ok=True)
 

@@ -1,4 +1,4 @@
-"""Return of the memory of large arrays to the system, so that a search for neighbours holds only its own arrays."""
+"""Returns the memory of large arrays to the system, so that the neighbour search holds only its own arrays."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, d
 
 
 def overlap_ratio(snapshot: Snapshot) -> float:
-    """Mean of overlap over grain diameter, delta/D, over all contact sides; 0 without contacts."""
+    """Mean ratio of overlap to grain diameter, delta/D, over all contact sides; 0 without contacts."""
     contacts = snapshot.contacts
     if len(contacts) == 0:
         return 0.0

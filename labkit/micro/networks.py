@@ -48,7 +48,7 @@ class Lives:
 
 
 def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
-    """Lives of contacts, from the pairs of grains (n, 2) in contact in each snapshot, in order of time.
+    """Lifetimes of contacts, from the pairs of grains (n, 2) in contact in each snapshot, in chronological order.
 
     Only two snapshots are in memory at a time. Two contacts between the same two grains, which occur in a cell hardly
     wider than a grain, count as one. grains: number of grains.

@@ -1,6 +1,6 @@
-"""Symmetric tensors as six numbers in Mandel's order: xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy.
+"""Symmetric tensors as six numbers in Mandel notation: xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy.
 
-With the roots the sum of squares is the squared Euclidean norm of the tensor, and A:B is a dot product.
+With the factors sqrt2 the sum of squares is the squared Euclidean norm of the tensor, and A:B is a dot product.
 """
 
 from __future__ import annotations

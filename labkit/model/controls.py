@@ -37,7 +37,7 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
 
 
 def control_of(path: Path, sign: float = 1.0, travelled: float = 0.0) -> Control:
-    """Control of a path per unit of travelled strain, at the strain `travelled`; reversed if `sign` is -1."""
+    """Control of a path per unit of accumulated strain, at the strain `travelled`; reversed if `sign` is -1."""
     given = sign * to_six(path.flow(travelled) + path.flow(travelled).T) / 2.0
     held = path.control()
     if held is None:

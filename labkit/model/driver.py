@@ -18,7 +18,7 @@ from labkit.model.parameters import Model
 from labkit.model.rates import stress_of
 from labkit.model.state import ModelState, require_density
 
-HELD_AT_START = 0.01  # largest difference between the initial and the held stress, over the mean stress
+HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # of a span between records, in which a varying control is constant
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
 

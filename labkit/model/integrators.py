@@ -35,7 +35,7 @@ class Failure(PhysicsError):
 
 
 class Problem:
-    """dy/dt = f(y) for a model under a control; `t` is the measure of strain of the path.
+    """dy/dt = f(y) for a model under a control; `t` is the strain measure used by the path.
 
     The free rates x are kept as the initial guess of the next call; `calls` counts the evaluations.
     """

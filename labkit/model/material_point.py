@@ -1,6 +1,6 @@
 """The finite-element interface: states and strain increments in, states, stresses and consistent tangents out.
 
-Many points are updated at once, each independently. A symmetric tensor is six numbers in Mandel's order (xx, yy, zz,
+Many points are updated at once, each independently. A symmetric tensor is six numbers in Mandel notation (xx, yy, zz,
 sqrt2 yz, sqrt2 xz, sqrt2 xy; labkit.model.tensors.to_six and to_tensor), compression positive. A finite-element code
 that takes tension as positive must change the sign of strain and stress; the tangent is the same.
 """
@@ -69,11 +69,11 @@ def update(
 ) -> Update:
     """Apply one increment of strain at every point; returns an Update.
 
-    state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Each point is advanced by substeps of Heun's method, whose
-    number keeps the error of each substep below `tolerance` (Sloan's modified Euler with error control). The tangent is
-    the exact derivative of these substeps, and therefore consistent with the computed stress increment. For isotropic
-    increments see labkit.model.differentials. Raises InputError for shapes that do not match and for strains that are
-    not finite.
+    state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Each point is advanced in substeps by Heun's method;
+    their number is chosen to keep the error of each substep below `tolerance` (Sloan's modified Euler with error
+    control). The tangent is the exact derivative of these substeps, and therefore consistent with the computed stress
+    increment. For isotropic increments see labkit.model.differentials. Raises InputError for shapes that do not match
+    and for strains that are not finite.
     """
     state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
     if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):

@@ -1,6 +1,6 @@
 """Rate of the state vector from a strain rate or a control, by C1 to C5.
 
-A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel's order (labkit.model.tensors), followed by
+A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel notation (labkit.model.tensors), followed by
 the strain, on which the rates do not depend. All functions are compiled and treat one point.
 """
 
@@ -36,8 +36,8 @@ REASONS = {
 class Control(NamedTuple):
     """Strain rate D = given + free @ x, with x such that d(measure @ sigma)/dt = gain (target - measure @ sigma).
 
-    given (6,), free (6, k), measure (k, 6), target (k,) Pa. The strain rate is per unit of the measure of strain of
-    the path. `gain`, per unit of strain, corrects the drift of the integrator; it is not a stiffness.
+    given (6,), free (6, k), measure (k, 6), target (k,) Pa. The strain rate is per unit of the path's strain
+    measure. `gain`, per unit of strain, corrects the drift of the integrator; it is not a stiffness.
     """
 
     given: np.ndarray

@@ -72,7 +72,7 @@ class Residuals:
         return follow(o, first, constants or self.constants(x))
 
     def residuals(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Misfits of all runs over `weight` (5,), followed by those of the prior."""
+        """Misfits of all runs divided by `weight` (5,), followed by those of the prior."""
         constants = self.constants(x)
         blocks = [
             ((self.predicted(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)

@@ -53,7 +53,7 @@ class ModelState:
             )
 
     def vector(self) -> np.ndarray:
-        """Vector (27,): e, Z, Lambda, the tensors in Mandel's order, and a strain of zero."""
+        """Vector (27,): e, Z, Lambda, the tensors in Mandel notation, and a strain of zero."""
         six = (to_six(self.A), to_six(self.F), to_six(self.Ft), np.zeros(6))
         return np.concatenate([[self.e, self.Z, self.Lam], *six])
 

@@ -20,7 +20,7 @@ from labkit.model.tensors import load, store, trace
 
 
 def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """Rates of e, Z, Lambda, A, F, F^t from C1 to C5 for strain rates D (..., 3, 3), 1/s; (..., 21), Mandel's order.
+    """Rates of e, Z, Lambda, A, F, F^t from C1 to C5 for strain rates D (..., 3, 3), 1/s; (..., 21), Mandel notation.
 
     Raises InputError unless D is symmetric and finite.
     """
@@ -36,7 +36,7 @@ def stress_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
 
 
 def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """Tangent d(sigma')/dD at the strain rate D (3, 3); (6, 6) in Mandel's order, Pa.
+    """Tangent d(sigma')/dD at the strain rate D (3, 3); (6, 6) in Mandel notation, Pa.
 
     sigma' = tangent : D, as for any function that is homogeneous of degree one (Euler). Raises InputError unless D is
     symmetric and finite.

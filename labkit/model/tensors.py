@@ -1,4 +1,4 @@
-"""Symmetric tensors in compiled code: six numbers (xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy), Mandel's order.
+"""Symmetric tensors in compiled code: six numbers (xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy), Mandel notation.
 
 With the sqrt2 factors the sum of squares is the squared Euclidean norm of the tensor, and A:B is a dot product. In
 compiled code a tensor is a tuple, which needs no memory allocation; elsewhere it is a (..., 3, 3) array.

@@ -206,7 +206,7 @@ class Lab:
     def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
         """Stresses by grain size (Eqs. 13-18), a Dataset along `snapshot` and `group` with the fields of GroupStresses.
 
-        `groups`: number of equal intervals of the diameter; `edges`: limits of the intervals, m, instead. The
+        `groups`: number of equal diameter intervals; alternatively `edges`: limits of the intervals, m. The
         coordinate `diameter` is the middle of each interval, m.
         """
         grains = self._without_contacts()
@@ -296,7 +296,7 @@ class Lab:
         )
 
     def sff_error(self) -> xr.DataArray:
-        """Frobenius norm of C0 - Love relative to that of Love at every record, DataArray (time)."""
+        """Frobenius norm of C0 - Love divided by that of Love's stress at every record, DataArray (time)."""
         error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
         return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
 

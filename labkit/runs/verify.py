@@ -60,8 +60,8 @@ def require_contacts(runs: Mapping[str, xarray.Dataset]) -> None:
 def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
     """Verify a run: compare C0 with Love's stress, and check the conditions held by the path and the limits.
 
-    `run`: a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding that
-    `decides` holds. Raises InputError for a prediction of the model.
+    `run`: a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding whose
+    `decides` is True holds. Raises InputError for a prediction of the model.
     """
     if isinstance(run, (str, os.PathLike)):
         run = open_run(run)
@@ -192,7 +192,7 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     cube = len(radius) * 64e-9 / float(run["volume"][0])
     yield Finding(f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False)
     yield Finding(
-        "grains, over solid volume / mean grain volume",
+        "grains / (solid volume / mean grain volume)",
         len(radius) / expected,
         "0.97 to 1.03",
         abs(len(radius) / expected - 1.0) < 0.03,

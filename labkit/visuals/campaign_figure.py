@@ -24,8 +24,8 @@ PANEL = 2.8  # inches
 def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
     """q/p (above) and void ratio e (below) against axial strain, one column per path; a Figure.
 
-    runs: (Run, run file) pairs, read one at a time. A colour is a specimen, a line style an engine. q/p is left out
-    where p is below 50 kPa.
+    runs: (Run, run file) pairs, read one at a time. Colour denotes the specimen, line style the engine. q/p is
+    left out where p is below 50 kPa.
     """
     paths = list(dict.fromkeys(run.path.name for run, _ in runs))
     specimens = list(dict.fromkeys(run.specimen for run, _ in runs))

@@ -40,7 +40,7 @@ def stratified_layer(state: State) -> Figure:
             linewidths=0.2 + 0.8 * np.clip(ratio[order], 0, 4),
         )
         panel.add_collection(lines)
-        figure.colorbar(lines, ax=panel, shrink=0.7, label="force over mean force", extend="max")
+        figure.colorbar(lines, ax=panel, shrink=0.7, label="force / mean force", extend="max")
     for panel, title in zip(axes, ("grains", *drawn), strict=True):
         panel.set(xlim=(0, across * 1e3), ylim=(0, up * 1e3), aspect="equal", xlabel="x (mm)", title=title)
     axes[0].set_ylabel("z (mm)")

@@ -25,7 +25,7 @@ VIEW = view_from(azimuth=30.0, elevation=20.0)
 COLORS, TOP = "YlOrRd", 3.0  # colour map and its upper end, normalised force over its mean
 RATTLER = (0.62, 0.72, 0.80)
 STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
-WIDEST = 4.0  # force over mean force above which sticks grow no wider
+WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
 PANEL = 5.2  # width of a panel, inches
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 

@@ -164,7 +164,7 @@ def e_p_paths(
 ) -> Figure:
     """Shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; a Figure.
 
-    `runs`: label -> run. The colour is the initial void ratio of the specimen, the line style the path. `critical`:
+    `runs`: label -> run. Colour denotes the initial void ratio of the specimen, line style the path. `critical`:
     label -> (p, e) of critical state lines, Pa. `list_runs`: add the labels of the runs to the legend.
     """
     figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)

@@ -26,7 +26,10 @@ TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled"}
 
 
 def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Contributions of A, F, F^t and the product of A and F to q/p of C0 against strain, stacked, with q/p of Love."""
+    """Contributions of A, F, F^t and the product of A and F to q/p of C0 against strain, stacked.
+
+    Drawn together with q/p from Love's stress.
+    """
     terms = run.lab.strength_shares()
     strain_label, strain = strain_axis(run)
     love = run.lab.stress_ratio().values
@@ -56,7 +59,10 @@ shares.of_records = True  # type: ignore[attr-defined]  # needs no snapshots
 
 
 def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[Any]:
-    """Stacks the contributions of the terms of C0 to q/p of a run, and draws q/p of Love; returns their colours."""
+    """Stacks the contributions of the terms of C0 to q/p of a run, and draws q/p from Love's stress.
+
+    Returns the colours of the terms.
+    """
     terms, colors = run.lab.strength_shares(), COLORS[: len(TERMS)]
     strain, love = strain_axis(run)[1], run.lab.stress_ratio()
     axes.stackplot(strain, *terms.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in TERMS])
@@ -67,7 +73,7 @@ def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[Any]:
 def family(
     run: xarray.Dataset, number: int = 5, snapshot: int = -1, rounds: int = 25
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Error against Love of every stress-force-fabric relationship over strain, and its cost.
+    """Error of every stress-force-fabric relationship relative to Love's stress, against strain, and the cost of each.
 
     `rounds`: number of repetitions in the timing of each form on one snapshot.
     """
@@ -93,7 +99,7 @@ def family(
                 "cost_over_c0": cost[form] / cost["c0"],
             }
         )
-    left.set(xlabel=strain_label, ylabel="error against Love (%)")
+    left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
     number_of_contacts = int(run["row_size"].values[snapshot])
     right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error after the start (%)")
     for axis in (left.yaxis, right.yaxis, right.xaxis):
@@ -125,7 +131,10 @@ def _costs(run: xarray.Dataset, snapshot: int, rounds: int) -> dict[str, float]:
 
 
 def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Contributions to C0 - Love in p and q against strain, divided by p of Love; standard errors at one snapshot."""
+    """Contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
+
+    Also draws the standard errors at one snapshot.
+    """
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
     axial, p = parts["axial_strain"].values, mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)

@@ -13,7 +13,7 @@ from labkit.micro.tensors import to_six, to_tensor
 
 
 def isotropic(bulk, shear):
-    """Isotropic elastic stiffness in Mandel's order."""
+    """Isotropic elastic stiffness in Mandel notation."""
     delta = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     return 2.0 * shear * np.eye(6) + (bulk - 2.0 * shear / 3.0) * np.outer(delta, delta)
 

@@ -64,7 +64,10 @@ def cap(squared: float, limit: float) -> float:
 
 
 def along_branch(d: Vector, v: Vector, dt: float, inverse: float) -> Vector:
-    """Unit vector along the branch d a time dt earlier, with v its rate and `inverse` = 1/|d|; one Newton step."""
+    """Unit vector along the branch as it was a time dt earlier, by one Newton step.
+
+    d: current branch; v: its rate of change; `inverse`: 1/|d|.
+    """
     o = minus(d, times_right(v, dt))
     before = inverse * (1.5 - 0.5 * dot(o, o) * inverse * inverse)
     return times_right(o, before)

@@ -1,7 +1,7 @@
 """Memory layout of contacts and grains.
 
 The kernel computes with blocks of WIDTH contacts or grains. A block consists of consecutive rows of WIDTH numbers, one
-quantity per row, so that quantities have constant distances and the compiler can vectorise a loop over a block.
+quantity per row, so that quantities are a constant stride apart and the compiler can vectorise a loop over a block.
 The quantities of a grain that contacts read, and the forces that they return, are stored together in one record per
 grain (its site), because contacts access grains in no particular order.
 

@@ -40,7 +40,7 @@ class History:
     """Contact history of pairs of grains, in which the first index is not greater than the second.
 
     grain (n, 2): indices; shift (n, 3): periods to add to the second grain; rows (n, 0, 3 or 6): tangential force and
-    rolling moment on the first grain, as far as the scene has them.
+    rolling moment on the first grain, where present in the scene.
     """
 
     grain: np.ndarray
@@ -78,8 +78,9 @@ class Packing:
 
 
 def ordered(grain: np.ndarray, shift: np.ndarray, rows: np.ndarray) -> History:
-    """Build a History with the smaller index first, and with one sign of the shift for a grain and its own image.
+    """Build a History with the smaller index first.
 
+    For contacts between a grain and its own image the sign of the shift is made unique.
     grain (n, 2), shift (n, 3), rows (n, k): as in History; rows are changed in place.
     """
     first, second = grain[:, 0], grain[:, 1]
