@@ -12,7 +12,7 @@ CONFIDENCE = 0.95
 
 
 def student(error: float, freedom: float) -> float:
-    """Half-width for a number with this standard error and number of degrees of freedom; NaN for no freedom."""
+    """Half-width for a number with this standard error and number of degrees of freedom; NaN for zero."""
     return float(stats.t.ppf(0.5 * (1.0 + CONFIDENCE), freedom) * error) if freedom > 0 else math.nan
 
 

@@ -45,7 +45,9 @@ def later_half(run: xr.Dataset) -> dict[str, float]:
 
 
 def agree(run: xr.Dataset, reference: xr.Dataset, **tolerances: float) -> Iterator[Check]:
-    """Checks that the means of a run differ from those of `reference` by less than the tolerances, p relatively.
+    """Checks that the means of a run differ from those of `reference` by less than the tolerances.
+
+    For p, the difference is relative.
 
     A test is chaotic: two converged runs of one specimen differ by some scatter, from which the tolerances are derived.
     """

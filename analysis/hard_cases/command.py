@@ -40,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         default=results_folder("hard_cases"),
-        help="folder of the page, the table and the figure (default: results/hard_cases)",
+        help="folder for the page, the table and the figure (default: results/hard_cases)",
     )
     parser.add_argument(
         "--redraw",
@@ -50,7 +50,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--work",
         default="hard_cases",
-        help="folder of the run files; finished cases there are not run again (default: hard_cases)",
+        help="folder for the run files; finished cases there are not run again (default: hard_cases)",
     )
 
 
@@ -76,7 +76,7 @@ def study(
 ) -> int:
     """Runs the named scenes on the engines and writes hard_cases.csv, hard_cases.png and README.md to `output`.
 
-    `work`: folder of the run files, where finished cases are kept; `history`: the command that makes the page. Returns
+    `work`: folder for the run files, where finished cases are kept; `history`: the command that makes the page. Returns
     1 if a case is silently wrong, else 0. Raises InputError for invalid names, numbers of grains or folders.
     """
     unknown = [name for name in names if name not in SCENES]
@@ -110,7 +110,7 @@ def redraw(output: str | Path) -> int:
     """
     folder, file = Path(output), Path(output) / "hard_cases.csv"
     if not file.exists():
-        raise InputError(f"{folder} lacks hard_cases.csv: choose the -o of a finished ./lab hard-cases")
+        raise InputError(f"{folder} lacks hard_cases.csv: give the output folder (-o) of a finished ./lab hard-cases")
     frame = pandas.read_csv(file, keep_default_na=False, na_values={name: [""] for name in MEASURED}).astype(object)
     rows: list[dict[Any, Any]] = frame.where(frame.notna(), None).to_dict("records")
     outcomes = [Outcome(**row) for row in rows]

@@ -64,7 +64,7 @@ class Laboratory:
         return run.data
 
     def keep(self, name: str, exceeded: tuple[Exceeded, ...]) -> None:
-        """Adds a run file to the case, and records the limits that it exceeded as reported."""
+        """Adds a run file to the case, with the exceeded limits that the run reported."""
         self.runs.append(self.file(name))
         self.exceeded += exceeded
         self.messages += map(str, exceeded)

@@ -28,7 +28,10 @@ MEASURED = ("energy_balance_error", "stress_error", "held_error", "c0_error", "m
 
 
 def measure(file: str | Path) -> dict[str, Any]:
-    """MEASURED of a run file, the largest fraction of kinetic energy due to drift, and the number of grains."""
+    """The quantities in MEASURED for a run file, and two more numbers.
+
+    The two are the largest fraction of kinetic energy due to drift, and the number of grains.
+    """
     run, state = lk.open_run(file), read_checkpoint(file)
     held = [finding for finding in findings(run) if finding.name.startswith("held:")]
     stress = run["stress"].values
@@ -71,7 +74,7 @@ def undamped_momentum(state: State) -> float:
 
 
 def common_checks(values: Mapping[str, Any], judges_c0: bool) -> Iterator[Check]:
-    """Checks that every run must pass that was not refused. `values`: result of measure()."""
+    """Checks that every run that was not refused must pass. `values`: result of measure()."""
     grains = values["grains"]
     yield true("stresses and energies are finite", values["finite"])
     yield below("energy balance", values["energy_balance_error"], BALANCE_LIMIT)

@@ -217,7 +217,7 @@ def study_effects(number: Number, study: xr.Dataset | None) -> Iterator[Effect]:
 
 
 def guarded_study(file: Path | None) -> xr.Dataset | None:
-    """Data set of ./lab speed-error in memory, or None without the file.
+    """Data set of ./lab speed-error in memory, or None if the file is missing.
 
     Cases run without the checks, with time steps above the limit, are left out: none of our runs could be affected.
     """

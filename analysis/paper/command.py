@@ -1,4 +1,4 @@
-"""`./lab paper`: from the campaign to results/paper, or again from the reduced run files stored there."""
+"""`./lab paper`: runs the campaign and builds results/paper, or rebuilds it from the reduced run files stored there."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def _grain_steps(runs: pandas.DataFrame) -> pandas.Series:
 def bench_speeds(file: Path) -> dict[str, float]:
     """Grain-steps per second of every engine in the benchmark of `./lab speed-error`, for the most grains in it.
 
-    Empty without the file.
+    Empty if the file is missing.
     """
     if not file.is_file():
         return {}

@@ -1,6 +1,6 @@
 """Drawing style of the paper's figures.
 
-The colour is the density of the specimen. The simulation is a broad pale line, C0 a dashed line on top of it, the
+The colour denotes the density of the specimen. The simulation is a broad pale line, C0 a dashed line on top of it, the
 model a dotted (Table 2) or dash-dotted (calibrated) line. A note above the panels lists missing runs.
 """
 

@@ -39,7 +39,7 @@ EXPLAINED = (
 
 
 def rows(numbers: pandas.DataFrame) -> list[list[str]]:
-    """A row of text for HEADER per row of fidelity.csv. Missing columns count as empty."""
+    """One row of text per row of fidelity.csv, with the columns of HEADER. Missing columns count as empty."""
     numbers = numbers.reindex(columns=[*dict.fromkeys([*numbers.columns, *NEEDED])])
     return [_row(row) for _, row in numbers.iterrows()]
 

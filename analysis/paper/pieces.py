@@ -77,7 +77,7 @@ def join(*parts: str) -> str:
 
 
 def csv_table(file: Path, label: str, command: str, fold: bool = False) -> str:
-    """A CSV file as a table, coloured by verdict; without the file, a note naming the command that writes it."""
+    """A CSV file as a table, coloured by verdict; if it is missing, a note naming the command that writes it."""
     if not file.is_file():
         return missing(file.name, command)
     frame = pandas.read_csv(file, dtype_backend="numpy_nullable")
@@ -88,7 +88,7 @@ def csv_table(file: Path, label: str, command: str, fold: bool = False) -> str:
 
 
 def table(frame: pandas.DataFrame, label: str, fold: bool = False, marks: Sequence[str] = ()) -> str:
-    """A pandas.DataFrame, folded or not. `marks`: for each row `inside`, `outside` or ""."""
+    """A pandas.DataFrame as a table, optionally collapsed. `marks`: for each row `inside`, `outside` or ""."""
     boxed = box(markdown.frame_table(frame, marks), label)
     return f"<details>\n<summary>{label}: {len(frame)} rows</summary>\n\n{boxed}\n\n</details>" if fold else boxed
 
@@ -130,7 +130,8 @@ def names_of(section: str) -> list[str]:
 def picture(name: str, folder: Path) -> str:
     """A picture with its caption and anchor.
 
-    Its least width on a screen keeps SMALLEST_FONT at SMALLEST_TEXT pixels; a narrower page scrolls the picture.
+    Its minimum width on screen is such that text of size SMALLEST_FONT is SMALLEST_TEXT pixels high; on a narrower page
+    the picture scrolls.
     """
     with Image.open(folder / name) as image:
         inches = image.width / float(image.info.get("dpi", (DPI, DPI))[0])

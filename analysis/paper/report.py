@@ -230,7 +230,7 @@ def speed_error(folder: Path) -> str:
 
 
 def recommended_settings(study: Path) -> str:
-    """Text and table of the recommended settings along CP, from study.nc and settings.csv; empty without them."""
+    """Text and table of the recommended settings along CP, from study.nc and settings.csv; empty if one is missing."""
     if not all((study / name).is_file() for name in STUDIED):
         return ""
     timed = pandas.read_csv(study / "settings.csv")

@@ -28,6 +28,6 @@ def write_size_groups(run: xr.Dataset, folder: str | Path, command: str | None =
 
 
 def read_size_groups(folder: str | Path) -> xr.Dataset | None:
-    """Dataset written by write_size_groups in a folder, or None without the file."""
+    """Dataset written by write_size_groups in a folder, or None if the file is missing."""
     file = Path(folder) / FILE
     return xr.load_dataset(file) if file.exists() else None

@@ -54,7 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "-o",
         "--output",
         default=results_folder("speed_error"),
-        help="folder of the results (default: results/speed_error)",
+        help="folder for the results (default: results/speed_error)",
     )
 
 
@@ -125,7 +125,7 @@ def redraw(output: str | Path) -> list[Path]:
         files = {name: folder / f"{name}.csv" for name in MEASURES}
         measures = {name: pandas.read_csv(file) for name, file in files.items() if file.exists()}
         if "settings" not in measures:
-            raise InputError(f"{folder} lacks settings.csv: choose the -o of a finished study")
+            raise InputError(f"{folder} lacks settings.csv: give the output folder (-o) of a finished study")
         return write(data.load(), measures, folder, data.attrs.get("command", "./lab speed-error"))
 
 

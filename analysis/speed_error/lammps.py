@@ -64,7 +64,7 @@ def shear_in_lammps(
     Tangential and rolling contact forces are not transferred: the specimen first settles for `settle` steps in its
     cell. Its pressure is then stress[0], not that of the state.
 
-    Raises InputError for a path that is not possible, PhysicsError if LAMMPS fails.
+    Raises InputError for an impossible path, PhysicsError if LAMMPS fails.
     """
     if records < 1:
         raise InputError(f"{records} records are not possible: use 1 or more")

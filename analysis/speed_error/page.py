@@ -186,13 +186,13 @@ def _defaults(data: xr.Dataset, table: pandas.DataFrame) -> str:
             text = f"cost {lines['cost'].iloc[0]:.2g}, {len(clear)} of {len(lines)} changed"
             if len(clear):
                 largest = clear.loc[clear["change"].abs().idxmax()]
-                text += f", the most {largest['label']} ({percent(largest['change'])})"
+                text += f", most of all {largest['label']} ({percent(largest['change'])})"
             held = float(data["check"].sel(case=lines["case"].iloc[0], check_name="held_error").mean())
             cells.append(f"{level:g}: {text}; error of the held stress {100 * held:.2g} %")
         rows.append([f"{factor}: **{value:g}**", where, *(cells + ["-"] * (2 - len(cells)))])
     return (
-        "## Every default and its neighbours\n\nCP tests of the baseline's 1,000 grains. Cost is relative to the "
-        "default; an observable counts as changed if its change, minus the median over all cases, lies outside its "
+        "## Every default and its neighbours\n\nCP tests with 1,000 grains, as in the baseline. Cost is relative to "
+        "the default; an observable counts as changed if its change, minus the median over all cases, lies outside its "
         "95 % interval.\n\n"
         + markdown.table(["default", "where", "next lower", "next higher"], rows)
         + "\n\nCheaper settings that make no difference here were not adopted as defaults, to keep a safety margin. "

@@ -23,7 +23,11 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
         "--steps", type=positive_int, default=500, metavar="N", help="steps per measurement (default: 500)"
     )
     parser.add_argument(
-        "--rounds", type=positive_int, default=5, metavar="N", help="measurements of each, in turn (default: 5)"
+        "--rounds",
+        type=positive_int,
+        default=5,
+        metavar="N",
+        help="number of rounds; each round measures every variant once (default: 5)",
     )
 
 

@@ -68,7 +68,7 @@ def parser_for(command: Command | None, argv: list[str]) -> Parser:
     """The parser with the options of this command; other commands are listed by name only."""
     parser = Parser(
         prog="labkit",
-        description="A virtual laboratory for granular soil: specimens of grains, tests on them, and what they show.",
+        description="A virtual laboratory for granular soil: makes specimens, tests them and analyses the results.",
         epilog=COMMANDS_EPILOG,
     )
     parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")

@@ -113,7 +113,8 @@ def run(
         try:
             execute(_task(state, path, engine, threads, output, options), shown)
         except Interrupted as error:
-            raise Interrupted("stopped by a signal: a run without a file keeps nothing", error.code) from None
+            message = "stopped by a signal; nothing was saved, because the run has no file"
+            raise Interrupted(message, error.code) from None
         with Run.open(output).data as data:
             data.load().encoding.pop("source", None)  # the temporary file, about to be deleted
             return Run(data)

@@ -252,7 +252,7 @@ except lk.Interrupted as error:
         with netCDF4.Dataset("r.run.nc") as run:
             assert run.complete == 0 and len(run["time"]) >= 2
     else:
-        assert done.stdout == "stopped by a signal: a run without a file keeps nothing\n"
+        assert done.stdout == "stopped by a signal; nothing was saved, because the run has no file\n"
         assert [name.name for name in folder.iterdir()] == ["s.state.nc"]
 
 

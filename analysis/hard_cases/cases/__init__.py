@@ -1,4 +1,4 @@
-"""The cases: functions named after their scenes, from a Laboratory to a description and checks."""
+"""The cases: one function per scene, of the same name, that takes a Laboratory and returns description and checks."""
 
 from analysis.hard_cases.cases.cycles import growing_cycles, many_cycles
 from analysis.hard_cases.cases.grains import deep_overlaps, few_grains, size_ratio_5

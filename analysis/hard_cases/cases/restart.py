@@ -85,7 +85,9 @@ def _kill_after(record: int, file: Path, command: list[str]) -> None:
             process.wait()
             return
         if process.returncode:
-            raise InputError(f"the run that should be killed ended with exit status {process.returncode}: {command}")
+            raise InputError(
+                f"the run ended with exit status {process.returncode} before it could be killed: {command}"
+            )
         file.unlink()
     raise InputError(f"the run finished before it could be killed {KILLS} times: use more --grains")
 
