@@ -50,7 +50,7 @@ def watch(files: Sequence[str], interval: int, once: bool) -> None:
 
 
 def short_names(files: Sequence[str]) -> list[str]:
-    """File names without folder and ending, or the names as given if two of them would be the same."""
+    """File names without folder and extension, or the names as given if two short names would be equal."""
     short = [Path(file).name.removesuffix(".run.nc") for file in files]
     return short if len(set(short)) == len(short) else list(files)
 
@@ -61,7 +61,7 @@ def mark_of(number: int) -> str:
 
 
 def records(file: str) -> xarray.Dataset:
-    """Data shown for a run, loaded into memory and the file closed.
+    """Data shown for a run, loaded into memory; the file is closed.
 
     Only the records are read, in one opening of the file: a save between two openings would mix two versions of it.
     Raises InputError if it is not a run file.
