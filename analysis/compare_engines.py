@@ -2,9 +2,9 @@
 
     python analysis/compare_engines.py cv_seed*_fused.run.nc cv_seed*_yade.run.nc
 
-The arguments are runs along one path, from the same specimens on both engines. The table lists, for each quantity
-averaged over the second half of the axial strain: the mean over specimens on each engine, the difference between the
-engines, and the standard deviation over specimens on YADE.
+The arguments are runs along one path, from the same specimens in both engines. The table lists, for each quantity
+averaged over the second half of the axial strain: the mean over specimens in each engine, the difference between the
+engines, and the standard deviation over specimens in YADE.
 """
 
 import sys

@@ -208,7 +208,7 @@ def restored(kind: type, values: Mapping[str, Any]) -> Any:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A value as text that `Parameter.read` accepts, even if it is small."""
+    """A value as text that `Parameter.read` accepts, in scientific notation if the value is very small."""
     text = repr(value if isinstance(value, int) else float(value))  # the repr of a numpy number differs
     return f"{text} {unit}" if unit != "1" else text
 

@@ -1,4 +1,4 @@
-"""Results of the same specimens on YADE, on the fused engine with YADE's contact law, and with the paper's law."""
+"""Results of the same specimens in YADE, in the fused engine with YADE's contact law, and with the paper's law."""
 
 from __future__ import annotations
 

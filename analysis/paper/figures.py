@@ -292,7 +292,7 @@ SHARE = {"cv": "q-p", "cr": "q-strain", "cp": "q-strain", "isoc": "e-p", "isod":
 
 
 def engines(runs: Runs) -> Figure:
-    """The six paths from the same states on YADE, on the fused engine with the same law, and with the paper's law."""
+    """The six paths from the same states in YADE, in the fused engine with the same law, and with the paper's law."""
     missing = []
     with plt.rc_context(STYLE):
         figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.2), layout="constrained")

@@ -66,7 +66,7 @@ class Case:
 
     @property
     def cost(self) -> float:
-        """Cost estimate: steps times grains, times 15 on YADE; the most expensive tests start first."""
+        """Cost estimate: steps times grains, times 15 in YADE; the most expensive tests start first."""
         scene = Scene(**dict(self.material))
         grains = self.side**3 / (1.0 + VOID_RATIO) / mean_grain_volume(scene) if self.side else self.grains
         return self.steps(scene) * grains * (15.0 if self.engine == "yade" else 1.0)

@@ -1,4 +1,4 @@
-"""Speed and memory of the statistics of a run: for one snapshot in memory, and for the whole file read anew."""
+"""Speed and memory of the statistics of a run: for one snapshot in memory, and for the whole file read again."""
 
 from __future__ import annotations
 

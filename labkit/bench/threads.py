@@ -16,7 +16,7 @@ from labkit.engines.yade_process import die_with_parent
 
 @contextlib.contextmanager
 def busy_cores(count: int) -> Iterator[None]:
-    """Context with `count` processes that compute without pause."""
+    """Context manager that keeps `count` processes busy computing."""
     command = [sys.executable, "-c", "while True: pass"]
     processes = [subprocess.Popen(command, preexec_fn=die_with_parent) for _ in range(count)]
     try:

@@ -122,7 +122,7 @@ def size_text(size: float) -> str:
 def announcement(task: Task, steps_done: int = 0) -> str:
     """One line on what a task will take: engine, grains, steps and time; suggests the fused engine if much faster.
 
-    steps_done: steps of a run that were finished before.
+    steps_done: steps of the run already completed.
     """
     grains, steps = _size(task)
     left = max(1.0 - steps_done / steps, 0.0)

@@ -61,7 +61,10 @@ class Run:
         return dataclasses.replace(specimen.scene, **dict(self.changes))
 
     def loading(self, specimen: Specimen) -> Path:
-        """The path with its rate; a typical value replaces a pressure that the specimen will only have when made."""
+        """The path with its rate.
+
+        A typical value stands in for a pressure that is not known until the specimen has been made.
+        """
         return self.path.for_scene(self.scene(specimen)).starting_at(TYPICAL_PRESSURE)
 
 
@@ -70,7 +73,7 @@ Item = Specimen | Consolidated | Run
 
 @dataclasses.dataclass(frozen=True)
 class Campaign:
-    """Contents of a campaign file with its lists expanded; specimens have unique names, and so have runs.
+    """Contents of a campaign file with its lists expanded; specimen names are unique, and so are run names.
 
     use: user-supplied Python files that it needs, see labkit.extensions.
     """

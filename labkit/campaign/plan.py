@@ -179,7 +179,10 @@ def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extens
 
 
 def deciding(arguments: list[str], engine: str) -> list[str]:
-    """Arguments that determine the result: the fused engine gives the same bits on any number of threads."""
+    """Arguments that determine the result.
+
+    The number of threads is left out for the fused engine, whose results are bit-identical for any number of threads.
+    """
     return [one for one in arguments if engine != "fused" or not one.startswith("--threads=")]
 
 

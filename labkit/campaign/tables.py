@@ -1,4 +1,4 @@
-"""A campaign as tables for yade-batch: specimens, consolidations and loading paths on YADE."""
+"""A campaign as tables for yade-batch: specimens, consolidations and loading paths in YADE."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`labkit demo`: a small specimen, a CV test on YADE, and C0 against Love's stress."""
+"""`labkit demo`: a small specimen, a CV test in YADE, and C0 against Love's stress."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ DESCRIPTIONS = {
         "labkit bench-statistics r.run.nc",
     ),
     "demo": (
-        "Makes a specimen of 4,000 grains, runs a CV test on YADE and compares C0 with Love's stress, in a few "
+        "Makes a specimen of 4,000 grains, runs a CV test in YADE and compares C0 with Love's stress, in a few "
         "minutes. Writes a state file, a run file and a figure.",
         "labkit demo -o demo",
     ),

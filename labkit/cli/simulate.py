@@ -70,7 +70,7 @@ def _add_output(parser: OptionGroup, help: str, default: str | None = None) -> N
 
 
 def specimen_task(options: argparse.Namespace, history: str) -> SpecimenTask:
-    """The task described by the options. Raises InputError for anything that cannot work, before work begins."""
+    """The task described by the options. Raises InputError for invalid input, before work begins."""
     require(options.void_ratio, "void_ratio", "one, e.g. 0.67")
     chosen = settings(options.settings or "standard")
     size, material = given(options, Recipe), given(options, Scene)
@@ -128,7 +128,7 @@ def consolidation_options(parser: argparse.ArgumentParser) -> None:
 
 
 def consolidation_task(options: argparse.Namespace, history: str) -> ConsolidationTask:
-    """The task described by the options. Raises InputError for anything that cannot work."""
+    """The task described by the options. Raises InputError for invalid input."""
     require(options.pressure, "pressure", "one, e.g. 500kPa")
     path = make_path("cr", {"pressure": options.pressure})
     state = read_state(require(options.specimen, "specimen", "a state file"))
@@ -182,7 +182,7 @@ def run_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run_task(options: argparse.Namespace, history: str) -> RunTask:
-    """The task described by the options. Raises InputError for anything that cannot work."""
+    """The task described by the options. Raises InputError for invalid input."""
     kind = PATHS.require(require(options.path, "path", f"one of {', '.join(PATHS)}"))
     state = read_state(require(options.specimen, "specimen", "a state file"))
     chosen = settings(options.settings) if options.settings is not None else None
@@ -255,7 +255,7 @@ def layer_options(parser: argparse.ArgumentParser) -> None:
 
 
 def layer_task(options: argparse.Namespace, history: str) -> LayerTask:
-    """The task described by the options. Raises InputError for anything that cannot work."""
+    """The task described by the options. Raises InputError for invalid input."""
     layer = Layer(**given(options, Layer))
     require_writable(options.output, "state")
     return LayerTask(

@@ -83,7 +83,7 @@ class Control:
 
     @property
     def coaxial(self) -> bool:
-        """True if only normal stresses and normal strain rates take part."""
+        """True if only normal stresses and normal strain rates are involved."""
         return not (self.measure[:, 3:].any() or self.free[3:].any())
 
     @property

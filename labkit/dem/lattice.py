@@ -1,7 +1,7 @@
 """Equivalent periodic cells: a cell that shear has tilted by more than half a period is replaced by a less tilted one.
 
 The cells H and H U describe the same lattice if U has integer components and determinant 1. Grains stay where they are;
-only the counting of periods between contacting grains changes.
+only the periodic shifts between contacting grains change.
 """
 
 from __future__ import annotations

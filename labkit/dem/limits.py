@@ -75,7 +75,7 @@ def require_pressure(path: Path, scene: Scene) -> None:
 
 
 def expected_inertial_number(path: Path, state: State, pressure: float) -> float:
-    """Inertial number to expect at the start of a path with an axial rate, at a mean stress of `pressure`, Pa.
+    """Expected inertial number at the start of a path with an axial rate, at a mean stress of `pressure`, Pa.
 
     Strain rates that the servo adjusts are assumed to keep the volume constant.
     """

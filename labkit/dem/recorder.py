@@ -1,8 +1,8 @@
 """The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times.
 
-Records since the last save are kept in memory. A save copies the file, appends to the copy and renames it to the
-original, so that a kill at any moment leaves the file of the last save. The checkpoint, a State in the group
-`checkpoint`, is written together with the records up to it.
+Records since the last save are kept in memory. A save copies the file, appends to the copy and renames the copy over
+the original, so that a process killed at any moment leaves the previously saved file intact. The checkpoint, a State in
+the group `checkpoint`, is written together with the records up to it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from labkit.micro.snapshot import Snapshot
 class Position:
     """Position of a run on its path: the number of reversals triggered by stress so far, and the equivalent lattice.
 
-    lattice: the integer matrix U (3, 3) by which the cell has been replaced so far; see labkit.dem.lattice.
+    lattice: the integer matrix U (3, 3) accumulated over all cell replacements so far; see labkit.dem.lattice.
     """
 
     leg: int = 0

@@ -108,7 +108,10 @@ class Schedule:
         return 2 * distance >= self.steps_per_record
 
     def is_close_to_record(self, step: int) -> bool:
-        """True if a regular stop less than half an interval before this step, not itself a stop, is recorded."""
+        """True if the latest stop is a recorded regular stop less than half an interval before this step.
+
+        False if the run stops at this step itself.
+        """
         last = step // self.steps_per_record * self.steps_per_record
         turned = max((turn for turn in self.turns if turn <= step), default=0)
         return turned < last < step and self.is_record(last) and 2 * (step - last) < self.steps_per_record
@@ -129,7 +132,7 @@ class Schedule:
         return last or self._stops(step) % self.stops_per_save == 0
 
     def leg(self, step: int) -> int:
-        """Number of the leg that contains the motion of this step, if the path reverses at given strains."""
+        """Number of the leg to which the motion of this step belongs, if the path reverses at given strains."""
         return int(np.searchsorted(self.turns, step, side="right"))
 
     def _stops(self, step: int) -> int:

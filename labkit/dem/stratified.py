@@ -6,7 +6,7 @@ thickness: its volume in the normalised force is pi D^2/4 times the thickness.
 
 At equilibrium sigma_zz is equal in both strata; the servo controls only the mean of sigma_xx. With a few hundred coarse
 grains, the distribution of sigma_xx between the strata is random and sensitive to rounding: sigma_zz/sigma_xx of the
-coarse stratum was 2.00 for the default seed on YADE and 2.08 on fused, and 1.95 to 2.3 for other seeds.
+coarse stratum was 2.00 for the default seed in YADE and 2.08 in `fused`, and 1.95 to 2.3 for other seeds.
 """
 
 from __future__ import annotations

@@ -100,7 +100,8 @@ class UndrainedCycles(_StressReversals):
     """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
 
     With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
-    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (initial liquefaction in strain).
+    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain criterion for initial
+    liquefaction).
     """
 
     strain: float = parameter(

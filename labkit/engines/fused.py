@@ -43,7 +43,9 @@ IN_KERNEL = (
 
 
 class FusedEngine(Engine):
-    """The kernel with one State loaded. Raises InputError if `threads` exceeds the threads that Numba has here.
+    """The kernel with one State loaded.
+
+    Raises InputError if `threads` exceeds the number of threads available to Numba.
 
     `skin`: the Verlet skin as a fraction of the mean diameter; None: the engine adapts it.
 

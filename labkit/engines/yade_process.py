@@ -45,7 +45,7 @@ def find_script(name: str) -> Path:
 def yade_environment() -> dict[str, str]:
     """Environment of a YADE process: labkit on the path, without variables of a virtual environment.
 
-    Waiting OpenMP threads sleep: threads that spin halve YADE's speed on a computer with other work.
+    Waiting OpenMP threads sleep: spinning threads halve YADE's speed on a computer that is busy with other work.
     """
     environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "LABKIT_ROOT": str(PACKAGE.parent)}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):

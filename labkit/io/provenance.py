@@ -136,7 +136,7 @@ def _sha256(file, *state):
 def data_sha256(dataset: netCDF4.Dataset) -> str:
     """SHA-256 of the variables of an open netCDF4.Dataset and its groups, hexadecimal.
 
-    The checkpoint of a run is left out because its arrays may contain remains of earlier checkpoints.
+    The checkpoint of a run is left out because its arrays may contain leftover data from earlier checkpoints.
     """
     digest = hashlib.sha256()
     _add_group(digest, dataset)

@@ -28,7 +28,7 @@ STATE = _table(
     ("cell", "i j", "f8", "m", "periodic cell, cell vectors as columns"),
     ("velocity_gradient", "i j", "f8", "s-1", "velocity gradient of the cell"),
     ("contact_grain", "contact side", "i4", "1", "first and second grain of the contact"),
-    ("contact_shift", "contact i", "i4", "1", "cell periods to add to the second grain"),
+    ("contact_shift", "contact i", "i4", "1", "periodic shift of the second grain, in cell vectors"),
     ("tangential_force", "contact i", "f8", "N", "tangential contact force on the first grain"),
     ("rolling_moment", "contact i", "f8", "N m", "rolling resistance moment on the first grain"),
 )

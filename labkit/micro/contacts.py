@@ -47,6 +47,6 @@ def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, sh
     """Branch vectors x_b + H s - x_a from the first to the second grain, shape (n, 3), m.
 
     position (grain, 3) m; cell (3, 3) with the cell vectors as columns, m; grain (n, 2);
-    shift (n, 3): cell periods to add to the second grain.
+    shift (n, 3): periodic shift of the second grain, in cell vectors.
     """
     return position[grain[:, 1]] + shift @ cell.T - position[grain[:, 0]]

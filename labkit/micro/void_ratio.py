@@ -10,8 +10,8 @@ from labkit.micro.snapshot import Snapshot
 def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """Volume of the lens common to two overlapping spheres, m3; any shape, zero without overlap.
 
-    V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta; if a sphere lies
-    inside the other, V is its volume.
+    V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta; if one sphere
+    lies entirely inside the other, V is the volume of the inner sphere.
     """
     radius_a, radius_b, overlap = np.broadcast_arrays(radius_a, radius_b, overlap)
     smaller = np.minimum(radius_a, radius_b)

@@ -135,7 +135,10 @@ class Scipy(Integrator):
 
 @dataclasses.dataclass
 class FixedStep(Integrator):
-    """Equal steps of at most `length` of strain that fill a piece. `order`: theoretical order of convergence."""
+    """Equal strain steps, each no longer than `length`, that together span a piece of the path.
+
+    `order`: theoretical order of convergence.
+    """
 
     length: float
 

@@ -1,7 +1,7 @@
 """Rate of the state vector from a strain rate or a control, by C1 to C5.
 
 A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel notation (labkit.model.tensors), followed by
-the strain, on which the rates do not depend. All functions are compiled and treat one point.
+the strain, on which the rates do not depend. All functions are compiled and handle a single point.
 """
 
 from __future__ import annotations

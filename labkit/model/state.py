@@ -158,7 +158,7 @@ def isotropic_force_anisotropy(A: np.ndarray, exact: bool = True) -> np.ndarray:
 
 
 def deviatoric_basis() -> np.ndarray:
-    """Five orthonormal symmetric tensors without trace, (5, 3, 3)."""
+    """Five orthonormal symmetric traceless tensors, (5, 3, 3)."""
     basis = np.zeros((5, 3, 3))
     basis[0] = np.diag([-1.0, -1.0, 2.0]) / np.sqrt(6.0)
     basis[1] = np.diag([1.0, -1.0, 0.0]) / np.sqrt(2.0)

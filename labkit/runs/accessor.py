@@ -146,7 +146,8 @@ class Lab:
         a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. `attributes`: name -> attributes
         of the variable, e.g. `{"size": {"units": "m"}}`; `coords`: as for xarray.Dataset. A run without snapshots
         gives variables of length 0; the function is then called once, without contacts, to find their names and
-        shapes. Raises InputError for another shape without dimensions.
+        shapes. Raises InputError for an array of any other shape that is given without its
+        dimensions.
         """
         results = [function(snapshot) for snapshot in self.snapshots()]
         shapes = results or [function(self._without_contacts())]

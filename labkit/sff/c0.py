@@ -32,7 +32,7 @@ def bracket(delta: Values, A: Values, F: Values, trace_FA: Values, FA: Values, F
     """Bracket of C0, I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, component by component.
 
     delta: component of the identity; trace_FA: tr(FA); FA: component of sym(FA). All are arrays that broadcast, or
-    numbers for a single component; labkit.model.equations compiles the function for numbers.
+    scalars for a single component; labkit.model.equations compiles the function for scalars.
     """
     return delta / 3 + 2 / 15 * A + 2 / 15 * F + 2 / 105 * trace_FA * delta + 8 / 105 * FA + Ft
 

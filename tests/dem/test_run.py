@@ -1,4 +1,4 @@
-"""A CV test on YADE: the run file, its physics, and the accessor."""
+"""A CV test in YADE: the run file, its physics, and the accessor."""
 
 import netCDF4
 import numpy as np

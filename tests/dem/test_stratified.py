@@ -1,4 +1,4 @@
-"""A small stratified layer on YADE: forces differ between the strata, normalised forces do not."""
+"""A small stratified layer in YADE: forces differ between the strata, normalised forces do not."""
 
 import numpy as np
 import pytest

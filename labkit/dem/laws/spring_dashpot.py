@@ -1,8 +1,8 @@
 """The spring-dashpot law of He et al. (Eqs. 1-3), with r* = Ra Rb/(Ra + Rb).
 
 The springs are bounded, |ft| <= mu fn and |M| <= mu_r r* fn with fn = kn delta, and the dashpots act in parallel as
-long as the grains overlap. A head-on pair therefore separates with exp(-pi beta/sqrt(1 - beta^2)) of its approach
-speed, and the normal force may become slightly tensile just before separation.
+long as the grains overlap. A head-on pair therefore separates at exp(-pi beta/sqrt(1 - beta^2)) times its
+approach speed, and the normal force may become slightly tensile just before separation.
 
 The history is rotated with the contact exactly: by the smallest rotation from the previous normal to the current one,
 then about the normal with the mean spin of the two grains. Increments are evaluated at the midpoint normal (second

@@ -43,14 +43,17 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 def kept(function: Callable[..., Any]) -> Any:
-    """Compile likewise and cache on disk; a decorator for functions of this package that Python code calls."""
+    """Compile with the same options and cache the result on disk.
+
+    A decorator for functions of this package that Python code calls.
+    """
     return cached(function, KERNEL, **OPTIONS)
 
 
 def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> Any:
     """Return the function compiled at its first call, or read from disk if it was compiled from sources of this stamp.
 
-    Without a stamp it is compiled anew in each process.
+    Without a stamp it is recompiled in each process.
     """
     dispatcher: Any = numba.njit(function, **options)
     if stamp is None:

@@ -1,6 +1,6 @@
 """Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
-The law is `pair` of a labkit.dem.laws.ContactLaw, a function of numbers. The loop over a block calls it, and the
+The law is `pair` of a labkit.dem.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
 compiler vectorises that loop. `pair` and `spring` are placeholders: labkit.engines.kernel.build replaces them by the
 functions of the law for which it compiles a kernel.
 """
@@ -61,8 +61,9 @@ def block_forces(
 ) -> None:
     """Compute forces and torques of n contacts and advance their history by dt.
 
-    block, work: rows as in layout.py. constants to dashpots, turning: fields of labkit.dem.laws.Features, None for
-    absent features. gradient: the velocity gradient (3, 3), or None to omit the energy sums.
+    block, work: rows as in layout.py. The arguments from `constants` to `dashpots`, and `turning`, are fields of
+    labkit.dem.laws.Features, None for absent features. gradient: the velocity gradient (3, 3), or None to omit
+    the energy sums.
     """
     for i in range(n):
         ra, rb = block[RADIUS_A + i], block[RADIUS_B + i]
@@ -111,7 +112,10 @@ def stretched(L: np.ndarray, d: Vector) -> Vector:
 
 
 def block_stress(block: np.ndarray, work: np.ndarray, n: int, friction: Any, sums: np.ndarray) -> None:
-    """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,), without dashpots as in records."""
+    """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,).
+
+    The dashpot forces are excluded, as in records.
+    """
     for i in range(n):
         d = load(work, D, i)
         distance = math.sqrt(dot(d, d))

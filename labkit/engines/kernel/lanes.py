@@ -3,8 +3,9 @@
 They use loads, shuffles and stores of whole vectors, which LLVM does not generate from loops.
 
 A vector takes COLUMNS numbers of a grain record, of which the last is unused. In all functions `work` is a block, and
-`row` the position in it of the first of eight x; y and z follow at distances of WIDTH. The functions are Numba
-intrinsics: the annotations are Numba's types of the caller's arrays and numbers, and Numba supplies `typing`.
+`row` is the offset within it of the first of eight x components; the y and z components follow at offsets of WIDTH and
+2 WIDTH from there. The functions are Numba intrinsics: the annotations are Numba's types of the caller's arrays and
+numbers, and Numba supplies `typing`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ Formulas of a step from n to n+1, in order; L is the velocity gradient of this s
 
 a = F/m and b = T/I. YADE's local damping multiplies each component by 1 - damping if it accelerates the grain and by
 1 + damping if it decelerates it; the spring-dashpot law has no local damping. With c = v - L x, the velocity relative
-to the mean field, the formulas give c+ = c + dt a: only forces change c, and its momentum is conserved.
+to the mean field, the formulas give c+ = c + dt a: only forces change c, and the momentum relative to the mean
+field is conserved.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Neighbour search: spatial order of the grains, and all pairs closer than a margin, with the periods between them.
+"""Neighbour search: spatial order of the grains, and all pairs closer than a margin, with their periodic shifts.
 
 Grains are sorted into the cells of a grid that is skewed like the periodic cell. Each pair is found once, from the
 grain that comes first in the order of the grid cells. The search includes periodic images: in a small periodic cell,
@@ -127,7 +127,7 @@ def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
 def find_pairs(
     position: np.ndarray, radius: np.ndarray, cell: np.ndarray, grid: Grid, margin: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs (2, n) of grains closer than `margin` and the periods to add to their second grains (n, 3).
+    """Return the pairs (2, n) of grains closer than `margin` and the periodic shifts of their second grains (n, 3).
 
     position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid.
     """

@@ -20,7 +20,7 @@ from labkit.engines.kernel.steps import Arrays
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
 LINE = 64  # bytes per cache line
-NEAR = 3  # largest number of periods between the cells of two neighbouring grains
+NEAR = 3  # largest periodic shift between two neighbouring grains that are wrapped into the cell
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Grains:
 class History:
     """Contact history of pairs of grains, in which the first index is not greater than the second.
 
-    grain (n, 2): indices; shift (n, 3): periods to add to the second grain; rows (n, 0, 3 or 6): tangential force and
+    grain (n, 2): indices; shift (n, 3): periodic shift of the second grain; rows (n, 0, 3 or 6): tangential force and
     rolling moment on the first grain, where present in the scene.
     """
 
@@ -53,7 +53,7 @@ class Packing:
     """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
 
     order (grain,): index in the State of each grain; slot (n,): position of each pair in the blocks; pair (n, 2):
-    indices of its grains in the order of the grid; pair_shift (n, 3): periods to add to its second grain.
+    indices of its grains in the order of the grid; pair_shift (n, 3): periodic shift of its second grain.
     """
 
     arrays: Arrays
@@ -178,7 +178,7 @@ def make_images(
 
 
 def wrapped(shift: np.ndarray, first: np.ndarray, second: np.ndarray, period: np.ndarray) -> np.ndarray:
-    """Encode the periods between the two grains of each pair, both wrapped into the cell, as one integer, (n,)."""
+    """Encode the periodic shift between the grains of each pair, both wrapped into the cell, as one integer, (n,)."""
     steps = shift + period[second] - period[first] + NEAR
     size = 2 * NEAR + 1
     near = ((steps >= 0) & (steps < size)).all(axis=1)

@@ -5,8 +5,8 @@ fixed order: results are bit-identical for any number of threads.
 
 A domain contains consecutive grains in spatial order and the contacts of which they are the first grain. If the second
 grain of a contact belongs to another domain or lies in another period, the contact uses an image: a separate site that
-is copied from the grain after each motion. A contact therefore needs no periods, and no two domains write to the same
-site.
+is copied from the grain after each motion. A contact therefore needs no periodic shift, and no two domains write to
+the same site.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class Arrays(NamedTuple):
     grain_first (domain + 1,), contact_first, contact_last (domain,): first and last grains and contacts of each domain;
     sites, forces: records of grains and images; grains, blocks: blocks of grains and of contacts; pairs (2, contact):
     sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of each domain, the
-    grain that an image copies, and its periods; work (domain, ...): workspaces; start (grain, 3): positions at the
-    last neighbour search, m.
+    grain that an image copies, and its periodic shift; work (domain, ...): workspaces; start (grain, 3): positions at
+    the last neighbour search, m.
     """
 
     grain_first: np.ndarray
@@ -74,8 +74,8 @@ class Motion(NamedTuple):
     """The cell in which the grains move, and its motion; changed in place.
 
     cell (3, 3), m; before (3, 3): velocity gradient of the previous step, 1/s; first_cell (3, 3), m: cell at the last
-    neighbour search; spread (2,): upper bounds since that search of the distance that a grain has moved, m, and of the
-    stretch of the cell; largest_diameter, skin: m.
+    neighbour search; spread (2,): upper bounds on the distance that any grain has moved since that search, m, and on
+    the stretch of the cell since then; largest_diameter, skin: m.
     """
 
     cell: np.ndarray
@@ -257,10 +257,11 @@ def advance(
 ) -> tuple[int, bool]:
     """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
 
-    If a search is needed, the grains have made the motion of the next step but its forces are missing: search, and call
-    again with moved_already. L (3, 3): velocity gradient, 1/s; constants to turning: fields of
-    labkit.dem.laws.Features; gradient: L if energies are summed, else None. Numba compiles the loop without the
-    features that are None. It can do so only for function arguments, so they are not packed in a tuple.
+    If a search is needed, the grains have already been moved for the next step, but its forces have not been computed:
+    run the search, then call again with moved_already. L (3, 3): velocity gradient, 1/s; gradient: L if energies are
+    summed, else None. The other arguments from `constants` to `turning` are fields of labkit.dem.laws.Features. Numba
+    compiles the loop without the features that are None. It can do so only for function arguments, so they are not
+    packed in a tuple.
     """
     grain_first, contact_first, contact_last = arrays.grain_first, arrays.contact_first, arrays.contact_last
     sites, forces, grains, work = arrays.sites, arrays.forces, arrays.grains, arrays.work
@@ -312,7 +313,10 @@ def advance(
 
 
 def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
-    """Sum of branch (x) force on the first grain over all contacts, (3, 3), N m, without dashpots as in records."""
+    """Sum of branch (x) force on the first grain over all contacts, (3, 3), N m.
+
+    The dashpot forces are excluded, as in records.
+    """
     sums = np.zeros(9 * WIDTH)
     for d in range(len(arrays.contact_first)):
         last = arrays.contact_last[d]
