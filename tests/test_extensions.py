@@ -491,7 +491,10 @@ MISTAKES = {
         PATH.format("(0, 0, -1)", ALONG),
         "for extension, reverse all three signs and make `strain` negative",
     ),
-    "path, shapes": (PATH.format("(0, 0, 1)", "lk.Control([[1, 0]], [[1], [1]], [1])"), "a Control has measure (1, 2)"),
+    "path, shapes": (
+        PATH.format("(0, 0, 1)", "lk.Control([[1, 0]], [[1], [1]], [1])"),
+        "inconsistent shape: measure (1, 2)",
+    ),
     "path, given and free": (
         PATH.format("(0, 1, 1)", ALONG),
         "path mine prescribes the strain rate in y and also lets the servo adjust it",

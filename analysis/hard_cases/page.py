@@ -60,9 +60,9 @@ with about {grains} grains, unless the case itself prescribes the number of grai
 Energy: largest error of the balance, relative to the work. Stress: largest relative difference of stored and recomputed
 stresses. Held: largest error of a quantity that the path holds (relative stress or volume, or difference of strains).
 C0: largest difference from Love's stress where p > 50 kPa. Momentum: |sum m c| / sum m |c| at the end, with c relative
-to the mean field; this is not rounding error, because local damping acts on each grain separately. Undamped: its change
-over 50 steps without that damping, on the `fused` engine; this is rounding error. Empty cells: the case leaves no run
-to measure, or the quantity does not apply.
+to the mean field; this is not rounding error, because local damping acts on each grain separately. Undamped: change
+of the momentum over 50 steps without local damping, on the `fused` engine; this is rounding error. Empty cells: the
+case leaves no run to measure, or the quantity does not apply.
 
 {numbers}
 

@@ -67,7 +67,10 @@ def ends(runs: Runs, begin: float = 1.0 - WINDOW, end: float = 1.0) -> pandas.Da
 
 
 def table(parts: Runs) -> pandas.DataFrame:
-    """Table of critical_states over all records of some parts of runs; it has all columns even without runs."""
+    """Table of critical_states over all records of the given parts of runs.
+
+    All columns are present even if there are no runs.
+    """
     states = critical_states(parts, window=1.0)
     return states if len(states) else pandas.DataFrame(columns=list(COLUMNS), dtype=float)
 
@@ -78,8 +81,8 @@ COLUMNS = ("run", "path", "strain", "M", "M_scatter", "p_MPa", "e", "Z", "Lambda
 def extrapolated(runs: Runs) -> pandas.DataFrame:
     """The values of `ends` at infinite strain: a + b exp(-strain/s) fitted to the last half of the strain of each test.
 
-    A table with the columns of `ends` without M_scatter, and relaxation_strain: the s common to all numbers of a test
-    (the most likely of RELAXATIONS, where each number has its own scatter).
+    A table with the columns of `ends` without M_scatter, and relaxation_strain: the value of s shared by all
+    quantities of a test, chosen from RELAXATIONS by maximum likelihood with a separate scatter for each quantity.
     """
     rows = []
     for name, run in runs.items():

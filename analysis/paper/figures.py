@@ -192,7 +192,7 @@ def _furthest(run: xr.Dataset | None) -> float:
 
 
 def critical_lines(runs: Runs, models: Models) -> Figure:
-    """End states of the shear tests over e: Z and Lambda with the lines of Table 2 and the fit; q/p; A, F, F^t."""
+    """End states of the shear tests against e: Z and Lambda with the lines of Table 2 and the fit; q/p; A, F, F^t."""
     tests = monotonic(runs)
     table = critical_states(tests) if tests else None
     fitted = fitted_lines(tests)
@@ -243,7 +243,10 @@ EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
 
 
 def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "strain") -> Figure:
-    """Z, Lambda, A, F and F^t of the tests `names` over the axial strain, or the accumulated strain `travelled`."""
+    """Z, Lambda, A, F and F^t of the tests `names` against strain.
+
+    `over`: `strain`, the axial strain, or `travelled`, the accumulated strain.
+    """
     diagrams = [f"{quantity}-{over}" for quantity in EVOLUTION]
     with plt.rc_context(STYLE | ({"axes.labelsize": 8} if over == "travelled" else {})):  # its label is long
         figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.0), layout="constrained")
@@ -258,7 +261,7 @@ def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "str
 
 
 def isotropic_statistics(runs: Runs, models: Models) -> Figure:
-    """Z and Lambda of ISOC and ISOD over e, with the model (Eqs. 31 and 32)."""
+    """Z and Lambda of ISOC and ISOD against e, with the model (Eqs. 31 and 32)."""
     names, diagrams = ("isoc-loose", "isod-loose", "isoc-dense", "isod-dense_high"), ("Z-e_nominal", "Lambda-e_nominal")
     colors = {name: mixed(COLORS[density_of(name)], 0.0, 0.5 * name.startswith("isod")) for name in names}
     with plt.rc_context(STYLE):

@@ -64,7 +64,7 @@ def parameters(found: Fit | None, other: Fit | None) -> pandas.DataFrame:
     """Parameters of Table 2 and ours, a pandas.DataFrame.
 
     Columns: parameter, table_2, ours, low and high (95 % interval of the fit), determined, table_2_inside, other_tests
-    (the fit to other tests), other_inside. The last two `_inside` are True if the value lies between low and high.
+    (the fit to other tests), other_inside. The two `_inside` columns are True if the value lies between low and high.
 
     `found`, `other`: results of calibrate(). The interval assumes that the model is correct and covers these tests
     only; the fit to other tests shows how far that assumption holds.
@@ -95,7 +95,7 @@ PARAMETER_COLUMNS = (
 
 
 def models(found: Fit | None) -> dict[str, Model]:
-    """Name -> Model with the reading beyond_e_cmax = flat: Table 2 and, with a Fit, ours."""
+    """Name -> Model with beyond_e_cmax = flat: Table 2 and, with a Fit, ours."""
     chosen = {TABLE_2: Model()} | ({OURS: found.model} if found else {})
     return {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()}
 
@@ -224,7 +224,8 @@ def write_model(
 def open_model(file: str | Path) -> dict[str, dict[str, xr.Dataset]]:
     """Name of a run -> (`table_2` or `ours` -> the model along its path, a Dataset like that of labkit.open_run).
 
-    `file`: model.nc. The stress of C0 is the stress of the model, and its only void ratio is the nominal one.
+    `file`: model.nc. In these Datasets the stress of C0 is that of the model itself, and the only void ratio is the
+    nominal one.
     """
     with xr.open_dataset(file) as data:
         data = data.load()
@@ -288,10 +289,11 @@ SHOWN = ("q_error", "p_error", "e_error_of_change")
 
 
 def failures(errors: pandas.DataFrame) -> list[str]:
-    """Sentences on the shortcoming that the paper reports: a poor void ratio in stress-controlled and cyclic tests.
+    """Sentences on the shortcoming that the paper reports.
 
-    It is reproduced if the error of e, relative to its range, exceeds FAILS times the error of q, relative to the
-    largest q. Further sentences name the tests that the model does not complete.
+    The void ratio is predicted poorly in stress-controlled and cyclic tests. This is reproduced if the error of e,
+    relative to its range, exceeds FAILS times the error of q, relative to the largest q. Further sentences name the
+    tests that the model does not complete.
     """
     sentences = []
     for kind, paths in (("stress-controlled tests (CR, CP)", ("cr", "cp")), ("cyclic tests", ("cyclic_cp",))):

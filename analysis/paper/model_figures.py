@@ -2,7 +2,7 @@
 
 In the paper these are the dotted lines of Figs. 4 to 8. It gives neither the initial pressures of Fig. 4 nor Z and
 Lambda of any initial state: the pressures here are chosen, Z is on the compression line and Lambda follows from C0
-(labkit.model.isotropic_state). Tests that start at e0 = 0.77 need the reading beyond_e_cmax = flat.
+(labkit.model.isotropic_state). Tests that start at e0 = 0.77 need beyond_e_cmax = flat.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ Fields = tuple[tuple[str, Any], ...]  # (name, value) of fields of a Scene
 class Case:
     """A test with one `level` of a `factor`.
 
-    `scene`: fields of the Scene that differ in the test; `material`: fields that differ already when the specimen is
-    made; both (name, value) pairs. `side` (m) takes precedence over `grains`.
+    `scene`: fields of the Scene that differ in the test; `material`: fields that already differ when the specimen is
+    made; both are (name, value) pairs. `side` (m) takes precedence over `grains`.
     """
 
     factor: str
@@ -87,7 +87,7 @@ class Design:
         return next(case for case in self.cases if (case.path, case.factor) == (path, BASELINE))
 
     def of_settings(self, level: str, path: str = "cp") -> Case:
-        """The case with a set of settings."""
+        """The case for one of the presets."""
         return next(case for case in self.cases if (case.path, case.factor, case.level) == (path, PRESET, level))
 
 
@@ -96,7 +96,7 @@ def _with_scene(case: Case, factor: str, level: object, **fields: Any) -> Case:
 
 
 def preset(name: str, seeds: tuple[int, ...], most_grains: int | None = None) -> Case:
-    """The case with a set of settings; `most_grains` caps its size."""
+    """The case for one of the presets (quick, standard, reference); `most_grains` caps its size."""
     chosen = SETTINGS[name]
     case = Case(
         PRESET,

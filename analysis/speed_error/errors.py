@@ -23,8 +23,8 @@ def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
         says so, and its 95 % half-width.
     one_run: expected error of a single test, sqrt(error^2 + scatter^2).
     change, change_within: mean difference from the baseline for the same specimens, and its 95 % half-width (paired).
-    cost, over_standard: cost relative to the baseline of the same path, and to the standard settings; for the sets of
-        settings and the baseline the latter was measured directly.
+    cost, over_standard: cost relative to the baseline of the same path, and to the standard settings; for the
+        presets and the baseline the latter was measured directly.
 
     A half-width is NaN if there are fewer than two replicates.
     """

@@ -60,7 +60,7 @@ def _styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 
 @_styled
 def pareto(table: pandas.DataFrame, path: str = "cp") -> Figure:
-    """Cost against the error of one test for every observable, with the Pareto front and the sets of settings.
+    """Cost against the error of one test for every observable, with the Pareto front and the presets.
 
     `table`: from analysis.speed_error.errors.errors. Costs are relative to the standard settings.
     """
@@ -139,7 +139,8 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
     """Change of the observables with the level of each factor, relative to the baseline with the same specimens.
 
     A row per observable of SHOWN, a column per factor of FACTORS; bars are 95 % intervals, and a hollow point marks an
-    interval that includes zero. Outliers that would hide the other points are drawn at the frame.
+    interval that includes zero. Outliers that would compress the other points are drawn at the edge of the
+    panel.
     """
     table = table[table["path"] == path]
     figure, grid = plt.subplots(

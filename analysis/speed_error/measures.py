@@ -68,7 +68,7 @@ def measure_others(design: Design, work: str | Path, progress: Progress) -> dict
 
 
 def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Time of a whole test with each set of settings and with the baseline, and its ratio to the standard settings.
+    """Time of a whole test with each preset and with the baseline, and its ratio to the standard settings.
 
     The cases are timed in turn, servo and records included.
     """

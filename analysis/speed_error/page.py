@@ -96,7 +96,7 @@ def _how_to_read() -> str:
 - **critical**: mean over the last quarter of the strain.
 - **cost**: wall time relative to a yardstick (the same steps of the same specimen, timed in the same process just
   before and after the test), median over the specimens. The effect of other load on the computer partly cancels; an
-  error of about a fifth remains. The times of the sets of settings were instead measured in turn.
+  error of about a fifth remains. The recommended settings were timed differently: by running them in turn.
 
 All changes are relative to the same three baseline tests, so their random error enters every row equally. The first
 row of a table of changes, the median over all cases, shows this error; it is subtracted in the comparison of the
@@ -256,8 +256,8 @@ def _same_on_both(table: pandas.DataFrame) -> str:
     ]
     return (
         "## YADE and fused\n\nThe same specimens on both engines with YADE's contact law, on one thread; means over "
-        f"{same['replicates'].max()} specimens. The number of threads does not change any bit of the results of "
-        "`fused`; on YADE it changes the order of summation.\n\n"
+        f"{same['replicates'].max()} specimens. The results of `fused` are bitwise identical for any number of "
+        "threads; on YADE the number of threads changes the order of summation.\n\n"
         + markdown.table(["", "YADE", "fused", "difference"], rows)
     )
 

@@ -1,4 +1,4 @@
-"""The section of the page on the sets of settings."""
+"""The section of the page on the presets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TITLES = {"cp": "## Recommended settings", "cv": "## The same settings in CV tes
 
 
 def section(data: xr.Dataset, table: pandas.DataFrame, measured: pandas.DataFrame, path: str) -> str:
-    """The section for a path, in Markdown; empty if it has no tests with sets of settings."""
+    """The section for a path, in Markdown; empty if it has no tests with presets."""
     if not levels_of(table, path):
         return ""
     text, header, rows = settings(data, table, measured, path)
@@ -24,7 +24,7 @@ def section(data: xr.Dataset, table: pandas.DataFrame, measured: pandas.DataFram
 
 
 def levels_of(table: pandas.DataFrame, path: str) -> list[str]:
-    """The sets of settings tested along a path, in the order of NAMES."""
+    """The presets tested along a path, in the order of NAMES."""
     some = table[(table["path"] == path) & (table["factor"] == PRESET)]
     return [level for level in NAMES if (some["level"] == level).any()]
 
@@ -32,7 +32,7 @@ def levels_of(table: pandas.DataFrame, path: str) -> list[str]:
 def settings(
     data: xr.Dataset, table: pandas.DataFrame, measured: pandas.DataFrame, path: str
 ) -> tuple[str, list[str], list[list[str]]]:
-    """Introduction, header and rows of a table of the sets of settings: their values, costs and errors.
+    """Introduction, header and rows of a table of the presets: their values, costs and errors.
 
     `data`: from collect(); `table`: from errors(); `measured`: from measures.settings.
     """
@@ -79,7 +79,7 @@ def settings(
         "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; `standard` is the default. "
         f"CP tests at {PRESSURE / 1e6:g} MPa from e = {VOID_RATIO:g} to {100 * strain:g} % axial strain:",
         "cv": "At constant volume, where the pressure is not controlled. The rates and time steps are those of the "
-        "settings, but all tests use the same smaller number of grains, so the scatter between specimens is that of "
-        "this size.",
+        "settings, but all tests use the same smaller number of grains, so the scatter between specimens is the one "
+        "for that number.",
     }
     return introduction[path], ["", *(NAMES[level] for level in levels)], rows

@@ -18,7 +18,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.io.files import labkit_kind, open_netcdf, require_writable
 from labkit.parameters import check_parameters, parameter, parameters_of
 
-BEYOND = ("error", "flat")  # readings of labkit.model.parameters; importing it here would slow down the help
+BEYOND = ("error", "flat")  # choices of labkit.model.parameters; importing it here would slow down the help
 
 
 @dataclasses.dataclass(frozen=True)

@@ -56,8 +56,9 @@ class Control:
         k = len(np.atleast_1d(target(0.0))) if callable(target) else target.size
         if measure.shape not in ((k, 3), (k, 3, 3)) or free.shape not in ((3, k), (k, 3, 3)) or not 1 <= k <= 6:
             raise InputError(
-                f"a Control has measure {measure.shape}, free {free.shape} and target ({k},): give (k, 3) or "
-                "(k, 3, 3), (3, k) or (k, 3, 3), and (k,) for k held stresses"
+                f"a Control has arrays of inconsistent shape: measure {measure.shape}, free {free.shape}, target "
+                f"({k},); with k held stresses, measure must be (k, 3) or (k, 3, 3), free (3, k) or (k, 3, 3), "
+                "and target (k,)"
             )
         for name, value in (("measure", measure), ("free", free)):
             if value.ndim == 3 and not np.array_equal(value, value.transpose(0, 2, 1)):

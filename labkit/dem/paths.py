@@ -103,7 +103,9 @@ class IsotropicCompression(Path):
 
     rate: float | None = rate_parameter("strain rate in each direction", 5.0)
     strain: float = parameter(0.1, above=0.0, high=2.0, help="maximum strain")
-    pressure: float = parameter(PRESSURE_LIMIT, unit="Pa", above=0.0, high=1e12, help="mean stress at which it stops")
+    pressure: float = parameter(
+        PRESSURE_LIMIT, unit="Pa", above=0.0, high=1e12, help="mean stress at which the test stops"
+    )
 
     name = "isoc"
     direction = (1.0, 1.0, 1.0)
@@ -123,7 +125,7 @@ class IsotropicDilation(Path):
 
     rate: float | None = rate_parameter("strain rate in each direction", 2.5)
     strain: float = parameter(-0.1, low=-2.0, high=-1e-9, help="maximum dilation, a negative strain")
-    pressure: float = parameter(20e3, unit="Pa", above=0.0, high=1e12, help="mean stress below which it stops")
+    pressure: float = parameter(20e3, unit="Pa", above=0.0, high=1e12, help="mean stress below which the test stops")
 
     name = "isod"
     direction = (1.0, 1.0, 1.0)

@@ -12,7 +12,7 @@ from labkit.errors import InputError
 from labkit.parameters import check_parameters, parameter
 
 LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
-CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: half a minute of YADE
+CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: about 30 s of computing in YADE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +29,11 @@ class Options:
         20, low=0, high=10**6, help="number of records stored with all contacts, in addition to the first; 0 for none"
     )
     save_every: int | None = parameter(
-        None, low=1, high=10**9, kind=int, help="records between two saves (default: half a minute of YADE)"
+        None,
+        low=1,
+        high=10**9,
+        kind=int,
+        help="records between two saves (default: about 30 s of computing in YADE)",
     )
     servo: Servo = STANDARD
     guarded: bool = True

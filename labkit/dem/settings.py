@@ -1,4 +1,4 @@
-"""Three sets of settings, based on `labkit speed-error`; results/speed_error lists the cost and the error of each.
+"""Three presets, based on `labkit speed-error`; results/speed_error lists the cost and the error of each.
 
 The commands use `standard` by default; it is built from their default values.
 """
@@ -14,7 +14,7 @@ from labkit.errors import InputError
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
-    """One set of settings.
+    """A preset.
 
     side or grains: size of a specimen; time_step_factor: of the Scene; rate_factor: axial strain rate divided by the
     default of the path (labkit.Path.default_rate).

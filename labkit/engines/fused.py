@@ -62,7 +62,9 @@ class FusedEngine(Engine):
         return_large_arrays()
         if threads > CONFIG.NUMBA_NUM_THREADS:
             most = f"at most {CONFIG.NUMBA_NUM_THREADS}"
-            raise InputError("are too many for the fused engine here", field="threads", value=threads, allowed=most)
+            raise InputError(
+                "are too many for the fused engine on this computer", field="threads", value=threads, allowed=most
+            )
         self._skin = skin
         self._threads = threads
         self._choice = ThreadChoice(1)

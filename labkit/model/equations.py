@@ -27,7 +27,7 @@ Number = TypeVar("Number", float, np.ndarray)
 
 @register_jitable
 def density_distance(e: Number, c: Constants | Parameters) -> Number:
-    """e_cmax - e; zero beyond e_cmax, which is reached only with the reading beyond_e_cmax = flat."""
+    """e_cmax - e; zero beyond e_cmax, which is reached only with beyond_e_cmax = flat."""
     return np.maximum(c.e_cmax - e, 0.0)
 
 

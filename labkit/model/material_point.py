@@ -77,7 +77,10 @@ def update(
     """
     state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
     if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
-        raise InputError(f"state {state.shape} and increment {increment.shape}: give (n, {STATE}) and (n, 6)")
+        raise InputError(
+            f"state has shape {state.shape} and increment has shape {increment.shape}: they must be (n, {STATE}) and "
+            "(n, 6)"
+        )
     if not np.isfinite(increment).all():
         raise InputError("the strain increment has a component that is not finite: give finite strains")
     if not 1e-12 <= tolerance <= 1.0:

@@ -93,10 +93,12 @@ class Readings:
     beyond_e_cmax: str = "error"
 
     def __post_init__(self) -> None:
-        """Raises InputError for an unknown reading."""
+        """Raises InputError for an unknown option."""
         for name, choices in READINGS.items():
             if getattr(self, name) not in choices:
-                raise InputError(f"reading {name} is {getattr(self, name)!r}: use one of {', '.join(choices)}")
+                raise InputError(
+                    f"option {name} of the model is {getattr(self, name)!r}: use one of {', '.join(choices)}"
+                )
 
 
 READINGS = {
@@ -108,10 +110,10 @@ READINGS = {
 
 
 class Constants(NamedTuple):
-    """Argument of compiled code: E in Pa, the fields of Parameters, and the readings as flags.
+    """Argument of compiled code: E in Pa, the fields of Parameters, and the interpretations as flags.
 
-    A flag is True if the reading is the second of its READINGS. The values come from `Model.constants`, which raises
-    TypeError if these fields differ from those of Parameters.
+    A flag is True if the interpretation is the second in its row of READINGS. The values come from `Model.constants`,
+    which raises TypeError if these fields differ from those of Parameters.
     """
 
     E: float
@@ -145,7 +147,7 @@ class Constants(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """The constants of the model: parameters, readings and Young's modulus E of the grains, Pa."""
+    """The constants of the model: parameters, interpretations and Young's modulus E of the grains, Pa."""
 
     parameters: Parameters = Parameters()
     readings: Readings = Readings()
@@ -192,4 +194,4 @@ class Model:
             raise InputError(f"these are not the parameters of a model: {error}") from None
 
 
-TABLE_2 = Model()  # Table 2 with the default readings
+TABLE_2 = Model()  # Table 2 with the default interpretations

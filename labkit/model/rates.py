@@ -24,7 +24,7 @@ REASONS = {
     NO_FORCE: "Lambda falls to zero: the contacts no longer carry force",
     NO_CONTACTS: "Z falls to zero: there are no contacts left",
     TOO_LOOSE: "the void ratio reaches e_cmax, beyond which Z^c is undefined: "
-    "end the path earlier, or choose the reading beyond_e_cmax = flat (--beyond-e-cmax flat)",
+    "end the path earlier, or set beyond_e_cmax = flat (--beyond-e-cmax flat)",
     NO_VOIDS: "the void ratio falls to zero: the grains fill the whole volume; end the path earlier",
     UNREACHABLE: "no strain rate keeps the stress at its target: the target exceeds the strength of the material; "
     "hold other stresses, or prescribe more strain rates",

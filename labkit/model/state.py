@@ -85,7 +85,7 @@ def isotropic_state(
 
     `pressure`, Pa. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings
     any isotropically compressed specimen, and Lambda follows from p. If one of them is given, the other follows. Beyond
-    e_cmax, Z^com is determined by the reading beyond_e_cmax. Raises InputError.
+    e_cmax, Z^com is determined by the option beyond_e_cmax. Raises InputError.
     """
     if not (np.isfinite(void_ratio) and 0.0 < void_ratio):
         raise InputError(field="void_ratio", value=void_ratio, allowed="a positive number, e.g. 0.67")
@@ -116,7 +116,7 @@ def require_density(model: Model, void_ratio: float) -> None:
     if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
         raise InputError(
             f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state is undefined: use "
-            "a denser state, or the reading beyond_e_cmax = flat (--beyond-e-cmax flat), which continues with Z^c = 4 "
+            "a denser state, or set beyond_e_cmax = flat (--beyond-e-cmax flat), which continues with Z^c = 4 "
             "and Lambda^c = 0, as needed for Fig. 8"
         )
 

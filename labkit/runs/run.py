@@ -33,7 +33,7 @@ class Snapshots(Sequence[Snapshot]):
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(len(self)))]
         if not -len(self) <= number < len(self):
-            raise IndexError(f"snapshot {number}: this run has {len(self)}")
+            raise IndexError(f"snapshot {number} does not exist: this run has {len(self)} snapshots")
         return self._data.lab.snapshot(number)
 
 

@@ -207,9 +207,8 @@ def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q:
     enough = q > SMALLEST_Q * q.max(initial=0.0)
     for k, definition in enumerate(strong["definition"].values):
         chosen = strong.isel(definition=k)
-        axes.plot(
-            accumulated, chosen["fraction"], "--", color=f"C{k}", label=f"strong by {definition}: fraction of sides"
-        )
+        label = f"strong ({definition}): fraction of contact sides"
+        axes.plot(accumulated, chosen["fraction"], "--", color=f"C{k}", label=label)
         share = np.where(enough, chosen["share_of_q"], np.nan)
-        axes.plot(accumulated, share, "-", color=f"C{k}", label=f"strong by {definition}: share of q")
+        axes.plot(accumulated, share, "-", color=f"C{k}", label=f"strong ({definition}): share of q")
     axes.set(xlabel="accumulated axial strain (%)", ylabel="fraction", ylim=(0, None))

@@ -228,7 +228,7 @@ def test_the_help_of_a_path_has_only_its_options(capsys):
     assert (
         "--reversals" not in cv and "--pressure PRESSURE" not in cv and "--strain STRAIN" in cv and "\n  cv  CV, " in cv
     )
-    assert "mean stress below which it stops" in isod and "stress that the path holds" not in isod
+    assert "mean stress below which the test stops" in isod and "stress that the path holds" not in isod
 
 
 def test_figures_are_explained(capsys):

@@ -456,7 +456,7 @@ print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 
 
 def test_more_threads_than_the_computer_has_are_refused(specimen):
-    message = "^threads 10000 are too many for the fused engine here: give at most "
+    message = "^threads 10000 are too many for the fused engine on this computer: give at most "
     with pytest.raises(InputError, match=message) as raised:
         FusedEngine(specimen, 10_000)
     assert (raised.value.field, raised.value.value) == ("threads", 10_000)

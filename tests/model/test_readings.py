@@ -1,4 +1,4 @@
-"""Evidence for the readings of ambiguous equations: the alternative contradicts the paper."""
+"""Evidence for the interpretations of ambiguous equations: the alternative contradicts the paper."""
 
 import numpy as np
 import pytest

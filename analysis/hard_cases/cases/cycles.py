@@ -11,7 +11,7 @@ from analysis.turns import turns
 
 
 def growing_cycles(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen()
     run, reference = lab.run(state), lab.half_step(state)
     at = turning_records(run)
@@ -41,7 +41,7 @@ def turning_records(run: xr.Dataset) -> np.ndarray:
 
 
 def many_cycles(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen()
     run, reference = lab.run(state), lab.half_step(state)
     e, p = cycle_ends(run)

@@ -13,7 +13,7 @@ from labkit.runs import findings
 
 
 def deep_overlaps(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
     grains = insert_grains(lk.Scene(), recipe)
     listed = FusedEngine(grains).state()
@@ -27,7 +27,7 @@ def deep_overlaps(lab: Laboratory) -> Judged:
 
 
 def size_ratio_5(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     usual = lk.Scene(diameter_spread=2 / 3)
     file = lab.shared / f"ratio5_n{lab.grains}.state.nc"
     small_step = dataclasses.replace(usual, time_step_factor=0.06)
@@ -42,7 +42,7 @@ def size_ratio_5(lab: Laboratory) -> Judged:
     on_c0 = [finding for finding in failed if finding.name.startswith("C0 against Love")]
     sizes = state.radius.max() / state.radius.min()
     refused, limit = "time step" in message and "time_step_factor" in message, critical_time_step(state)
-    usual_text = f"usual time step {usual.time_step / limit:.2f} of the limit" + ", refused" * refused
+    usual_text = f"usual time step {usual.time_step / limit:.2f} times the limit" + ", refused" * refused
     return f"sizes 1 to {sizes:.2f}; {usual_text}; {pressure_text(run)}; {ratio_text(run)}", [
         between("ratio of sizes", sizes, 4.0, 5.1),
         true("the usual time step is refused if it exceeds the limit", refused == (usual.time_step > limit)),
@@ -52,7 +52,7 @@ def size_ratio_5(lab: Laboratory) -> Judged:
 
 
 def few_grains(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     run = lab.run(lab.specimen(500))
     if lab.extent < 1.0:
         peak = (run.lab.deviatoric_stress() / run.lab.mean_stress()).values[-1]

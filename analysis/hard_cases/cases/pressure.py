@@ -22,7 +22,7 @@ from labkit.engines import FusedEngine
 
 
 def loose_cv(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen()
     run, reference = lab.run(state), lab.half_step(state)
     p = run.lab.mean_stress().values
@@ -51,7 +51,7 @@ def _strain_of_fall(run: xr.Dataset, fraction: float) -> float:
 
 
 def isod_to_nothing(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     run = lab.run(lab.specimen())
     end = read_checkpoint(lab.runs[-1])
     last = run.isel(time=-1)
@@ -94,7 +94,7 @@ def _flight(end: State) -> list[Check]:
 
 
 def isoc_beyond(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen()
     run = lab.run(state)
     p, overlap = run.lab.mean_stress().values, run["overlap_ratio"].values
@@ -111,7 +111,7 @@ def isoc_beyond(lab: Laboratory) -> Judged:
 
 
 def very_dense(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen()
     run = lab.run(state)
     p, overlap = run.lab.mean_stress().values, run["overlap_ratio"].values
@@ -124,7 +124,7 @@ def very_dense(lab: Laboratory) -> Judged:
 
 
 def very_loose(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     scene = lab.scene
     file = lab.folder / "s.state.nc"
     recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=lab.grains)
@@ -137,7 +137,7 @@ def very_loose(lab: Laboratory) -> Judged:
 
 
 def gentle_servo(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     run = lab.run(lab.specimen())
     p = run.lab.mean_stress().values
     return f"p {p.min() / 1e3:.2f} to {p.max() / 1e3:.2f} kPa; {ratio_text(run)}", [

@@ -23,7 +23,7 @@ KILLS = 10  # attempts to kill a run before it finishes
 
 
 def restart_in_reversal(lab: Laboratory) -> Judged:
-    """Runs the scene of this name from the command line, because only a process can be killed."""
+    """Runs the scene of the same name from the command line, because only a process can be killed."""
     whole_file, file = lab.file("run"), lab.file("killed")
     _finish(_command(lab, whole_file))
     whole = _kept(lab, whole_file)

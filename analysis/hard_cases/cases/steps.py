@@ -16,7 +16,7 @@ QUASI_STATIC = 20.0  # 1/s, the rate with which `fast` is compared
 
 
 def step_under(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     specimen = lab.specimen()
     state = with_step(specimen, 0.97 * _limit_over_step(specimen))
     run, reference = lab.run(state), lab.half_step(state)
@@ -28,7 +28,7 @@ def _limit_over_step(state: State) -> float:
 
 
 def step_over(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     specimen = lab.specimen()
     limit = _limit_over_step(specimen)
     over, apart = with_step(specimen, 1.03 * limit), _spread_out(with_step(specimen, 3.0 * limit), 1.08)
@@ -57,21 +57,21 @@ def _spread_out(state: State, factor: float) -> State:
 
 
 def step_outgrown(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     lk.run(lab.specimen(), IsotropicDilation(pressure=5e3), file=lab.file("loose"), progress=False)
     start = without_ledger(read_checkpoint(lab.file("loose")).at_rest())
     state = with_step(start, 0.99 * _limit_over_step(start))
     run, reference = lab.run(state), lab.half_step(state)
     end = read_checkpoint(lab.runs[-1])
     over = end.time_step / critical_time_step(end)
-    return f"time step 0.99 of the limit at the start, {over:.2f} of it at the end; {pressure_text(run)}", [
+    return f"time step 0.99 times the limit at the start, {over:.2f} times at the end; {pressure_text(run)}", [
         true("the time step exceeds the limit at the end", over > 1.0),
         *agree(run, reference, p=0.05, Z=0.1, e=2e-3),
     ]
 
 
 def fast(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen()
     run = lab.run(state)
     file = lab.shared / f"quasi_static_n{lab.grains}.run.nc"

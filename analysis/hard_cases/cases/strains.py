@@ -9,7 +9,7 @@ from analysis.hard_cases.laboratory import Judged, Laboratory
 
 
 def strain_100(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     state = lab.specimen(500)
     run, reference = lab.run(state), lab.half_step(state)
     strain, wanted = float(run["axial_strain"][-1]), lab.scene.strain * lab.extent
@@ -24,7 +24,7 @@ def strain_100(lab: Laboratory) -> Judged:
 
 
 def thin_cell(lab: Laboratory) -> Judged:
-    """Runs the scene of this name."""
+    """Runs the scene of the same name."""
     run = lab.run(lab.specimen(120))
     width = np.diagonal(run["cell"].values[-1]).min() / (2.0 * run["radius"].values.max())
     return f"cell height at the end {width:.2f} times the largest grain; {pressure_text(run)}", [
