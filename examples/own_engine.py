@@ -1,6 +1,4 @@
-"""A user-defined engine: grains follow the deformation of the cell exactly.
-
-This gives an upper bound on the stiffness.
+"""A user-defined engine: grains follow the deformation of the cell exactly, an upper bound on the stiffness.
 
 labkit run cv s.state.nc --strain 1e-3 --record-strain 1e-4 --engine affine --use examples/own_engine.py
 """

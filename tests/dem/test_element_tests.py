@@ -24,14 +24,14 @@ STRESS_PATHS = {
     "plane strain": tests.PlaneStrain(pressure=P, strain=0.02),
     "simple shear": tests.SimpleShear(pressure=P, strain=0.03),
     "pure shear": tests.SimpleShear(pressure=P, strain=0.03, spin=False),
-    "rotation of principal stresses": tests.StressRotation(pressure=P, strain=0.05),
+    "rotation of principal stresses": tests.StressRotation(pressure=P, strain=0.03),
     "drained cycles": cycles.DrainedCycles(pressure=P, amplitude=1e5, cycles=1),
 }
 
 
 @pytest.fixture(scope="module")
 def specimen():
-    return lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=500), lk.Scene(law="spring_dashpot"), progress=False)
+    return lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=300), lk.Scene(law="spring_dashpot"), progress=False)
 
 
 @pytest.mark.parametrize("name", STRESS_PATHS)
@@ -64,7 +64,7 @@ OPTIONS = {"progress": False, "save_every": 20, "record_strain": 5e-3, "snapshot
 @pytest.mark.parametrize(
     "path",
     [
-        tests.SimpleShear(pressure=P, strain=0.6, rate=150.0),
+        tests.SimpleShear(pressure=P, strain=0.6, rate=300.0),
         cycles.UndrainedCycles(amplitude=20e3, cycles=20, rate=20.0),
     ],
 )
