@@ -17,7 +17,7 @@ class InputError(ValueError):
 
     def __init__(
         self,
-        problem: str = "is not possible",
+        problem: str = "is not valid",
         *,
         field: str | None = None,
         value: Any = None,

@@ -72,7 +72,7 @@ class Parameter:
         return f"{number}, e.g. {self.example}"
 
     def error(
-        self, value: Any, problem: str = "is not possible", allowed: str | None = None, quoted: bool = False
+        self, value: Any, problem: str = "is not valid", allowed: str | None = None, quoted: bool = False
     ) -> InputError:
         """The InputError for an invalid value of this parameter."""
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
@@ -126,7 +126,7 @@ class Parameter:
         match = NUMBER.fullmatch(text)
         if not match:
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
-                raise self.error(text, "is not possible")
+                raise self.error(text, "is not valid")
             example = "20" if self.kind is int else self.example
             raise self.error(text, "is not a number", f"e.g. {example}", quoted=True)
         value, unit = float(match[1]), match[2]

@@ -198,7 +198,7 @@ def test_help_lists_the_options_of_user_defined_paths(folder, labkit_command):
     assert "--most" in said and "an option with a user-defined unit in N mm (default: 0.9)" in " ".join(said.split())
     assert "oedo" in said and "--most" not in labkit_command("run", "--help", cwd=folder).stdout
     done = labkit_command("run", "oedo", "s.state.nc", "--most", "2 N mm", "--use", "mine.py", cwd=folder)
-    assert done.returncode == 2 and "--most 2 is not possible: give 0 to 1 N mm" in done.stderr
+    assert done.returncode == 2 and "--most 2 is not valid: give 0 to 1 N mm" in done.stderr
     done = labkit_command("run", "cv", "s.state.nc", "--most", "0.5", "--use", "mine.py", cwd=folder)
     assert done.returncode == 2 and "--most is not a parameter of cv: leave it out" in done.stderr
 
@@ -486,7 +486,7 @@ MISTAKES = {
         "law mine cannot be compiled (",
     ),
     "law, no name": (LAW.format("return t").replace('name = "mine"', "other = 1"), "Mine has no name: give it one"),
-    "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not possible: give strain rates in x, y and z"),
+    "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not valid: give strain rates in x, y and z"),
     "path, extension": (
         PATH.format("(0, 0, -1)", ALONG),
         "for extension, reverse all three signs and make `strain` negative",

@@ -189,7 +189,7 @@ def collision_errors(time_step_fractions: Sequence[float]) -> pandas.DataFrame:
     """
     for fraction in time_step_fractions:
         if not 0.0 < fraction < 1.0:
-            raise InputError(f"a time step of {fraction:g} sqrt(m/kn) is not possible: use a value above 0 and below 1")
+            raise InputError(f"a time step of {fraction:g} sqrt(m/kn) is not valid: use a value above 0 and below 1")
     rows = []
     for collision in collisions():
         for fraction in time_step_fractions:

@@ -61,7 +61,7 @@ class YadeEngine(Engine):
         self.version = yade.config.version
         running = Omega().numThreads
         if threads != running:
-            reason = f"is not possible: this YADE was started with {running}"
+            reason = f"is not valid: this YADE was started with {running}"
             raise InputError(reason, field="threads", value=threads, allowed=f"{running}, or start yade -j{threads}")
         self.load(state)
 

@@ -65,7 +65,7 @@ def fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Fit:
     direction n (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises ValueError for an order other than 2 or 4.
     """
     if order not in (2, 4):
-        raise ValueError(f"order {order} is not possible: use 2 or 4")
+        raise ValueError(f"order {order} is not valid: use 2 or 4")
     zero4 = np.zeros((3, 3, 3, 3))
     if len(n) == 0:
         return Fit(np.nan, np.full((3, 3), np.nan), zero4 * np.nan if order == 4 else zero4)

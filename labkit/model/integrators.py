@@ -91,7 +91,7 @@ class Adaptive(Integrator):
     def __init__(self, tolerance: float = 1e-6, most_steps: int = 100_000) -> None:
         """`most_steps`: limit within one piece. Raises InputError for a tolerance outside 1e-13 to 0.1."""
         if not 1e-13 <= tolerance <= 1e-1:
-            raise InputError(f"--tolerance {tolerance:g} is not possible: give a number from 1e-13 to 0.1")
+            raise InputError(f"--tolerance {tolerance:g} is not valid: give a number from 1e-13 to 0.1")
         self.tolerance = tolerance
         self.most_steps = most_steps
         self.step = 1e-4
@@ -147,7 +147,7 @@ class FixedStep(Integrator):
     def __post_init__(self) -> None:
         """Raises InputError unless the length is positive."""
         if not (np.isfinite(self.length) and self.length > 0.0):
-            raise InputError(f"step {self.length:g} is not possible: give a positive strain")
+            raise InputError(f"step {self.length:g} is not valid: give a positive strain")
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         steps = max(1, int(np.ceil(span / self.length * (1.0 - 1e-9))))

@@ -84,7 +84,7 @@ def update(
     if not np.isfinite(increment).all():
         raise InputError("the strain increment has a component that is not finite: give finite strains")
     if not 1e-12 <= tolerance <= 1.0:
-        raise InputError(f"tolerance {tolerance:g} is not possible: give a number from 1e-12 to 1")
+        raise InputError(f"tolerance {tolerance:g} is not valid: give a number from 1e-12 to 1")
     n = len(state)
     new, stress = state.copy(), np.empty((n, 6))
     tangents = np.empty((n, 6, 6)) if tangent else np.empty((0, 6, 6))

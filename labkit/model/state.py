@@ -41,7 +41,7 @@ class ModelState:
         ):
             value = float(getattr(self, name))
             if not np.isfinite(value) or value < 0.0 or (name == "e" and value == 0.0):
-                raise InputError(f"{label} {value:g} is not possible: give a number {least}")
+                raise InputError(f"{label} {value:g} is not valid: give a number {least}")
             object.__setattr__(self, name, value)
         for name, label in (("A", "contact anisotropy A"), ("F", "force anisotropy F"), ("Ft", "mobilisation F^t")):
             tensor = require_symmetric(label, getattr(self, name), deviatoric=True)

@@ -59,22 +59,22 @@ BROKEN = {
         HEAD.replace("fused", "warp") + RUNS,
         [(1, "engine 'warp' is unknown: give one of yade, fused")],
     ),
-    "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 is not possible")]),
+    "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 is not valid")]),
     "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "snapshots 'many' is not a number: give e.g. 20")]),
     "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "cannot be the name of a folder")]),
     "void ratio missing": (specimen("grains: 150"), [(3, "void_ratio is missing")]),
-    "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 is not possible")]),
-    "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 is not possible")]),
+    "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 is not valid")]),
+    "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 is not valid")]),
     "void ratio a word": (specimen("void_ratio: dense, grains: 150"), [(3, "void_ratio 'dense' is not a number")]),
-    "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "void_ratio nan is not possible")]),
+    "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "void_ratio nan is not valid")]),
     "void ratio a list": (specimen("void_ratio: [0.6, 0.7], grains: 150"), [(3, "void_ratio is a list")]),
     "void ratio empty": (specimen("void_ratio: , grains: 150"), [(3, "void_ratio is empty")]),
-    "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 is not possible: give 100 to")]),
-    "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 is not possible")]),
+    "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 is not valid: give 100 to")]),
+    "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 is not valid")]),
     "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "grains 150.5 is not a whole number")]),
     "a side without a unit": (
         specimen("void_ratio: 0.67, side: 4"),
-        [(3, "side 4 is not possible: give a number above 0, at most 0.1 m")],
+        [(3, "side 4 is not valid: give a number above 0, at most 0.1 m")],
     ),
     "a side in MPa": (
         specimen("void_ratio: 0.67, side: 4 MPa"),
@@ -82,7 +82,7 @@ BROKEN = {
     ),
     "a side of a metre": (
         specimen("void_ratio: 0.67, side: 1 m"),
-        [(3, "side 1 is not possible: give a number above 0, at most 0.1 m")],
+        [(3, "side 1 is not valid: give a number above 0, at most 0.1 m")],
     ),
     "a side that holds nothing": (
         specimen("void_ratio: 0.67, side: 0.1 mm"),
@@ -102,7 +102,7 @@ BROKEN = {
         specimen("void_ratio: 0.67, grains: 150, law: paper").replace("cv,", "cv, engine: yade,"),
         [(5, "engine yade has no contact law spring_dashpot")],
     ),
-    "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time_step_factor 0 is not possible")]),
+    "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time_step_factor 0 is not valid")]),
     "a specimen that is a number": (
         HEAD + "  b: 3\n" + RUNS,
         [(4, "specimen b is a single value"), (4, "void_ratio is missing")],
@@ -155,14 +155,14 @@ BROKEN = {
     ),
     "pressure below zero": (
         run("path: cp, specimen: a, pressure: -1 MPa"),
-        [(5, "pressure -1e+06 is not possible: give a number above 0, at most 1e+12 Pa")],
+        [(5, "pressure -1e+06 is not valid: give a number above 0, at most 1e+12 Pa")],
     ),
     "pressure of cv": (run("path: cv, specimen: a, pressure: 1 MPa"), [(5, "not a parameter of cv")]),
     "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
-    "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 is not possible")]),
-    "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 is not possible")]),
+    "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 is not valid")]),
+    "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 is not valid")]),
     "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps for the shortest leg")]),
-    "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 is not possible")]),
+    "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 is not valid")]),
     "reversals that do not alternate": (
         run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),
         [(5, "does not reverse")],
@@ -172,7 +172,7 @@ BROKEN = {
     "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
     "time step of all": (
         "time_step_factor: -1\n" + specimen("void_ratio: 0.67"),
-        [(1, "time_step_factor -1 is not possible")],
+        [(1, "time_step_factor -1 is not valid")],
     ),
     "a consolidation on yade of a specimen with law paper": (
         specimen("void_ratio: 0.67, grains: 150, law: paper").replace(
@@ -191,7 +191,7 @@ BROKEN = {
     ),
     "time step of a run": (
         run("path: cv, specimen: a, time_step_factor: 100"),
-        [(5, "time_step_factor 100 is not possible")],
+        [(5, "time_step_factor 100 is not valid")],
     ),
     "five at once": (
         "settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1") + "  r: {path: cx, specimen: a}\n",

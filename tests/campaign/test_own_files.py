@@ -158,7 +158,7 @@ def test_invalid_keys_of_a_user_defined_path_are_reported_with_their_lines(tmp_p
     assert errors(labkit_command, tmp_path) == [
         "  line 9: run one: axial 40 has no unit, and is less than 100 Pa: "
         "give 40 MPa or kPa, or 40 Pa if that is meant",
-        "  line 10: run two: share 2 is not possible: give 0 to 1",
+        "  line 10: run two: share 2 is not valid: give 0 to 1",
         "  line 12: run three: 'axal' is unknown: did you mean 'axial'?",
         "  line 13: run four: share is not a parameter of cv: leave it out",
         "  line 14: run five: axial 1 mm has an unknown unit 'mm': give it in Pa, kPa, MPa, GPa",

@@ -57,7 +57,7 @@ BAD = {
     "no pressure to consolidate to": ("consolidate s.state.nc -o new.state.nc", "--pressure"),
     "strain of the wrong sign": (
         "run isod s.state.nc --strain 0.1 -o new.run.nc",
-        "strain 0.1 is not possible: give a negative number from -2",
+        "strain 0.1 is not valid: give a negative number from -2",
     ),
     "empty reversals": ("run cyclic_cp s.state.nc --reversals= -o new.run.nc", "reversals is empty"),
     "reversals that do not alternate": (
@@ -94,7 +94,7 @@ BAD = {
         "--law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot",
     ),
     "half a grain": (f"{SPECIMEN} 0.67 --grains 200.5", "--grains 200.5 is not a whole number"),
-    "negative snapshots": ("run cv s.state.nc --snapshots -1 -o new.run.nc", "--snapshots -1 is not possible"),
+    "negative snapshots": ("run cv s.state.nc --snapshots -1 -o new.run.nc", "--snapshots -1 is not valid"),
     "unknown settings": (
         "run cv s.state.nc --settings best -o new.run.nc",
         "--settings: 'best' is unknown: give one of quick, standard, reference (see labkit run --help)",

@@ -105,7 +105,7 @@ def test_a_bare_pressure_below_100_pa_is_refused(name, value):
 
 def test_the_check_of_bare_pressures_applies_only_to_unbounded_ranges():
     assert Scene(young_modulus=50.0).young_modulus == 50.0
-    assert refused(Layer, pressure=0.1).problem == "is not possible"
+    assert refused(Layer, pressure=0.1).problem == "is not valid"
 
 
 # --- ranges -----------------------------------------------------------------------------------------------------
@@ -135,23 +135,23 @@ def test_every_parameter_is_limited_to_its_range(kind):
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [
-        (Scene, {"friction": -0.1}, "friction -0.1 is not possible: give 0 to 10"),
-        (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not possible: give 1e-09 to 1000 m"),
-        (ConstantMeanStress, {"rate": 0.0}, "rate 0 is not possible: give a number above 0, at most 10000 1/s"),
+        (Scene, {"friction": -0.1}, "friction -0.1 is not valid: give 0 to 10"),
+        (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not valid: give 1e-09 to 1000 m"),
+        (ConstantMeanStress, {"rate": 0.0}, "rate 0 is not valid: give a number above 0, at most 10000 1/s"),
         (
             ConstantMeanStress,
             {"pressure": -1e5},
-            "pressure -100000 is not possible: give a number above 0, at most 1e+12 Pa",
+            "pressure -100000 is not valid: give a number above 0, at most 1e+12 Pa",
         ),
-        (PATHS["isod"], {"strain": 0.1}, "strain 0.1 is not possible: give a negative number from -2"),
-        (ConstantMeanStress, {"strain": "nan"}, "strain nan is not possible: give -2 to 2"),
+        (PATHS["isod"], {"strain": 0.1}, "strain 0.1 is not valid: give a negative number from -2"),
+        (ConstantMeanStress, {"strain": "nan"}, "strain nan is not valid: give -2 to 2"),
         (ConstantMeanStress, {"strain": "far"}, "strain 'far' is not a number: give e.g. 0.67"),
         (ConstantMeanStress, {"strain": ""}, "strain '' is not a number: give e.g. 0.67"),
         (ConstantMeanStress, {"strain": [0.1]}, "strain [0.1] is not a number: give -2 to 2"),
         (ConstantMeanStress, {"strain": True}, "strain True is not a number: give -2 to 2"),
         (ConstantMeanStress, {"strain": None}, "strain is not a number: give -2 to 2"),
-        (Options, {"snapshots": -1}, "snapshots -1 is not possible: give 0 to 1e+06"),
-        (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not possible: give a number above 0, at most 0.1 m"),
+        (Options, {"snapshots": -1}, "snapshots -1 is not valid: give 0 to 1e+06"),
+        (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not valid: give a number above 0, at most 0.1 m"),
     ],
 )
 def test_the_message_names_the_field_the_value_and_the_allowed_range(kind, values, message):
@@ -164,9 +164,9 @@ def test_a_front_end_can_rename_the_field_in_a_message():
         "step1_friction",
         -1,
         "0 to 10",
-        "is not possible",
+        "is not valid",
     )
-    assert error.said(named) == "--step1-friction -1 is not possible: give 0 to 10"
+    assert error.said(named) == "--step1-friction -1 is not valid: give 0 to 10"
     assert error.said(option_name) == error.said(named) and str(error).startswith("step1_friction -1")
     assert named("path") == "path" and isinstance(error, ValueError)
 
@@ -183,7 +183,7 @@ def test_integers(value):
 @pytest.mark.parametrize("value", [500.5, "500.5", math.nan, math.inf, "1e30"])
 def test_numbers_that_are_not_integers_are_refused(value):
     error = refused(Recipe, void_ratio=0.67, grains=value)
-    assert error.field == "grains" and error.problem in ("is not a whole number", "is not possible")
+    assert error.field == "grains" and error.problem in ("is not a whole number", "is not valid")
     assert refused(Recipe, void_ratio=0.67, seed=True).problem == "is not a number"
 
 

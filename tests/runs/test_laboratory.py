@@ -209,7 +209,7 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 gives 1 steps"),
         (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
         (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 are too many"),
-        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not possible"),
+        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not valid"),
         (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 is not"),
         (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
         (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses' is unknown"),

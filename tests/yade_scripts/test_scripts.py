@@ -21,7 +21,7 @@ def test_single_run(tmp_path, specimen_file):
 def test_invalid_input_of_a_single_run(tmp_path):
     command = ["yade", "-n", "-x", SCRIPTS / "specimen.py", "--void-ratio", "5", "-o", "s.state.nc"]
     done = subprocess.run([str(c) for c in command], cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 2 and "labkit: --void-ratio 5 is not possible" in done.stderr
+    assert done.returncode == 2 and "labkit: --void-ratio 5 is not valid" in done.stderr
     assert not list(tmp_path.iterdir())
 
 
