@@ -54,6 +54,8 @@ from labkit.runs import SHEAR, critical_states
 from labkit.visuals import micro_figures, plots
 
 DPI = 200
+CV_RUNS = ("cv-loose", "cv_other-loose_low", "cv-medium", "cv_other-medium_high", "cv-dense", "cv_other-dense_high")
+EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
 LOWEST_PRESSURE = 1e3  # Pa; below this, stress ratios are noise
 
 
@@ -97,9 +99,6 @@ def fig_4(runs: Runs, models: Models) -> Figure:
             first = next((runs[name] for name in names if name in runs), None)
             set_title(panels, f"CV, {density}" + ("" if first is None else f", e = {nominal(first):.3f}"))
         return finish(figure, models, [name for names in rows.values() for name in names if name not in runs])
-
-
-CV_RUNS = ("cv-loose", "cv_other-loose_low", "cv-medium", "cv_other-medium_high", "cv-dense", "cv_other-dense_high")
 
 
 def fig_5(runs: Runs, models: Models) -> Figure:
@@ -237,9 +236,6 @@ def _ends(table: pandas.DataFrame, grid: np.ndarray) -> None:
     for name, y, color in (("$A_{zz}$", "A_zz", "C0"), ("$F_{zz}$", "F_zz", "C1"), ("$5 F^t_{zz}$", "Ft_zz", "C2")):
         height = float(table[y].mean()) * (5 if y == "Ft_zz" else 1)
         tensor_panel.annotate(name, (1.01, height), xycoords=("axes fraction", "data"), color=color, va="center")
-
-
-EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
 
 
 def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "strain") -> Figure:
