@@ -1,4 +1,7 @@
-"""Speed and memory of the statistics of a run: for one snapshot in memory, and for the whole file read again."""
+"""Speed and memory of computing the statistics of a run.
+
+For one snapshot in memory, and for the whole file, reopened each time.
+"""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def options_of(kind: type) -> Keys:
 
 
 def given(values: Mapping[str, Any], kind: type) -> dict[str, Any]:
-    """Those of the values that are parameters of a dataclass."""
+    """The subset of the values that are parameters of a dataclass and may be set by a user."""
     known = options_of(kind)
     return {name: value for name, value in values.items() if name in known}
 

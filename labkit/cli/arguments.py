@@ -109,7 +109,7 @@ def threads(text: str) -> int:
 
 
 def parse_in_yade(parser: Parser) -> argparse.Namespace:
-    """Options of a script inside YADE: those of a row of the yade-batch table if there is one, else the command line.
+    """Options of a script inside YADE, from a row of the yade-batch table if there is one, else from the command line.
 
     A column of the table has the name of an option with `_` for `-`; strings are quoted.
     """

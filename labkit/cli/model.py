@@ -86,7 +86,10 @@ def model_options(parser: argparse.ArgumentParser) -> None:
 
 @command("model", model_options)
 def do_model(options: argparse.Namespace, argv: list[str]) -> None:
-    """Integrates the model and writes its run file, up to the failure if it fails. Raises InputError, PhysicsError."""
+    """Integrates the model and writes its run file; if the integration fails, the file contains the records up to then.
+
+    Raises InputError, PhysicsError.
+    """
     from labkit.dem.limits import exceeded
     from labkit.dem.scene import Scene
     from labkit.model.controls import model_path

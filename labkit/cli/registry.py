@@ -1,4 +1,4 @@
-"""Commands: the modules that define labkit's own, and how a command registers itself with its options."""
+"""The registry of commands: which modules define the built-in ones, and how a command registers itself."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ REGISTERED: dict[str, Command] = {}
 
 
 def command(name: str, options: Options, help: str = "") -> Callable[[Execute], Execute]:
-    """A decorator that registers a function as a command; `help`: summary of a command that is not labkit's own."""
+    """A decorator that registers a function as a command; `help`: its summary, unless the command is built in."""
 
     def register(execute: Execute) -> Execute:
         summary = help or LABKITS.get(name, ("", name))[1]

@@ -94,7 +94,10 @@ def do_specimen(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def specimen(options: argparse.Namespace, history: str, announced: bool = False) -> None:
-    """Makes a specimen, also inside YADE. history: for the file; announced: print the expected time."""
+    """Makes a specimen, also inside YADE.
+
+    history: command line to store as the history of the file; announced: whether to print the expected time.
+    """
     task = specimen_task(options, history)
     if File(str(task.output)).exists():
         if _holds(read_state(str(task.output)), task):
@@ -155,7 +158,10 @@ def do_consolidate(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def consolidation(options: argparse.Namespace, history: str, announced: bool = False) -> None:
-    """Consolidates a specimen, also inside YADE. history: for the file; announced: print the expected time."""
+    """Consolidates a specimen, also inside YADE.
+
+    history: command line to store as the history of the file; announced: whether to print the expected time.
+    """
     task = consolidation_task(options, history)
     state = _done(task, "consolidation", announced)
     error = pressure_error(state.snapshot(), task.pressure)
@@ -229,7 +235,10 @@ def do_run(options: argparse.Namespace, argv: list[str]) -> None:
 
 
 def run(options: argparse.Namespace, history: str, announced: bool = False) -> None:
-    """Loads a specimen along a path, also inside YADE. history: for the file; announced: print the expected time."""
+    """Loads a specimen along a path, also inside YADE.
+
+    history: command line to store as the history of the file; announced: whether to print the expected time.
+    """
     task = run_task(options, history)
     output = str(task.output)
     finished = _finished(output)

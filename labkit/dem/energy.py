@@ -39,7 +39,10 @@ def drift_velocity(state: State) -> np.ndarray:
 
 
 def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
-    """Kinetic energy relative to the mean field plus elastic energy, J. `snapshot`: of the state, if available."""
+    """Kinetic energy relative to the mean field plus elastic energy, J.
+
+    `snapshot`: the Snapshot of the state, if already computed.
+    """
     return kinetic_energy(state) + elastic_energy(snapshot or state.snapshot())
 
 
@@ -60,7 +63,7 @@ def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
     """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
 
     The reference is the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
-    `snapshot`: of the state, if available.
+    `snapshot`: the Snapshot of the state, if already computed.
     """
     ledger = state.ledger
     scale = max(abs(ledger.cell_work), ledger.start)
@@ -70,7 +73,10 @@ def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
 
 
 def require_balanced(state: State, snapshot: Snapshot | None = None) -> None:
-    """Raise PhysicsError if the error of the energy balance is too large. `snapshot`: of the state, if available."""
+    """Raise PhysicsError if the error of the energy balance is too large.
+
+    `snapshot`: the Snapshot of the state, if already computed.
+    """
     error = balance_error(state, snapshot)
     if not abs(error) <= BALANCE_LIMIT:
         raise PhysicsError(

@@ -25,7 +25,7 @@ def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
 def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, object]:
     """The variables of labkit.dem.recorded.record_table for one State, name -> value.
 
-    `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: of the state, if available.
+    `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: the Snapshot of the state, if already computed.
     """
     snapshot = snapshot or state.snapshot()
     scene, radius = state.scene, state.radius

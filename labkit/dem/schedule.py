@@ -62,8 +62,8 @@ class Schedule:
     def of(cls, path: Path, time_step: float, grains: int, options: Options) -> Schedule:
         """The schedule of a path with an axial rate, for a time step in s and a number of grains.
 
-        Records are `record_strain` of axial strain apart. Raises InputError if the rate fits neither the strain nor the
-        time step.
+        Records are spaced at intervals of `record_strain` in axial strain, rounded to whole steps. Raises InputError if
+        the path is inconsistent or the rate gives too few or too many steps.
         """
         path.require_consistent()
         record_strain = options.record_strain or path.record_strain

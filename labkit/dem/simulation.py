@@ -192,7 +192,10 @@ class _Loop:
         return last
 
     def is_kept_turn(self) -> bool:
-        """True if a reversal triggered by stress is stored with all contacts: at most `snapshots` of them are."""
+        """True if the record at a reversal triggered by stress is stored with all contacts.
+
+        At most `snapshots` of these records are.
+        """
         number = self.options.snapshots
         return bool(number) and self.position.leg % -(-self.path.legs() // number) == 0
 

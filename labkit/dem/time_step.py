@@ -20,7 +20,7 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     2/omega (sqrt(1 + zeta^2) - zeta). For all modes, K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and
     likewise for C. K_g (6 x 6) is the stiffness of one grain while all others are fixed: the energy k (u_a - u_b)^2/2
     of a contact is at most k (u_a^2 + u_b^2). K_g includes translation and rotation, tangential and rolling stiffness;
-    C includes the dashpots of the contact law. `snapshot`: of the state, if available.
+    C includes the dashpots of the contact law. `snapshot`: the Snapshot of the state, if already computed.
     """
     snapshot = snapshot or state.snapshot()
     contacts = snapshot.contacts
@@ -93,7 +93,10 @@ def _add_contacts(
 
 
 def require_stable(state: State, snapshot: Snapshot | None = None) -> None:
-    """Raise PhysicsError if the time step exceeds the stability limit. `snapshot`: of the state, if available."""
+    """Raise PhysicsError if the time step exceeds the stability limit.
+
+    `snapshot`: the Snapshot of the state, if already computed.
+    """
     limit = critical_time_step(state, snapshot)
     if state.time_step > limit:
         raise PhysicsError(

@@ -1,6 +1,7 @@
 """The fused engine: a compiled kernel, written for labkit's scenes, that runs without YADE in labkit's own Python.
 
-The contact law `rolling_resistance` follows YADE's formulas and order of operations, `spring_dashpot` follows Eqs. 1-3.
+The contact law `rolling_resistance` uses YADE's formulas, with the operations in the same order; `spring_dashpot` uses
+Eqs. 1-3.
 The results are bit-identical for any number of threads.
 """
 

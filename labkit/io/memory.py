@@ -1,4 +1,7 @@
-"""Returns the memory of large arrays to the system, so that the neighbour search holds only its own arrays."""
+"""Returns the memory of freed large arrays to the system.
+
+It then does not add to the memory that the neighbour search needs.
+"""
 
 from __future__ import annotations
 

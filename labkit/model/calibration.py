@@ -6,9 +6,9 @@ fitted, and fits Z, Lambda, A_zz, F_zz and F^t_zz of all runs simultaneously; it
 parameters. Stresses are not fitted: C0 gives them from these five variables. scipy does the optimisation.
 
 Standard errors come from the Jacobian at the solution and from the misfit of each variable, assuming that misfits of
-different records are independent. This holds for synthetic runs. In simulations the fluctuations of one test are
-correlated and the equations are not exact, so that the actual errors are larger: the number of records is divided by
-the correlation length of the misfit (`thinning`), which accounts for the correlation.
+different records are independent. This holds for synthetic runs. In simulations the fluctuations within one test are
+correlated and the equations are not exact, so the actual errors are larger. To account for the correlation, the number
+of records is divided by the correlation length of the misfit (`thinning`).
 """
 
 from __future__ import annotations

@@ -45,8 +45,8 @@ def rates_differentials(
 ) -> None:
     """Write d(dy/dt) to `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6), at state y (21,) and strain rate D.
 
-    Where D is isotropic, |rate| has no derivative: the mean of the two one-sided derivatives is used, in which the part
-    of |rate| that does not change sign with the direction cancels.
+    Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; terms that
+    are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel.
     """
     e, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
     n, rate, volumetric = eq.split_rate(D, c)

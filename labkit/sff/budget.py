@@ -4,7 +4,8 @@ A chain of stresses leads from C0 to Love's stress, each with one assumption few
 is the difference between two successive stresses:
 
     C0 -> E_PDF to order 4 -> Lambda_n to order 4 -> tangential force to order 2 -> the contacts themselves (Eq. 20)
-       -> with lambda' -> with the volume of whole grains -> each side with its own weight: Love (Eq. 4)
+       -> including lambda' -> with the full volume of each grain
+       -> with a separate weight for each contact side, which is Love's stress (Eq. 4)
 
 The contribution `sampling`, between the fits and the contacts themselves, contains the scatter of a finite sample and
 all orders above the fourth. Its standard error is comparable to its magnitude (see `standard_errors`).

@@ -2,8 +2,9 @@
 
     sigma = E Z Lambda/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
 
-Eqs. 19-21 express the stress by the normalised contact force Lambda, Eq. 22 splits it into a normal and a tangential
-part, and Eqs. 23-27 are the fits that are inserted to obtain C0. Eqs. 28-30 are C0 without the product of A and F.
+Eqs. 19-21 express the stress in terms of the normalised contact force Lambda, Eq. 22 splits it into a normal and a
+tangential part, and Eqs. 23-27 are the fits that are inserted to obtain C0. Eqs. 28-30 are C0 without the
+product of A and F.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def describe(run: xarray.Dataset) -> str:
 
 
 def add_heading(figure: Figure, run: xarray.Dataset, detail: str = "") -> None:
-    """Writes the description of the run above a figure, and below it the text already there and `detail`."""
+    """Writes the description of the run above a figure, followed below by the existing heading and `detail`."""
     lines = [describe(run), figure.get_suptitle(), detail]
     figure.suptitle("\n".join(line for line in lines if line), fontsize=10)
 

@@ -55,7 +55,7 @@ def group_stresses(
     width: float = WIDTH,
     axis: tuple[str, np.ndarray] | None = None,
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Draws `groups` from the results of the accessor.
+    """Draws the figure of `groups` from results of the accessor run.lab that are already computed.
 
     `stresses`: run.lab.size_groups(number); `love`: run.lab.love_stress(); `width` in inches; `axis`: label and
     values of the strain axis (default: axial strain, %).

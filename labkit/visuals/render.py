@@ -62,9 +62,10 @@ def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarr
 
 
 def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
-    """Fading to white of each pixel (rows, columns), 0 to 1, by its depth behind the faces of a cell at the origin.
+    """How far each pixel fades to white (rows, columns), 0 to 1.
 
-    cell (3, 3): cell vectors as columns; `length`: depth over which two thirds of the colour fade.
+    It depends on the depth of the pixel behind the faces of a cell at the origin. cell (3, 3): cell vectors as columns;
+    `length`: depth over which two thirds of the colour fade.
     """
     rows, columns = on.depth.shape
     x, y = (on.corner[k] + on.pixel * (np.arange(n) + 0.5) for k, n in ((0, columns), (1, rows)))

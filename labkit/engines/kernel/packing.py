@@ -221,6 +221,6 @@ def to_blocks(rows: np.ndarray, number: int) -> np.ndarray:
 
 
 def from_blocks(blocks: np.ndarray, count: int) -> np.ndarray:
-    """Return the rows (number, count) that to_blocks has converted."""
+    """Convert blocks back to rows (number, count); the inverse of to_blocks."""
     rows = blocks.reshape(len(blocks), -1, WIDTH).transpose(1, 0, 2)
     return rows.reshape(rows.shape[0], -1)[:, :count]
