@@ -55,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Runs the cases, or redraws the page; 1 if a case is silently wrong."""
+    """Runs the cases or rewrites the page; returns 1 if a case is silently wrong, else 0."""
     if options.redraw:
         return redraw(options.output)
     engines = ENGINES if options.engine == "both" else (options.engine,)
@@ -104,7 +104,7 @@ def study(
 
 
 def redraw(output: str | Path) -> int:
-    """Writes README.md again from hard_cases.csv in the same folder; 1 if a case is silently wrong.
+    """Writes README.md again from hard_cases.csv in the same folder; returns 1 if a case is silently wrong, else 0.
 
     Raises InputError if the folder does not hold hard_cases.csv.
     """

@@ -152,7 +152,7 @@ _ALL = (
     HardScene(
         name="step_outgrown",
         should="a time step just below the limit of a specimen with few contacts exceeds the limit once there are "
-        "many: the results are those with half that step, or the energy balance stops the run",
+        "many: the results match those with half that step, or the energy balance stops the run",
         verdict=LIMIT_REPORTED,
         path="isoc",
         strain=0.1,
@@ -169,7 +169,7 @@ _ALL = (
     ),
     HardScene(
         name="deep_overlaps",
-        should="grains placed at random, never relaxed: refused, with or without their contacts listed",
+        should="grains placed at random and not relaxed: the state is refused whether or not it lists their contacts",
         verdict=CLEAR_ERROR,
         path="cv",
         strain=0.02,

@@ -88,7 +88,7 @@ def _grain_steps(runs: pandas.DataFrame) -> pandas.Series:
 
 
 def bench_speeds(file: Path) -> dict[str, float]:
-    """Grain-steps per second of every engine in the benchmark of `./lab speed-error`, for the most grains in it.
+    """Grain-steps per second of every engine in the benchmark of `./lab speed-error`, for its largest specimen.
 
     Empty if the file is missing.
     """

@@ -164,10 +164,10 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
     """Two pandas.DataFrames: the numbers (COLUMNS) and the tested causes (CAUSES).
 
     `runs`: name -> run from analysis.paper.ends.in_memory; `study`: data set of ./lab speed-error, or None.
-    within: half-width of our 95 % interval, from the source named in `uncertainty_of`. in_units: difference over
-    within. seed_scatter, window_scatter: standard deviations of one test, between seeds and within its averaging
-    window. agrees: `yes` if the difference does not exceed `within` plus the paper's rounding, else `no`; `not
-    determined` if the runs do not determine the number; `no runs`.
+    within: half-width of our 95 % interval, from the source named in `uncertainty_of`. in_units: absolute
+    value of the difference divided by `within`. seed_scatter, window_scatter: standard deviations of one test, between
+    seeds and within its averaging window. agrees: `yes` if the difference does not exceed `within` plus the paper's
+    rounding, else `no`; `not determined` if the runs do not determine the number; `no runs`.
     """
     comparisons = end_comparisons(runs)
     rows, causes = [], []

@@ -43,7 +43,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="folder of specimens and runs, from which an interrupted study resumes "
         "(default: speed_error_full or speed_error_small)",
     )
-    parser.add_argument("--from", dest="earlier", help="study.nc of an earlier study whose tests are not repeated")
+    parser.add_argument(
+        "--from", dest="earlier", help="study.nc of an earlier study; tests it already contains are not run again"
+    )
     parser.add_argument("--jobs", type=positive_int, help="number of simultaneous runs (default: number of cores)")
     parser.add_argument(
         "--redraw",
@@ -93,7 +95,7 @@ def speed_error(
 ) -> list[Path]:
     """Runs the design in the folder `work` and writes the folder `output`; returns the files in it.
 
-    `earlier`: the study.nc of an earlier study whose tests are not repeated.
+    `earlier`: study.nc of an earlier study; tests it already contains are not run again.
     """
     design = DESIGNS[design_name]()
     if earlier:

@@ -140,7 +140,7 @@ def one_factor(base: Case) -> Iterator[Case]:
 
 
 def pairs(base: Case) -> Iterator[Case]:
-    """Pairs of factors that could interact: slowly decaying effects at a high rate, a dashpot and the time step, ..."""
+    """Pairs of factors that could interact: a high strain rate with factors whose effects decay slowly, etc."""
     for rate in (50.0, 200.0):
         fast = dataclasses.replace(base, rate=rate)
         yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.05", local_damping=0.05)

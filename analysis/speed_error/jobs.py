@@ -34,7 +34,8 @@ Job = tuple[Callable[..., object], tuple[Any, ...], float]  # a function, its ar
 def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -> None:
     """Makes the specimens and runs that the folder `work` lacks, `jobs` at a time.
 
-    Raises PhysicsError if a worker process fails. KeyboardInterrupt ends the worker processes first.
+    Raises PhysicsError if a worker process fails. On KeyboardInterrupt the worker processes are stopped before the
+    exception propagates.
     """
     work = Path(work)
     for folder in ("specimens", "runs", "results"):

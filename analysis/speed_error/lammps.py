@@ -5,9 +5,9 @@ from the same specimen:
 
 * after settling, the pressure is 2.1 % below that of the specimen; on the `fused` engine with the tangential forces
   reset to zero, it is 1.9 % below;
-* in CV at 20 1/s, q/p is 1.1 % low at 1 and 2 % strain, and 1 to 0.1 % low from 3 to 7 %; beyond that, they differ
-  by as much as two specimens do. The means from 10 to 20 % are q/p = 0.977 (fused 0.971) and p = 1.324 MPa (fused 1.316
-  without the initial tangential forces, 1.388 with them);
+* in CV at 20 1/s, q/p is 1.1 % low at 1 and 2 % strain, and 1 to 0.1 % low from 3 to 7 %; beyond that, LAMMPS
+  and `fused` differ by as much as two specimens do. The means from 10 to 20 % are q/p = 0.977 (fused 0.971) and
+  p = 1.324 MPa (fused 1.316 without the initial tangential forces, 1.388 with them);
 * six specimens of 500 grains at 100 1/s: LAMMPS relative to `fused`, with the tangential forces reset and the specimen
   settled there too (mean and standard error, %):
 
@@ -67,7 +67,7 @@ def shear_in_lammps(
     Raises InputError for an impossible path, PhysicsError if LAMMPS fails.
     """
     if records < 1:
-        raise InputError(f"{records} records are not possible: use 1 or more")
+        raise InputError(f"cannot write {records} records: use 1 or more")
     path = ConstantVolume(rate, strain)
     every = math.ceil(strain / (rate * state.time_step * records))
     steps = every * records

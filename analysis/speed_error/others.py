@@ -106,7 +106,7 @@ def model(table: pandas.DataFrame) -> str:
     path = table.iloc[0]
     return f"""## The model's integrators: steps against error
 
-[model_speed.txt](model_speed.txt) compares all integrators with several steps and tolerances, and gives the speed of
+[model_speed.txt](model_speed.txt) compares all integrators at several step sizes and tolerances, and gives the speed of
 the finite-element interface. With the default tolerance, a CV path to {100 * path["strain"]:g} % with
 {path["records"]:.0f} records takes {path["milliseconds"]:.3g} ms, with a stress error of {path["stress_error"]:.1e}.
 

@@ -95,8 +95,8 @@ def _how_to_read() -> str:
   most of the scatter. About one interval in twenty misses zero by chance.
 - **critical**: mean over the last quarter of the strain.
 - **cost**: wall time relative to a yardstick (the same steps of the same specimen, timed in the same process just
-  before and after the test), median over the specimens. The effect of other load on the computer partly cancels; an
-  error of about a fifth remains. The recommended settings were timed differently: by running them in turn.
+  before and after the test), median over the specimens. The effect of other load on the computer partly cancels; the
+  cost remains uncertain by about 20 %. The recommended settings were timed differently: by running them in turn.
 
 All changes are relative to the same three baseline tests, so their random error enters every row equally. The first
 row of a table of changes, the median over all cases, shows this error; it is subtracted in the comparison of the

@@ -21,7 +21,10 @@ def campaign_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file", metavar="FILE", nargs="?", help="campaign file (YAML), or `quick`, an example that comes with labkit"
     )
-    parser.add_argument("--folder", help="folder for the results (default: named after the campaign, in this folder)")
+    parser.add_argument(
+        "--folder",
+        help="folder for the results (default: a folder in the current directory, named after the campaign)",
+    )
     parser.add_argument(
         "--cores",
         type=positive_int,

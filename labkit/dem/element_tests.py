@@ -59,7 +59,7 @@ class TrueTriaxial(StressPath):
         """Checks that b and the Lode angle are not both given. Raises InputError."""
         super().__post_init__()
         if self.b is not None and self.lode_angle is not None:
-            raise InputError("is given together with b: give one of them", field="lode_angle")
+            raise InputError("and b are both given: give only one of them", field="lode_angle")
 
     @property
     def ratio(self) -> float:

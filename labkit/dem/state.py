@@ -220,6 +220,6 @@ def require_valid(state: State) -> None:
     if not state.volume > 0.0:
         raise ValueError("the cell has no volume")
     if np.abs(np.linalg.solve(state.cell, state.position.T)).max(initial=0.0) > FAR:
-        raise ValueError(f"a grain lies more than {FAR} cells away")
+        raise ValueError(f"a grain lies more than {FAR} cell lengths from the periodic cell")
     if contacts and not (0 <= state.contact_grain.min() and state.contact_grain.max() < grains):
         raise ValueError("contact_grain refers to grains that do not exist")

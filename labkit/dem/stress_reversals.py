@@ -52,7 +52,7 @@ class IsotropicReloading(_StressReversals):
     strain: float = parameter(
         0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before"
     )
-    pressures: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to visit")
+    pressures: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to reach in turn")
 
     name = "isotropic_reloading"
     direction = (1.0, 1.0, 1.0)
@@ -75,7 +75,7 @@ class OedometerReloading(_StressReversals):
     strain: float = parameter(
         0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before"
     )
-    stresses: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to visit")
+    stresses: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")
 
     name = "oedometer_reloading"
     record_strain = 2e-4

@@ -124,7 +124,7 @@ def test_the_lode_angle_is_an_alternative_to_b():
     assert tests.TrueTriaxial(lode_angle=0.0).ratio == 0.0
     assert tests.TrueTriaxial(lode_angle=30.0).ratio == pytest.approx(0.5)
     assert tests.TrueTriaxial(lode_angle=60.0).ratio == pytest.approx(1.0)
-    with pytest.raises(InputError, match="together with b"):
+    with pytest.raises(InputError, match="lode_angle and b are both given"):
         tests.TrueTriaxial(b=0.5, lode_angle=30.0)
 
 

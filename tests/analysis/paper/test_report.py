@@ -180,7 +180,7 @@ def test_run_names_and_verdicts_are_explained(opened):
     for part in ("cv_other", "_more-s2", "cp_start", "-paper"):
         assert f"\n{part}" in text or f" {part}" in text, part
     assert "half-width of our 95 % interval plus the rounding of the paper's number" in text
-    assert "One test means that a single test measures the number" in text
+    assert "One test means that the number was measured in a single test" in text
 
 
 def test_on_a_phone_tables_scroll_in_their_boxes_and_the_page_does_not(opened):
