@@ -75,7 +75,7 @@ def _specimen_of(item: Item) -> str:
 
 
 def expected_seconds(plan: Plan, costs: Mapping[Job, Cost], cores: int) -> float:
-    """Time for the plan on these cores, s; a job starts once the job before it is done and a core is free."""
+    """Time for the plan on these cores, s; a job starts once the jobs it depends on are done and a core is free."""
     free = [0.0] * cores
     done: dict[str, float] = {}
     for job in (*plan.specimens, *plan.consolidations, *sorted(plan.runs, key=lambda run: -costs[run].seconds)):

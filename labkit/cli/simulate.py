@@ -291,7 +291,7 @@ def _done(task: Task, title: str, announced: bool = False) -> State:
 def announcing(task: Task, title: str) -> Progress:
     """A progress function that first prints one line to standard error: engine, grains, steps and expected time.
 
-    It prints at the first report, so that invalid input, found before the engine starts, is reported by itself.
+    It prints with the first progress report, so that an input error, found before that, appears without it.
     """
     from labkit.campaign.cost import announcement
 

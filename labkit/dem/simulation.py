@@ -194,7 +194,7 @@ class _Loop:
     def is_kept_turn(self) -> bool:
         """True if the record at a reversal triggered by stress is stored with all contacts.
 
-        At most `snapshots` of these records are.
+        At most `snapshots` of these records are stored with their contacts.
         """
         number = self.options.snapshots
         return bool(number) and self.position.leg % -(-self.path.legs() // number) == 0

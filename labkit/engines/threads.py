@@ -32,7 +32,7 @@ class ThreadChoice:
         self._failures = 0  # consecutive trials in which several threads were not faster
 
     def steps(self, wanted: int) -> int:
-        """Number of steps to run before `record`, at most `wanted`."""
+        """Number of steps to run before the next call of `record`, at most `wanted`."""
         if self.most == 1:
             return wanted
         if self._seconds:

@@ -39,7 +39,7 @@ VERLET_DISTANCE = 0.1  # fraction of the mean radius: how far a grain may move b
 
 
 class YadeEngine(Engine):
-    """YADE with a State loaded. Raises InputError if `threads` differs from that of this YADE (`yade -jN`)."""
+    """YADE with a State loaded. Raises InputError unless YADE runs with `threads` threads (`yade -jN`)."""
 
     name = "yade"
 

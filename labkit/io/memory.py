@@ -1,6 +1,6 @@
 """Returns the memory of freed large arrays to the system.
 
-It then does not add to the memory that the neighbour search needs.
+Otherwise the freed memory would add to what the neighbour search needs.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ class Readings:
     compression: `minus`: f^{v,Z} = -exp(...) dZ^com/de (1 + e) in Eq. 31; `as_printed`: without the minus sign.
         Evidence: dZ^com/de is negative, and contacts form in compression; as printed they would be lost, and Z would
         no longer tend to the compression line.
-    beyond_e_cmax: `error`: the equations end at e_cmax, beyond which (e_cmax - e)^0.7 is undefined; `flat`: beyond
+    beyond_e_cmax: `error`: the equations hold up to e_cmax, beyond which (e_cmax - e)^0.7 is undefined; `flat`: beyond
         e_cmax Z^c = Z^com = 4 and Lambda^c = 0, one-sided and continuous. Evidence: Figs. 8 to 10 start at e0 = 0.77,
         beyond e_cmax = 0.76, so the authors' code must have handled this case; above the critical state line a sheared
         specimen loses its pressure, which corresponds to Lambda^c = 0, and Z^c cannot fall below 4, its value at zero

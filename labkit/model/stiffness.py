@@ -61,7 +61,7 @@ class HypoplasticForm:
     misfit: float
 
     def stress_rate(self, D: np.ndarray) -> np.ndarray:
-        """Stress rate of the form at strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
+        """Stress rate that this form gives at strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
         volumetric = np.trace(D, axis1=-2, axis2=-1)[..., None, None]
         deviator = D - volumetric / 3 * np.eye(3)
         size = np.linalg.norm(deviator, axis=(-2, -1))[..., None, None]

@@ -34,7 +34,7 @@ HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is check
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One line of the report; `decides` is True for a check, which can fail the verification, and False for a limit."""
+    """One line of the report; `decides` is True for a check, whose failure fails the run, and False for a limit."""
 
     name: str
     value: float

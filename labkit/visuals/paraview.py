@@ -1,7 +1,7 @@
 """Files for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
 
 The VTK XML files (.vtu) of the snapshots are listed with their times in .pvd files. SI units, single precision;
-compression positive. The files are written with meshio, which is hundreds of times smaller than VTK.
+compression positive. The files are written with meshio, a much smaller package than vtk.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def records(
 ) -> tuple[Figure, pandas.DataFrame]:
     """Any recorded variable, including user-defined ones, against axial strain; for a tensor, its components.
 
-    Of a symmetric tensor the six independent components are drawn (`xy = yx`), of any other tensor all nine. Raises
+    For a symmetric tensor the six independent components are drawn (`xy = yx`), for others all nine. Raises
     InputError if the run does not hold the variable.
     """
     names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]

@@ -149,7 +149,7 @@ def domain_contacts(
 
 @compiled
 def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
-    """Index of the first image among the sites: whole blocks of grains precede the images, one unused site follows."""
+    """Index of the first image among the sites: whole blocks of grains precede the images."""
     return len(sites) - 1 - len(owner)
 
 
