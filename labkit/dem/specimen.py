@@ -149,7 +149,7 @@ def make_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress
 
 
 def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
-    """A State at rest, relaxed from inserted grains: step 1 has their friction coefficients, step 2 those of `scene`."""
+    """A State at rest, relaxed from inserted grains with their friction in step 1 and that of `scene` in step 2."""
     engine = start(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
     release(engine, lambda f, text: progress(0.3 * f, text))
