@@ -25,7 +25,8 @@ def of_test(test: Any) -> float:
 def welch(a: np.ndarray, b: np.ndarray) -> float:
     """Half-width for mean(a) - mean(b), two independent samples (n,) and (m,) with unequal variances (Welch).
 
-    A sample with one value is given the scatter of the other. 0 if neither sample scatters; NaN for two single values.
+    A sample with one value is given the scatter of the other. 0 if both samples have zero scatter; NaN for two
+    single values.
     """
     if max(a.size, b.size) < 2:
         return math.nan

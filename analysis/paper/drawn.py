@@ -52,7 +52,7 @@ OTHERS: dict[str, Callable[[Path], Figure]] = {  # from other files in the folde
 
 
 def draw_all(runs: Runs, folder: Path, progress: Progress) -> Iterator[Path]:
-    """Writes every figure into `folder`, which also has the other data of the figures; yields the files.
+    """Writes every figure into `folder`, which also contains the data that the figures use; yields the files.
 
     `progress`: called with (fraction, text).
     """

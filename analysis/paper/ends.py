@@ -24,7 +24,7 @@ OTHERS = ("share_", "full_")  # tests that compare engines and contact laws
 
 
 def in_memory(runs: Runs) -> dict[str, xr.Dataset]:
-    """The same runs with their records in memory, without contacts and grains; attribute `grains` is their number."""
+    """The same runs with their records in memory, without contacts and grains; `grains` holds the number of grains."""
     loaded = {}
     for name, run in runs.items():
         loaded[name] = run[[key for key in RECORD if key in run]].drop_dims("snapshot", errors="ignore").load()
@@ -81,7 +81,7 @@ COLUMNS = ("run", "path", "strain", "M", "M_scatter", "p_MPa", "e", "Z", "Lambda
 def extrapolated(runs: Runs) -> pandas.DataFrame:
     """The values of `ends` at infinite strain: a + b exp(-strain/s) fitted to the last half of the strain of each test.
 
-    A table with the columns of `ends` without M_scatter, and relaxation_strain: the value of s shared by all
+    A table with the columns of `ends` except M_scatter, plus relaxation_strain: the value of s shared by all
     quantities of a test, chosen from RELAXATIONS by maximum likelihood with a separate scatter for each quantity.
     """
     rows = []

@@ -304,15 +304,13 @@ def failures(errors: pandas.DataFrame) -> list[str]:
                 continue
             reproduced = "reproduced" if e > FAILS * q else "not reproduced"
             sentences.append(
-                f"- Void ratio in {kind}, {LABELS[label]}: median error {e:.0%} of its range, against {q:.0%} of the "
-                f"largest value for q. The shortcoming reported in the paper is {reproduced}."
+                f"- Void ratio in {kind}, {LABELS[label]}: the median error of e is {100 * e:.0f} % of its range; "
+                f"that of q is {100 * q:.0f} % of its largest value. The shortcoming reported in the paper is "
+                f"{reproduced}."
             )
     early = errors[errors["status"].fillna("").ne("") & (errors["reached"] < 1.0)]
     for _, row in early.iterrows():
-        sentences.append(
-            f"- {row['run']}, {LABELS[row['parameters']]}: the model stops after {row['reached']:.0%} of the strain "
-            f"({row['status']})."
-        )
+        sentences.append(f"- {row['run']}, {LABELS[row['parameters']]}: the model stops early: {row['status']}.")
     return sentences
 
 

@@ -18,7 +18,7 @@ TABLE_2, CALIBRATED = "Table 2", "calibrated"
 def models(folder: str | File) -> dict[str, Model]:
     """Name -> Model: `Table 2`, and `calibrated` if `folder` contains calibrated.json. Raises InputError.
 
-    They continue beyond e_cmax (beyond_e_cmax = flat), as the loose tests do.
+    The models continue beyond e_cmax (beyond_e_cmax = flat), as the loose tests do.
     """
     chosen = {TABLE_2: Model()}
     file = File(folder) / "calibrated.json"

@@ -50,7 +50,7 @@ def notebook_files(folder: str | Path) -> list[Path]:
     """Notebooks in a folder, sorted by name. Raises InputError if there are none."""
     files = sorted(Path(folder).glob("*.ipynb"))
     if not files:
-        raise InputError(f"{folder} contains no notebooks: use the folder analysis of labkit's repository")
+        raise InputError(f"{folder} contains no notebooks: use the `analysis` folder of labkit's repository")
     return files
 
 

@@ -29,8 +29,8 @@ RULE = (
     "that the paper prints with few digits can therefore agree although it lies well outside our interval. `exact` "
     "means that the number has no interval: it is a count, a worst value over all records, or measured on a single "
     "specimen. *One test* means that the number was measured in a single test: its interval is unknown, and only the "
-    "paper's rounding is allowed. Limits (*below ...*) have no rounding; a negative difference is the distance below "
-    "the limit."
+    "paper's rounding is allowed. For limits (*below ...*) no rounding is allowed; a negative difference is the "
+    "distance below the limit."
 )
 
 EXPLAINED = (

@@ -175,8 +175,8 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
     for axes, (label, *_) in zip(grid[-1], FACTORS.values(), strict=True):
         axes.set_xlabel(label)
     handles = [
-        Line2D([], [], ls="", marker="o", color="tab:blue", label="outside its 95 % interval"),
-        Line2D([], [], ls="", marker="o", mfc="w", color="tab:blue", label="inside: not distinguishable from zero"),
+        Line2D([], [], ls="", marker="o", color="tab:blue", label="95 % interval excludes zero"),
+        Line2D([], [], ls="", marker="o", mfc="w", color="tab:blue", label="not distinguishable from zero"),
         Line2D([], [], ls=":", color="0.5", label="baseline"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)

@@ -121,8 +121,8 @@ def _factors(data: xr.Dataset, table: pandas.DataFrame) -> str:
             factor, level = lines["factor"].iloc[0], level_text(lines["level"].iloc[0])
             rows.append([factor, level, f"{ratio:.2g}" if np.isfinite(ratio) else "-", *cells])
         text.append(
-            f"Changes in {path.upper()} tests relative to the baseline, %. Changes in bold lie outside their 95 % "
-            "interval; where only an interval is given, the change is not distinguishable from zero."
+            f"Changes in {path.upper()} tests relative to the baseline, %. For changes in bold the 95 % interval "
+            "excludes zero; where only an interval is given, the change is not distinguishable from zero."
         )
         text.append(markdown.table(["factor", "level", "cost", *(OBSERVABLES[name][0] for name in names)], rows))
     return "\n\n".join(text)
@@ -186,14 +186,15 @@ def _defaults(data: xr.Dataset, table: pandas.DataFrame) -> str:
             text = f"cost {lines['cost'].iloc[0]:.2g}, {len(clear)} of {len(lines)} changed"
             if len(clear):
                 largest = clear.loc[clear["change"].abs().idxmax()]
-                text += f", most of all {largest['label']} ({percent(largest['change'])})"
+                most = ":" if len(clear) == 1 else ", most of all"
+                text += f"{most} {largest['label']} ({percent(largest['change'])})"
             held = float(data["check"].sel(case=lines["case"].iloc[0], check_name="held_error").mean())
             cells.append(f"{level:g}: {text}; error of the held stress {100 * held:.2g} %")
         rows.append([f"{factor}: **{value:g}**", where, *(cells + ["-"] * (2 - len(cells)))])
     return (
         "## Every default and its neighbours\n\nCP tests with 1,000 grains, as in the baseline. Cost is relative to "
-        "the default; an observable counts as changed if its change, minus the median over all cases, lies outside its "
-        "95 % interval.\n\n"
+        "the default; an observable counts as changed if the 95 % interval of its change (minus the median over all "
+        "cases) excludes zero.\n\n"
         + markdown.table(["default", "where", "next lower", "next higher"], rows)
         + "\n\nCheaper settings that make no difference here were not adopted as defaults, to keep a safety margin. "
         "A longer time step approaches the stability limit of the paper's contact law (see the table of time steps), "
@@ -224,9 +225,9 @@ def _time_step(data: xr.Dataset) -> str:
         rows.append([*names, over, balance, f"{100 * held:.2g} %", effect])
     return """## The time step below and above the stability limit
 
-The checks of the time step and of the energy balance were disabled here, except in the cases combined with the rate, to
-see what happens. The limit is that of `labkit.dem.time_step`, a conservative bound; the table gives the mean over the
-specimens, and in brackets the range, which shows how many of them the check would refuse.
+The checks of the time step and of the energy balance were disabled here, except in the cases that also vary the
+strain rate, to see what happens. The limit is that of `labkit.dem.time_step`, a conservative bound; the table gives the
+mean over the specimens, the range in brackets, and how many of them the check would refuse.
 
 """ + markdown.table(
         [

@@ -79,7 +79,7 @@ def settings(
         "cp": "`labkit specimen --settings ...` and `labkit run --settings ...`; `standard` is the default. "
         f"CP tests at {PRESSURE / 1e6:g} MPa from e = {VOID_RATIO:g} to {100 * strain:g} % axial strain:",
         "cv": "At constant volume, where the pressure is not controlled. The rates and time steps are those of the "
-        "settings, but all tests use the same smaller number of grains, so the scatter between specimens is the one "
-        "for that number.",
+        "settings, but all tests use the same smaller number of grains, so the scatter is that of specimens of this "
+        "smaller size.",
     }
     return introduction[path], ["", *(NAMES[level] for level in levels)], rows

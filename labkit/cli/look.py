@@ -91,7 +91,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
     scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
-    print(f"M of all: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
+    print(f"mean M of all runs: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
     plots.save(plots.e_p_paths(runs, list_runs=True), options.output, files)
     print(f"figure: {options.output}")
     if options.csv:

@@ -166,7 +166,7 @@ class StressRotation(StressPath):
     """
 
     strain: float = parameter(0.4, above=0.0, high=10.0, help="rate times the duration of the test")
-    stress_ratio: float = parameter(0.4, above=0.0, high=1.5, help="ratio q/p that is kept while sigma_1 rotates")
+    stress_ratio: float = parameter(0.4, above=0.0, high=1.5, help="ratio q/p, held constant while sigma_1 rotates")
     rotation: float = parameter(180.0, above=0.0, high=3600.0, help="angle of rotation of sigma_1, degrees")
 
     name = "stress_rotation"
@@ -243,7 +243,10 @@ class Mixed(Path):
         (0.0,) * 6, help="prescribed strain rates divided by `rate`: xx,yy,zz,yz,xz,xy"
     )
     free: tuple[float, ...] = parameter((), help="strain rates that the servo adjusts: 6 numbers for each held stress")
-    measured: tuple[float, ...] = parameter((), help="coefficients of each held stress: 6 numbers, shear counted twice")
+    measured: tuple[float, ...] = parameter(
+        (),
+        help="coefficients of each held stress: 6 numbers; each shear coefficient applies to both symmetric components",
+    )
     target: tuple[float, ...] = parameter((), unit="Pa", help="held stresses")
 
     name = "mixed"

@@ -51,7 +51,9 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
         raise InputError(f"{name} has {len(e)} records with contacts: give a run with at least 10")
     travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(strain, axis=0), axis=(1, 2)))])
     if travelled[-1] == 0.0:
-        raise InputError(f"{name} contains no strain: calibration needs runs with strain; give another run")
+        raise InputError(
+            f"the specimen in {name} was not strained: calibration needs runs with strain; give another run"
+        )
     kept = np.unique(np.searchsorted(travelled, np.linspace(0.0, travelled[-1], min(MOST_RECORDS, len(e))) - 1e-15))
     kept = np.union1d(kept, _turns(strain[:, 2, 2]))  # reversals are part of the path
     return Observation(name, run.attrs["path"], to_six(np.diff(strain[kept], axis=0)), e[kept], values[kept])

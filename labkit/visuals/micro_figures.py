@@ -186,7 +186,11 @@ def _draw_rates(axes: Axes, changes: xarray.Dataset) -> None:
             changes[name].values[1:], changes["contacts"].values[:-1] * step / 100, where=long, out=step * np.nan
         )
         axes.plot(accumulated[1:], rate, "o-", ms=3, color=color, label=name)
-    axes.set(xlabel="accumulated axial strain (%)", ylabel="contacts per 1 % of strain (%)", ylim=(0, None))
+    axes.set(
+        xlabel="accumulated axial strain (%)",
+        ylabel="contacts gained or lost\nper 1 % strain (% of all contacts)",
+        ylim=(0, None),
+    )
 
 
 def _draw_lifetimes(axes: Axes, lives: xarray.Dataset) -> None:

@@ -187,7 +187,7 @@ def test_runs_without_contacts_or_strain_are_refused(model):
         observe("lost", lost)
     still = run.copy()
     still["strain"] = 0.0 * still["strain"]
-    with pytest.raises(InputError, match="no strain"):
+    with pytest.raises(InputError, match="not strained"):
         observe("still", still)
     with pytest.raises(InputError, match="no runs"):
         fit([])

@@ -89,7 +89,7 @@ def _kill_after(record: int, file: Path, command: list[str]) -> None:
                 f"the run ended with exit status {process.returncode} before it could be killed: {command}"
             )
         file.unlink()
-    raise InputError(f"the run finished before it could be killed {KILLS} times: use more --grains")
+    raise InputError(f"the run finished before it could be killed {KILLS} times: increase --grains")
 
 
 def _length(file: Path) -> int:
