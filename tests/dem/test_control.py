@@ -46,7 +46,7 @@ def test_an_impossible_control_names_the_stress(measure, free, said):
 
 
 def test_more_than_six_conditions_are_refused():
-    with pytest.raises(InputError, match="for k held stresses"):
+    with pytest.raises(InputError, match="with k held stresses"):
         Control(np.zeros((7, 3, 3)), np.zeros((7, 3, 3)), np.zeros(7))
 
 
