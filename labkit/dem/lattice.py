@@ -13,19 +13,24 @@ from labkit.dem.state import State
 MOST_TILT = 0.5 + 1e-6  # component of a cell vector along another one, divided by the length of the latter
 
 
+def _along(cell: np.ndarray) -> np.ndarray:
+    """[i, j]: component of cell vector i along vector j, divided by the length of j; zero for i = j. (3, 3)."""
+    product = cell.T @ cell
+    along = product / np.diag(product)
+    np.fill_diagonal(along, 0.0)
+    return along
+
+
 def tilt(cell: np.ndarray) -> float:
     """Largest component of a cell vector along another one, divided by the length of the latter. cell: (3, 3), m."""
-    product = np.abs(cell.T @ cell / np.diag(cell.T @ cell))
-    return float((product - np.diag(np.diag(product))).max())
+    return float(np.abs(_along(cell)).max())
 
 
 def reduction(cell: np.ndarray) -> np.ndarray:
     """The integer matrix U (3, 3) for which `cell` @ U is tilted by at most one half. cell: (3, 3), m."""
     reduced, U = np.array(cell, dtype=float), np.eye(3)
     for _ in range(100):
-        product = reduced.T @ reduced
-        along = product / np.diag(product)  # [i, j]: component of vector i along vector j divided by the length of j
-        np.fill_diagonal(along, 0.0)
+        along = _along(reduced)
         i, j = np.unravel_index(np.abs(along).argmax(), (3, 3))
         if abs(along[i, j]) <= MOST_TILT:
             break
@@ -43,13 +48,3 @@ def in_cell(state: State, U: np.ndarray) -> State:
         if (U[:, k] != np.eye(3)[k]).any():
             cell[:, k] = state.cell @ U[:, k]
     return state.replace(cell=cell, contact_shift=shift.astype(np.int32))
-
-
-def rotated(state: State, R: np.ndarray) -> State:
-    """The state in axes that are rotated by R (3, 3): positions, cell and forces turn together."""
-    turned = {
-        name: getattr(state, name) @ R.T
-        for name in ("position", "velocity", "angular_velocity", "tangential_force", "rolling_moment")
-    }
-    gradient = R @ state.velocity_gradient @ R.T
-    return state.replace(**turned, cell=R @ state.cell, velocity_gradient=gradient)
