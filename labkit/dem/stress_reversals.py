@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 import dataclasses
 from collections.abc import Mapping
 from typing import Any
@@ -15,24 +16,48 @@ from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.parameters import parameter
 
 
+def longest_strain(default: float, high: float) -> Any:
+    """The field `strain` of a path that usually ends at a stress."""
+    text = "maximum accumulated strain; the test ends there if it has not ended before"
+    return parameter(default, above=0.0, high=high, help=text)
+
+
 @dataclasses.dataclass(frozen=True)
 class _StressReversals(Path):
-    """A path that reverses whenever a stress reaches the next of `levels`."""
+    """A path that reverses when a stress reaches the level of its leg."""
 
+    @abc.abstractmethod
     def measured(self, stress: np.ndarray) -> float:
         """The stress that is compared with the levels, Pa."""
-        return float(mean_stress(stress))
 
-    def levels(self) -> tuple[float, ...]:
-        """Stresses, Pa, at which the path reverses; it ends at the last one."""
-        raise NotImplementedError
-
-    def legs(self) -> int:
-        return len(self.levels())
+    @abc.abstractmethod
+    def level(self, leg: int) -> float:
+        """The stress at which a leg ends, Pa."""
 
     def leg_ends(self, stress: np.ndarray, leg: int) -> bool:
         sign = 1.0 if leg % 2 == 0 else -1.0
-        return sign * (self.measured(stress) - self.levels()[leg]) >= 0.0
+        return sign * (self.measured(stress) - self.level(leg)) >= 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class _StressCycles(_StressReversals):
+    """A path on which q alternates between +- `amplitude`."""
+
+    strain: float = longest_strain(4.0, 50.0)
+    amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
+    cycles: int = parameter(10, low=1, high=100000, help="number of cycles")
+
+    record_strain = 2e-4
+    line_style = "-."
+
+    def measured(self, stress: np.ndarray) -> float:
+        return float(deviatoric_stress(stress))
+
+    def level(self, leg: int) -> float:
+        return self.amplitude if leg % 2 == 0 else -self.amplitude
+
+    def legs(self) -> int:
+        return 2 * self.cycles
 
 
 def _require_alternating(name: str, values: tuple[float, ...], example: str) -> None:
@@ -49,9 +74,7 @@ class IsotropicReloading(_StressReversals):
     """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
 
     rate: float | None = rate_parameter("strain rate in each direction", 5.0)
-    strain: float = parameter(
-        0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before"
-    )
+    strain: float = longest_strain(0.5, 10.0)
     pressures: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to reach in turn")
 
     name = "isotropic_reloading"
@@ -64,17 +87,21 @@ class IsotropicReloading(_StressReversals):
         super().__post_init__()
         _require_alternating("pressures", self.pressures, "1e6,0.3e6,2e6")
 
-    def levels(self) -> tuple[float, ...]:
-        return self.pressures
+    def measured(self, stress: np.ndarray) -> float:
+        return float(mean_stress(stress))
+
+    def level(self, leg: int) -> float:
+        return self.pressures[leg]
+
+    def legs(self) -> int:
+        return len(self.pressures)
 
 
 @dataclasses.dataclass(frozen=True)
 class OedometerReloading(_StressReversals):
     """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
 
-    strain: float = parameter(
-        0.5, above=0.0, high=10.0, help="maximum accumulated strain; the test ends there if it has not ended before"
-    )
+    strain: float = longest_strain(0.5, 10.0)
     stresses: tuple[float, ...] = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")
 
     name = "oedometer_reloading"
@@ -88,15 +115,18 @@ class OedometerReloading(_StressReversals):
     def measured(self, stress: np.ndarray) -> float:
         return float(stress[2, 2])
 
-    def levels(self) -> tuple[float, ...]:
-        return self.stresses
+    def level(self, leg: int) -> float:
+        return self.stresses[leg]
+
+    def legs(self) -> int:
+        return len(self.stresses)
 
     def held(self) -> tuple[Held, ...]:
         return (Held("lateral strains", "strain", np.eye(3)[:2]),)
 
 
 @dataclasses.dataclass(frozen=True)
-class UndrainedCycles(_StressReversals):
+class UndrainedCycles(_StressCycles):
     """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
 
     With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
@@ -104,26 +134,11 @@ class UndrainedCycles(_StressReversals):
     liquefaction).
     """
 
-    strain: float = parameter(
-        4.0, above=0.0, high=50.0, help="maximum accumulated strain; the test ends there if it has not ended before"
-    )
-    amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
     cycles: int = parameter(100, low=1, high=100000, help="number of cycles")
     strain_limit: float = parameter(0.05, above=0.0, high=1.0, help="axial strain at which the test ends")
 
     name = "undrained_cycles"
     direction = (-0.5, -0.5, 1.0)
-    record_strain = 2e-4
-    line_style = "-."
-
-    def measured(self, stress: np.ndarray) -> float:
-        return float(deviatoric_stress(stress))
-
-    def levels(self) -> tuple[float, ...]:
-        return (self.amplitude, -self.amplitude) * self.cycles
-
-    def legs(self) -> int:
-        return 2 * self.cycles
 
     def ends(self, record: Mapping[str, Any]) -> bool:
         return abs(record["axial_strain"]) > self.strain_limit
@@ -133,28 +148,11 @@ class UndrainedCycles(_StressReversals):
 
 
 @dataclasses.dataclass(frozen=True)
-class DrainedCycles(_StressReversals, StressPath):
+class DrainedCycles(_StressCycles, StressPath):
     """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`."""
 
-    strain: float = parameter(
-        4.0, above=0.0, high=50.0, help="maximum accumulated strain; the test ends there if it has not ended before"
-    )
-    amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
-    cycles: int = parameter(10, low=1, high=100000, help="number of cycles")
-
     name = "drained_cycles"
-    record_strain = 2e-4
     holds = "mean stress"
-    line_style = "-."
-
-    def measured(self, stress: np.ndarray) -> float:
-        return float(deviatoric_stress(stress))
-
-    def levels(self) -> tuple[float, ...]:
-        return (self.amplitude, -self.amplitude) * self.cycles
-
-    def legs(self) -> int:
-        return 2 * self.cycles
 
     def control(self) -> Control:
         return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
