@@ -152,14 +152,16 @@ class _Loop:
         Returns True if the path reverses there because of a stress.
         """
         on_stress = self.path.reverses_on_stress
-        turned = False
+        turned, stress = False, None  # of this instant, if it was needed
         while self.step < end and not self.stopped and not turned and not signals.caught:
             leg = self.position.leg if on_stress else self.schedule.leg(self.step)
+            if self.control and stress is None:
+                stress = self.engine.stress()
             self.gradient = velocity_gradient(
                 self.path,
                 self.schedule.sign * (-1.0) ** leg,
                 self.time_step,
-                self.engine.stress() if self.control else None,
+                stress,
                 self.stiffness,
                 self.gradient,
                 self.options.servo,
@@ -169,9 +171,13 @@ class _Loop:
             steps = min(self.options.servo.interval if self.control or on_stress else LISTEN, end - self.step)
             self.engine.advance(steps, self.gradient)
             self.step += steps
-            self.stopped = self.path.stops_early and self.path.stops(float(mean_stress(self.engine.stress())))
-            if on_stress and self.path.leg_ends(self.engine.stress(), leg):
-                turned, self.position = True, dataclasses.replace(self.position, leg=leg + 1)
+            stress = None
+            if self.path.stops_early or on_stress:
+                stress = self.engine.stress()
+                self.stopped = self.path.stops(float(mean_stress(stress)))
+                turned = self.path.leg_ends(stress, leg)
+            if turned:
+                self.position = dataclasses.replace(self.position, leg=leg + 1)
                 self.stopped = self.stopped or leg + 1 == self.path.legs()
         return turned
 
