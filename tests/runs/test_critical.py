@@ -69,8 +69,8 @@ def test_the_command_averages_only_the_runs_that_reach_a_critical_state(files, m
     done = labkit_command("critical", *files.values(), model_file, "-o", tmp_path / "all.png")
     alone = labkit_command("critical", *(files[name] for name in LONG), "-o", tmp_path / "alone.png")
     assert done.returncode == alone.returncode == 0, done.stderr
-    average = [line for line in alone.stdout.splitlines() if line.startswith("M of all")]
-    assert average and average == [line for line in done.stdout.splitlines() if line.startswith("M of all")]
+    average = [line for line in alone.stdout.splitlines() if line.startswith("mean M of all")]
+    assert average and average == [line for line in done.stdout.splitlines() if line.startswith("mean M of all")]
     assert done.stdout.count("left out: ") == 4 and "left out: short: ends at 4.00% axial strain" in done.stdout
     refused = labkit_command("critical", files["short"], "-o", tmp_path / "none.png")
     assert refused.returncode == 2 and len(refused.stderr.strip().splitlines()) == 1
