@@ -16,6 +16,7 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
     "notebooks": ("analysis.paper.notebooks", "execute the notebooks of analysis/, which plot stored results"),
     "report": ("analysis.paper.report", "write the HTML report of the paper's tests: figures, tables, provenance"),
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),
+    "other-paths": ("analysis.other_paths.command", "run paths beyond the paper's: errors of C0, strength"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
     "hard-cases": ("analysis.hard_cases.command", "run and judge scenes in which a simulation may go wrong; a page"),
 }

@@ -60,13 +60,13 @@ def main(options: argparse.Namespace, command: str) -> int:
     return int(code != 0)
 
 
-def simulate(folder: str | Path, cores: int, progress: Progress) -> int:
+def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path = TESTS) -> int:
     """Brings the campaign in `folder` up to date and returns its exit code.
 
-    It uses the campaign file in the folder, or else the paper's.
+    It uses the campaign file in the folder, or else `tests`.
     """
     folder = Path(folder)
-    file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else TESTS
+    file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else tests
     text = file.read_text(encoding="utf-8")
     plan = plan_of(read_campaign(file))
     return tell(plan, folder, run_workflow(plan, text, folder, cores, progress=progress))

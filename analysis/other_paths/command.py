@@ -1,0 +1,103 @@
+"""`./lab other-paths`: runs the campaign and writes results/other_paths, or rewrites it from the data set there."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas
+import xarray as xr
+
+from analysis.other_paths.collect import collect
+from analysis.other_paths.errors import REFERENCE, budget_table, comparison, error_table, form_table
+from analysis.other_paths.figures import error_figure, rotation_figure, strength_figure
+from analysis.other_paths.page import page
+from analysis.other_paths.strength import end_table, mean_table, model_strength, strength_ratio
+from analysis.paper.command import finished, simulate
+from analysis.places import results_folder
+from labkit.cli.arguments import positive_int
+from labkit.dem import Progress
+from labkit.errors import InputError
+from labkit.io import make_folder, reporter, write_text, write_with_provenance
+from labkit.model import Model
+from labkit.visuals import plots
+
+TESTS = Path(__file__).with_name("paths.yaml")
+DATA = "statistics.nc"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `./lab other-paths`."""
+    parser.add_argument(
+        "campaign",
+        nargs="?",
+        help="campaign folder, created or resumed (default: none; the tables and figures are written again from "
+        "statistics.nc in the output folder)",
+    )
+    parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
+    parser.add_argument(
+        "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        default=results_folder("other_paths"),
+        help="folder for the results (default: results/other_paths)",
+    )
+
+
+def main(options: argparse.Namespace, command: str) -> int:
+    """Runs the campaign if one is given and writes all results; returns 1 if a run failed."""
+    code, folder = 0, Path(make_folder(options.output, "--output"))
+    if options.campaign:
+        if not options.as_is:
+            code = simulate(options.campaign, options.cores, reporter("campaign"), TESTS)
+        collect(finished(options.campaign), folder / DATA, command, reporter("statistics"))
+    if not (folder / DATA).exists():
+        raise InputError(f"{folder} contains no {DATA}: give the folder of a campaign")
+    for file in write(folder, command, reporter("tables")):
+        print(file)
+    return int(code != 0)
+
+
+def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
+    """Writes the tables, the figures and the page from the data set in a folder; yields the files."""
+    source = folder / DATA
+    with xr.open_dataset(source) as opened:
+        data = opened.load()
+    data = data.set_coords(["test", "specimen"])
+    progress(0.0, "errors of C0")
+    errors, ends = error_table(data), end_table(data)
+    tables = {
+        "c0_errors": errors,
+        "c0_forms": form_table(data),
+        "c0_budget": budget_table(data),
+        "c0_comparison": comparison(errors),
+        "ends": ends,
+        "strength": mean_table(ends),
+    }
+    progress(0.3, "model")
+    start = data.sel(run=data["run"].values[data["test"].values == REFERENCE][0]).isel(point=0)
+    b = np.linspace(0.0, 1.0, 11)
+    model = Model().reading(beyond_e_cmax="flat")
+    strength = model_strength(model, float(start["void_ratio_nominal"]), float(start["coordination_number"]), b)
+    tables["model_strength"] = pandas.DataFrame({"b": b, "M": strength})
+    for name, table in tables.items():
+        file = folder / f"{name}.csv"
+        write_with_provenance(file, table.to_csv(index=False, float_format="%.5g"), [source], command)
+        yield file
+    progress(0.7, "figures")
+    figures = {
+        "strength": strength_figure(ends, tables["strength"], {"b": b, "M": strength}),
+        "c0_errors": error_figure(errors),
+        "c0_components": rotation_figure(data),
+    }
+    for name, figure in figures.items():
+        plots.save(figure, folder / f"{name}.png", [source], command)
+        yield folder / f"{name}.png"
+    write_text(folder / "README.md", page(tables, strength_ratio(ends), command))
+    yield folder / "README.md"
+    progress(1.0, "done")
