@@ -50,7 +50,7 @@ def reduced(run: xr.Dataset) -> xr.Dataset:
     at = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
     at = at.drop_vars(["row_start", "record", "snapshot"], errors="ignore")
     at["snapshot_stress"] = run.lab.at_snapshots("stress")
-    at["snapshot_strain"] = ("snapshot", accumulated[run["record"].values])
+    at["snapshot_accumulated"] = ("snapshot", accumulated[run["record"].values])
     return xr.merge([records.reset_coords(drop=True), at.reset_coords(drop=True)])
 
 

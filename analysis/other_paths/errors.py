@@ -76,7 +76,7 @@ def form_table(data: xr.Dataset) -> pandas.DataFrame:
     """Errors of the equations related to C0 at the snapshots, a row per test and form: means over the specimens."""
     rows = []
     for name in data["run"].values:
-        run = data.sel(run=name).dropna("snapshot", subset=["snapshot_strain"])
+        run = data.sel(run=name).dropna("snapshot", subset=["snapshot_accumulated"])
         love = run["snapshot_stress"].values.astype(float)
         for form in run["form"].values:
             values = errors_of(run["stress_family"].sel(form=form).values.astype(float), love)
@@ -94,7 +94,7 @@ def budget_table(data: xr.Dataset) -> pandas.DataFrame:
     """
     rows = []
     for name in data["run"].values:
-        run = data.sel(run=name).dropna("snapshot", subset=["snapshot_strain"])
+        run = data.sel(run=name).dropna("snapshot", subset=["snapshot_accumulated"])
         love = run["snapshot_stress"].values.astype(float)
         p, q = mean_stress(love), equivalent_stress(love)
         kept = (p > LEAST_PRESSURE) & (q > LEAST_RATIO * p)

@@ -27,8 +27,8 @@ def page(tables: Mapping[str, pandas.DataFrame], ratio: Mapping[str, float], com
             [
                 "# Loading paths beyond the paper's",
                 "The paper tests C0 in axisymmetric compression alone. Here C0 is compared with Love's stress on true "
-                "triaxial paths, in extension, in simple shear and under rotating principal stresses, and the strengths "
-                "are compared: specimens of 4,000 grains at medium density, 500 kPa, `fused` with the spring-dashpot "
+                "triaxial paths, in extension, in simple shear and under rotating principal stresses; strengths are "
+                "compared: specimens of 4,000 grains at medium density, 500 kPa, `fused` with the spring-dashpot "
                 "law (`analysis/other_paths/paths.yaml`). A specimen counts once in every interval and test.",
                 f"Written by `{command}`; the runs by `./lab other-paths FOLDER`.",
                 "## Error of C0",
@@ -142,6 +142,6 @@ def _ratio(tables: Mapping[str, pandas.DataFrame], ratio: Mapping[str, float]) -
     measured = ratio["ratio"]
     return (
         f"**M_e/M_c = {measured:.3f} ± {ratio['within']:.3f}** (95 %, {ratio['specimens']} specimens, each tested in "
-        f"both directions). The model with Table 2: {model[-1] / model[0]:.3f}. Matsuoka and Nakai, through the measured "
-        f"compression strength: {nakai:.3f}."
+        f"both directions). The model with Table 2: {model[-1] / model[0]:.3f}. Matsuoka and Nakai, through the "
+        f"measured compression strength: {nakai:.3f}."
     )
