@@ -1,0 +1,91 @@
+"""Every path on YADE and on `fused`: whether the engines differ by more than two specimens do."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas
+import xarray as xr
+from scipy import stats
+
+import labkit as lk
+from analysis.other_paths.errors import equivalent_stress
+from labkit.dem import Progress
+from labkit.errors import InputError
+from labkit.micro import mean_stress
+
+POINTS = 200
+QUANTITIES = {"p": "p (% of its initial value)", "ratio": "q/p", "e": "e", "Z": "Z"}
+UNDRAINED = "undrained_cycles"
+LIQUEFIED = 0.95  # r_u at initial liquefaction
+
+
+def curves(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """p (over its initial value), q/p, e and Z at POINTS equal intervals of the duration of a run, each (POINTS,)."""
+    time = run["time"].values
+    at = np.linspace(0.0, time[-1], POINTS)
+    stress = run["stress"].values
+    p = mean_stress(stress)
+    values = {
+        "p": 100.0 * p / p[0],
+        "ratio": equivalent_stress(stress) / np.maximum(p, 1e-3 * p[0]),
+        "e": run["void_ratio"].values,
+        "Z": run["coordination_number"].values,
+    }
+    return {name: np.interp(at, time, value) for name, value in values.items()}
+
+
+def read_curves(files: Sequence[Path], progress: Progress) -> dict[tuple[str, str, str], dict[str, np.ndarray]]:
+    """(test, specimen, engine) -> curves of the runs. Raises InputError if an engine is missing."""
+    found = {}
+    for k, file in enumerate(files):
+        test, specimen, engine = file.name.removesuffix(".run.nc").rsplit("-", 2)
+        progress(k / len(files), f"reading {test}")
+        with lk.open_run(file) as run:
+            found[test, specimen, engine] = curves(run)
+    if {engine for _, _, engine in found} != {"yade", "fused"}:
+        raise InputError("the campaign has runs of one engine only: finish the campaign of engines.yaml")
+    return found
+
+
+def distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Root mean square of the difference of two curves (n,)."""
+    return float(np.sqrt(np.mean((a - b) ** 2)))
+
+
+def agreement(found: Mapping[tuple[str, str, str], Mapping[str, np.ndarray]]) -> pandas.DataFrame:
+    """Difference of the engines beside that of the specimens; a pandas.DataFrame with a row per test and quantity.
+
+    engines: root mean square along the test of YADE minus fused, from the same specimen, mean over the specimens;
+    specimens: the same between two specimens on one engine, mean over all pairs; difference: YADE minus fused in the
+    mean over the last quarter, mean over the specimens; p_value: of the paired t-test over the specimens that it is
+    zero; corrected: the same after Benjamini and Hochberg over all rows.
+    """
+    rows = []
+    for test in dict.fromkeys(test for test, _, _ in found):
+        of_test = {key[1:]: value for key, value in found.items() if key[0] == test}
+        both = [s for s in sorted({s for s, _ in of_test}) if (s, "yade") in of_test and (s, "fused") in of_test]
+        for quantity in QUANTITIES:
+            curve = {key: value[quantity] for key, value in of_test.items()}
+            pairs = [(curve[s, "yade"], curve[s, "fused"]) for s in both]
+            others = [(curve[a, e], curve[b, e]) for e in ("yade", "fused") for a, b in itertools.combinations(both, 2)]
+            last = [float((yade - fused)[-POINTS // 4 :].mean()) for yade, fused in pairs]
+            spread = len(last) > 1 and np.ptp(last) > 0.0
+            rows.append(
+                {
+                    "test": test,
+                    "quantity": quantity,
+                    "specimens": len(both),
+                    "engines": np.mean([distance(*pair) for pair in pairs]),
+                    "between_specimens": np.mean([distance(*pair) for pair in others]),
+                    "difference": np.mean(last),
+                    "p_value": stats.ttest_1samp(last, 0.0).pvalue if spread else np.nan,
+                }
+            )
+    frame = pandas.DataFrame(rows)
+    tested = frame["p_value"].notna()
+    frame.loc[tested, "corrected"] = stats.false_discovery_control(frame.loc[tested, "p_value"])
+    return frame
