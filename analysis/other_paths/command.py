@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ import pandas
 import xarray as xr
 
 from analysis.other_paths.collect import collect
+from analysis.other_paths.engines import agreement, cycles_table, liquefaction_figure, read_curves
 from analysis.other_paths.errors import REFERENCE, budget_table, comparison, error_table, form_table
 from analysis.other_paths.figures import error_figure, rotation_figure, strength_figure
 from analysis.other_paths.page import page
@@ -25,7 +26,7 @@ from labkit.io import make_folder, reporter, write_text, write_with_provenance
 from labkit.model import Model
 from labkit.visuals import plots
 
-TESTS = Path(__file__).with_name("paths.yaml")
+TESTS, ENGINES = (Path(__file__).with_name(name) for name in ("paths.yaml", "engines.yaml"))
 DATA = "statistics.nc"
 
 
@@ -37,6 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="campaign folder, created or resumed (default: none; the tables and figures are written again from "
         "statistics.nc in the output folder)",
     )
+    parser.add_argument("engines", nargs="?", help="folder of the campaign that compares the engines (default: none)")
     parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
     parser.add_argument(
         "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
@@ -56,11 +58,23 @@ def main(options: argparse.Namespace, command: str) -> int:
         if not options.as_is:
             code = simulate(options.campaign, options.cores, reporter("campaign"), TESTS)
         collect(finished(options.campaign), folder / DATA, command, reporter("statistics"))
+    if options.engines:
+        if not options.as_is:
+            code = code or simulate(options.engines, options.cores, reporter("engines"), ENGINES)
+        compare(finished(options.engines), folder, command, reporter("comparison"))
     if not (folder / DATA).exists():
         raise InputError(f"{folder} contains no {DATA}: give the folder of a campaign")
     for file in write(folder, command, reporter("tables")):
         print(file)
     return int(code != 0)
+
+
+def compare(files: Sequence[Path], folder: Path, command: str, progress: Progress) -> None:
+    """Writes engines.csv, liquefaction.csv and liquefaction.png from the runs that compare the engines."""
+    for name, table in (("engines", agreement(read_curves(files, progress))), ("liquefaction", cycles_table(files))):
+        text = table.to_csv(index=False, float_format="%.5g")
+        write_with_provenance(folder / f"{name}.csv", text, files, command)
+    plots.save(liquefaction_figure(files), folder / "liquefaction.png", files, command)
 
 
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
@@ -98,6 +112,9 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     for name, figure in figures.items():
         plots.save(figure, folder / f"{name}.png", [source], command)
         yield folder / f"{name}.png"
+    for name in ("engines", "liquefaction"):
+        if (folder / f"{name}.csv").exists():
+            tables[name] = pandas.read_csv(folder / f"{name}.csv")
     write_text(folder / "README.md", page(tables, strength_ratio(ends), command))
     yield folder / "README.md"
     progress(1.0, "done")

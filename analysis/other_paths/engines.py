@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,18 +10,73 @@ from pathlib import Path
 import numpy as np
 import pandas
 import xarray as xr
+from matplotlib.figure import Figure
 from scipy import stats
 
 import labkit as lk
-from analysis.other_paths.errors import equivalent_stress
 from labkit.dem import Progress
 from labkit.errors import InputError
-from labkit.micro import mean_stress
+from labkit.micro import equivalent_stress, mean_stress
+from labkit.visuals.frame import WIDTH, colors_for, new_figure
 
 POINTS = 200
 QUANTITIES = {"p": "p (% of its initial value)", "ratio": "q/p", "e": "e", "Z": "Z"}
 UNDRAINED = "undrained_cycles"
 LIQUEFIED = 0.95  # r_u at initial liquefaction
+
+
+def cycles_table(files: Sequence[Path]) -> pandas.DataFrame:
+    """Initial liquefaction of the undrained cyclic tests; a pandas.DataFrame with a row per run (run.lab.liquefaction).
+
+    Z and F are those of the first record and of the first one with r_u > 0.95; F is its Frobenius norm.
+    """
+    rows = []
+    for file in files:
+        test, specimen, engine = file.name.removesuffix(".run.nc").rsplit("-", 2)
+        if test != UNDRAINED:
+            continue
+        with lk.open_run(file) as run:
+            found, ratio = run.lab.liquefaction(), run.lab.pore_pressure_ratio().values
+            at = int(np.argmax(ratio > LIQUEFIED)) if (ratio > LIQUEFIED).any() else -1
+            Z, F = run["coordination_number"].values, np.linalg.norm(run["normal_force_anisotropy"].values, axis=(1, 2))
+            rows.append(
+                {
+                    "specimen": specimen,
+                    "engine": engine,
+                    **dataclasses.asdict(found),
+                    "Z_start": Z[0],
+                    "Z_liquefied": Z[at],
+                    "F_start": F[0],
+                    "F_liquefied": F[at],
+                    "finite": bool(np.isfinite(run["stress"].values).all()),
+                    "exceeded": run.attrs.get("exceeded", ""),
+                }
+            )
+    return pandas.DataFrame(rows)
+
+
+def liquefaction_figure(files: Sequence[Path]) -> Figure:
+    """r_u, Z and |F| of the undrained cyclic tests against the number of cycles; colour: specimen, dashed: YADE."""
+    figure = new_figure(WIDTH, 3.6)
+    panels = figure.subplots(1, 3)
+    chosen = [file for file in files if file.name.startswith(UNDRAINED)]
+    specimens = sorted({file.name.split("-")[1] for file in chosen})
+    colors = dict(zip(specimens, colors_for(len(specimens)), strict=True))
+    for file in chosen:
+        _, specimen, engine = file.name.removesuffix(".run.nc").rsplit("-", 2)
+        with lk.open_run(file) as run:
+            F = np.linalg.norm(run["normal_force_anisotropy"].values, axis=(1, 2))
+            values = (run.lab.pore_pressure_ratio().values, run["coordination_number"].values, F)
+            for panel, y in zip(panels, values, strict=True):
+                style = "--" if engine == "yade" else "-"
+                panel.plot(run.lab.cycles(), y, style, lw=0.8, color=colors[specimen], label=f"{specimen}, {engine}")
+    for panel, label in zip(panels, ("r_u = 1 - p/p_0", "coordination number Z", "|F|"), strict=True):
+        panel.set(xlabel="number of cycles N", ylabel=label)
+        panel.grid(alpha=0.25)
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8
+    )
+    return figure
 
 
 def curves(run: xr.Dataset) -> dict[str, np.ndarray]:

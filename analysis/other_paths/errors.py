@@ -10,7 +10,7 @@ import xarray as xr
 from scipy import stats
 
 from analysis import intervals
-from labkit.micro import mean_stress
+from labkit.micro import equivalent_stress, mean_stress
 from labkit.sff import PARTS
 
 REFERENCE = "compression"  # the kind of test in the paper
@@ -18,12 +18,6 @@ LEAST_PRESSURE = 50e3  # Pa
 LEAST_RATIO = 0.2  # q/p from which the error of q and the direction are evaluated
 COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 SIGNIFICANT = 0.05  # false discovery rate
-
-
-def equivalent_stress(stress: np.ndarray) -> np.ndarray:
-    """q = sqrt(3/2) |s|, s the deviator of the stress (..., 3, 3), Pa; not negative."""
-    deviator = stress - mean_stress(stress)[..., None, None] * np.eye(3)
-    return np.sqrt(1.5) * np.linalg.norm(deviator, axis=(-2, -1))
 
 
 def direction(stress: np.ndarray) -> np.ndarray:

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import pandas
 
 from analysis.markdown import table
-from analysis.other_paths.errors import COMPONENTS, REFERENCE
+from analysis.other_paths.engines import QUANTITIES
+from analysis.other_paths.errors import COMPONENTS, REFERENCE, SIGNIFICANT
 from analysis.other_paths.figures import TESTS
 from labkit.sff import PARTS
 
@@ -52,6 +53,8 @@ def page(tables: Mapping[str, pandas.DataFrame], ratio: Mapping[str, float], com
                 "of strain within that quarter, with the p-value of a t-test over the specimens that it is zero.",
                 _strength(tables["strength"]),
                 _ratio(tables, ratio),
+                *(_engines(tables["engines"]) if "engines" in tables else ()),
+                *(_liquefaction(tables["liquefaction"]) if "liquefaction" in tables else ()),
             ]
         )
         + "\n"
@@ -145,3 +148,55 @@ def _ratio(tables: Mapping[str, pandas.DataFrame], ratio: Mapping[str, float]) -
         f"both directions). The model with Table 2: {model[-1] / model[0]:.3f}. Matsuoka and Nakai, through the "
         f"measured compression strength: {nakai:.3f}."
     )
+
+
+def _engines(frame: pandas.DataFrame) -> list[str]:
+    tested = frame["corrected"].notna()
+    resolved = frame[tested & (frame["corrected"] < SIGNIFICANT)]
+    wide = {
+        name: frame.pivot_table(index="test", columns="quantity", values=name)
+        for name in ("engines", "between_specimens")
+    }
+    rows = []
+    for test in dict.fromkeys(frame["test"]):
+        pairs = [(wide["engines"].loc[test, q], wide["between_specimens"].loc[test, q]) for q in QUANTITIES]
+        rows.append([test, *(f"{a:.2g} / {b:.2g}" for a, b in pairs)])
+    names = ", ".join(f"{row.test} ({row.quantity}: {row.difference:+.2g})" for row in resolved.itertuples()) or "none"
+    return [
+        "## YADE and `fused`",
+        f"{int(frame['specimens'].max())} specimens of 500 grains on each path, same contact law (`engines.yaml`). "
+        "Root mean square along the test of the difference between the engines from the same specimen / between two "
+        "specimens on one engine:",
+        table(["test", *QUANTITIES.values()], rows, range(1, 1 + len(QUANTITIES))),
+        f"Differences of the means over the last quarter that are resolved ({int(tested.sum())} paired t-tests, "
+        f"corrected after Benjamini and Hochberg): {names}.",
+    ]
+
+
+def _liquefaction(frame: pandas.DataFrame) -> list[str]:
+    rows = [
+        [
+            f"{row.specimen}, {row.engine}",
+            *(
+                f"{getattr(row, name):.2f}"
+                for name in ("cycles_to_ratio", "cycles_to_double_amplitude", "largest_ratio")
+            ),
+            f"{row.Z_start:.2f} / {row.Z_liquefied:.2f}",
+            f"{row.F_start:.3f} / {row.F_liquefied:.3f}",
+        ]
+        for row in frame.itertuples()
+    ]
+    header = [
+        "run",
+        "cycles to r_u > 0.95",
+        "cycles to 5 % double amplitude",
+        "largest r_u",
+        "Z start / liquefied",
+        "F start / liquefied",
+    ]
+    return [
+        "## Undrained cycles to liquefaction",
+        "![liquefaction](liquefaction.png)",
+        "Constant volume, q = ±120 kPa, p_0 = 200 kPa.",
+        table(header, rows, range(1, 6)),
+    ]

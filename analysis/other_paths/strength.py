@@ -11,8 +11,7 @@ from scipy import optimize, stats
 
 import labkit as lk
 from analysis import intervals
-from analysis.other_paths.errors import equivalent_stress
-from labkit.micro import mean_stress
+from labkit.micro import equivalent_stress, mean_stress
 from labkit.model import Model, drive, isotropic_state
 
 WINDOW = 0.25  # the last quarter of the accumulated strain

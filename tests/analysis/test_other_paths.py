@@ -8,9 +8,9 @@ import xarray
 import labkit as lk
 from analysis.other_paths.collect import collect
 from analysis.other_paths.command import DATA, write
-from analysis.other_paths.errors import REFERENCE, comparison, direction, equivalent_stress, errors_of
+from analysis.other_paths.errors import REFERENCE, comparison, direction, errors_of
 from analysis.other_paths.strength import matsuoka_nakai, principal_stresses
-from labkit.micro import mean_stress
+from labkit.micro import equivalent_stress, mean_stress
 
 PATHS = {
     "compression": lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.02, rate=60.0),
