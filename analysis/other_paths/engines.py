@@ -56,7 +56,10 @@ def cycles_table(files: Sequence[Path]) -> pandas.DataFrame:
 
 
 def liquefaction_figure(files: Sequence[Path]) -> Figure:
-    """r_u, Z and |F| of the undrained cyclic tests against the number of cycles; colour: specimen, dashed: YADE."""
+    """r_u, Z and |F| of the undrained cyclic tests against the number of cycles; colour: specimen, dashed: YADE.
+
+    |F| is drawn where r_u < 0.95: it is not defined without contact forces.
+    """
     figure = new_figure(WIDTH, 3.6)
     panels = figure.subplots(1, 3)
     chosen = [file for file in files if file.name.startswith(UNDRAINED)]
@@ -65,8 +68,9 @@ def liquefaction_figure(files: Sequence[Path]) -> Figure:
     for file in chosen:
         _, specimen, engine = file.name.removesuffix(".run.nc").rsplit("-", 2)
         with lk.open_run(file) as run:
+            ratio = run.lab.pore_pressure_ratio().values
             F = np.linalg.norm(run["normal_force_anisotropy"].values, axis=(1, 2))
-            values = (run.lab.pore_pressure_ratio().values, run["coordination_number"].values, F)
+            values = (ratio, run["coordination_number"].values, np.where(ratio < LIQUEFIED, F, np.nan))
             for panel, y in zip(panels, values, strict=True):
                 style = "--" if engine == "yade" else "-"
                 panel.plot(run.lab.cycles(), y, style, lw=0.8, color=colors[specimen], label=f"{specimen}, {engine}")

@@ -93,7 +93,7 @@ def error_figure(errors: pandas.DataFrame) -> Figure:
         panel.grid(alpha=0.25)
     axes[0].set_yticks(range(len(tests)), [TESTS[test] for test in tests])
     axes[0].invert_yaxis()
-    axes[2].legend(frameon=False, fontsize=8, ncols=3)
+    figure.legend(*axes[2].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     return figure
 
 

@@ -31,7 +31,7 @@ def page(tables: Mapping[str, pandas.DataFrame], ratio: Mapping[str, float], com
                 "triaxial paths, in extension, in simple shear and under rotating principal stresses; strengths are "
                 "compared: specimens of 4,000 grains at medium density, 500 kPa, `fused` with the spring-dashpot "
                 "law (`analysis/other_paths/paths.yaml`). A specimen counts once in every interval and test.",
-                f"Written by `{command}`; the runs by `./lab other-paths FOLDER`.",
+                f"Written by `{command}`; the runs by `./lab other-paths PATHS ENGINES`, each campaign in its folder.",
                 "## Error of C0",
                 "![errors](c0_errors.png)",
                 "Errors relative to Love's stress, means over the test with p > 50 kPa (q: where q > 0.2 p) and over "
@@ -41,6 +41,7 @@ def page(tables: Mapping[str, pandas.DataFrame], ratio: Mapping[str, float], com
                 "Against compression on the same specimens, absolute errors, paired t-tests, corrected for all "
                 f"{int(tables['c0_comparison']['p_value'].notna().sum())} of them (Benjamini and Hochberg):",
                 _comparison(tables["c0_comparison"]),
+                _verdict(tables["c0_comparison"]),
                 "### Which assumption",
                 "Contribution of each assumption of C0 to its error in q, in % of q (snapshots with q > 0.2 p):",
                 _budget(tables["c0_budget"]),
@@ -105,6 +106,16 @@ def _comparison(frame: pandas.DataFrame) -> str:
         for row in frame.itertuples()
     ]
     return table(header, rows, range(2, 7))
+
+
+def _verdict(frame: pandas.DataFrame) -> str:
+    """The sentence about the comparison with compression."""
+
+    def named(verdict: str) -> str:
+        rows = frame[frame["verdict"] == verdict]
+        return "; ".join(f"{TESTS[row.test]}, {row.quantity}" for row in rows.itertuples()) or "no path"
+
+    return f"Less accurate than in compression: {named('less accurate')}. More accurate: {named('more accurate')}."
 
 
 def _budget(budget: pandas.DataFrame) -> str:
