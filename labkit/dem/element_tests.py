@@ -17,7 +17,7 @@ from labkit.dem.loading import Held, Path, StressPath, rate_parameter
 from labkit.dem.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.errors import InputError
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
-from labkit.parameters import parameter
+from labkit.parameters import parameter, parameters_of
 
 MEAN = np.eye(3) / 3.0
 SHEAR_XZ = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])  # SHEAR_XZ : sigma = sigma_xz
@@ -312,6 +312,9 @@ class Mixed(Path):
 
     def __post_init__(self) -> None:
         """Check and convert the fields. Raises InputError."""
+        for name in ("strain_rate", "free", "measured", "target"):
+            if isinstance(getattr(self, name), str):  # of the command line or a campaign
+                object.__setattr__(self, name, parameters_of(Mixed)[name].read(getattr(self, name)))
         for name in ("strain_rate", "free", "measured"):
             object.__setattr__(self, name, _tensors(name, getattr(self, name)))
         target = np.atleast_1d(np.asarray(self.target, dtype=float))

@@ -187,6 +187,12 @@ class Path(abc.ABC):
         """The value of the controlled strain or stress at which leg number `leg`, from 0, ends."""
         return self.turning_points()[leg]
 
+    @property
+    def coaxial(self) -> bool:
+        """True if the path neither prescribes nor controls a shear component: x, y and z are principal axes."""
+        control, flow = self.control(), self.flow(0.0)
+        return bool((control is None or control.coaxial) and np.array_equal(flow, np.diag(np.diag(flow))))
+
     def legs(self) -> int:
         """Number of legs, the pieces of the path between reversals."""
         return len(self.turning_points())

@@ -46,7 +46,7 @@ def _shear_strain(strain: np.ndarray) -> np.ndarray:
     """Horizontal displacement over height: gamma_xz = B_xz/B_zz with B = F F^T = exp(-2 eps)."""
     principal, direction = np.linalg.eigh(np.asarray(strain, dtype=float))
     B = np.einsum("...ik,...k,...jk->...ij", direction, np.exp(-2.0 * principal), direction)
-    return -B[..., 0, 2] / B[..., 2, 2]
+    return 0.0 - B[..., 0, 2] / B[..., 2, 2]
 
 
 AXIAL = StrainMeasure("axial strain", lambda strain: strain[..., 2, 2])

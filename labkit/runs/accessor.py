@@ -20,7 +20,7 @@ from labkit.micro.networks import Lives, follow, network_stress
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.micro.stress import love_stress, mean_stress
 from labkit.runs import tables
 from labkit.runs.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget
@@ -229,7 +229,7 @@ class Lab(OfRecords):
             with np.errstate(divide="ignore", invalid="ignore"):
                 values = {
                     "fraction": [mask.mean() if mask.size else np.nan for mask in masks],
-                    "share_of_q": np.array([deviatoric_stress(x) for x in parts]) / deviatoric_stress(whole),
+                    "share_of_q": self.part_of_q(np.array(parts), whole) / self.part_of_q(whole, whole),
                     "share_of_p": np.array([mean_stress(x) for x in parts]) / mean_stress(whole),
                 }
             return {name: (("definition",), value) for name, value in values.items()}

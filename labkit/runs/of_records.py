@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from labkit.dem.paths import Path, path_of
-from labkit.dem.strain_measures import AXIAL, StrainMeasure
+from labkit.dem.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.errors import InputError
 from labkit.micro.stress import (
     along_deviator,
@@ -38,7 +38,10 @@ class OfRecords:
     @property
     def strain_measure(self) -> StrainMeasure:
         """The scalar strain that suits the path; axial strain for a path that is not registered."""
-        return self.path.strain_measure() if self.path is not None else AXIAL
+        measure = self.path.strain_measure() if self.path is not None else AXIAL
+        if measure is SHEAR and self._run.attrs.get("engine") == "model":
+            return PURE_SHEAR  # the strain of the model is the integral of the strain rate, without the spin
+        return measure
 
     @property
     def axisymmetric(self) -> bool:
@@ -90,6 +93,18 @@ class OfRecords:
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Part of q that a tensor (..., 3, 3) adds: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q with s of `stress`."""
         return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
+
+    def component(self, name: str) -> xr.DataArray:
+        """Component of A, F or F^t that goes with q, DataArray (time).
+
+        On axisymmetric paths it is zz; on others the component T:s/|s| sqrt(2/3) along the stress deviator s, which is
+        T_zz in triaxial compression. `name`: `contact_anisotropy`, `normal_force_anisotropy` or `mobilisation`.
+        """
+        tensor, long_name = self._run[name].values, self._run[name].attrs.get("long_name", name)
+        if self.axisymmetric:
+            return self._scalar(tensor[:, 2, 2], "1", f"{long_name}, zz")
+        along = along_deviator(tensor, self._run["stress"].values) / 1.5
+        return self._scalar(along, "1", f"{long_name}, along the stress deviator")
 
     def lode_angle(self, name: str = "stress") -> xr.DataArray:
         """Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""

@@ -111,8 +111,12 @@ class Run:
         """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
-    def plot(self, figure: str = "test", **options: Any) -> Any:
-        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError."""
+    def plot(self, figure: str | None = None, **options: Any) -> Any:
+        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError.
+
+        figure: its name; by default the one that suits the path.
+        """
+        figure = figure or (self.path.figure if self.path is not None else "test")
         return FIGURES.require(figure, "figure")(self.data, **options)[0]
 
     def __repr__(self) -> str:
