@@ -53,11 +53,13 @@ def numbers(run: xr.Dataset) -> Numbers:
 
     User-defined statistics that the run recorded are included with their final value.
     """
-    p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
+    p, q = run.lab.mean_stress().values, run.lab.q().values
+    strain = run.lab.strain()
     ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
     values = {
         "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
+        "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
         "initial_mean_stress": (float(p[0]), "Pa", "mean stress at the start"),
         "final_mean_stress": (float(p[-1]), "Pa", "mean stress at the end"),
         "peak_stress_ratio": (float(np.nanmax(ratio, initial=-np.inf)), "1", "largest q/p"),
@@ -73,11 +75,25 @@ def numbers(run: xr.Dataset) -> Numbers:
         "steps": (float(run.attrs["steps"]), "1", "number of time steps"),
         "wall_time": (float(run.attrs["wall_time"]), "s", "wall time of the run"),
     }
+    values |= _cyclic(run)
     if is_shear(run):
         end = critical_states({"run": run}).iloc[0]
         for key, long_name in CRITICAL.items():
             values[f"critical_{key}"] = float(end[key]), "1", long_name
     return {**values, **{f"final_{name}": _at_end(run[name]) for name in run.data_vars if _is_own(run[name])}}
+
+
+def _cyclic(run: xr.Dataset) -> Numbers:
+    """Numbers of a cyclic test, and of its liquefaction if it is undrained."""
+    if run.lab.path is None or not run.lab.path.cyclic:
+        return {}
+    values: Numbers = {"cycles": (float(run.lab.cycles()[-1]), "1", "number of cycles")}
+    if run.lab.is_undrained:
+        found = run.lab.liquefaction()
+        values["largest_pore_pressure_ratio"] = found.largest_ratio, "1", "largest pore pressure ratio r_u"
+        values["cycles_to_pressure"] = found.cycles_to_ratio, "1", "cycles to r_u > 0.95"
+        values["cycles_to_strain"] = found.cycles_to_double_amplitude, "1", "cycles to a double amplitude of 5 % strain"
+    return values
 
 
 def _is_own(variable: xr.DataArray) -> bool:

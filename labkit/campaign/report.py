@@ -136,7 +136,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, Any] | None:
         value = {name: float(statistics[name]) for name in statistics}
     run = job.item
     assert isinstance(run, Run)
-    critical = abs(value["axial_strain_reached"]) >= ENOUGH_STRAIN * (1.0 - 1e-6)
+    critical = abs(value.get("strain_reached", value["axial_strain_reached"])) >= ENOUGH_STRAIN * (1.0 - 1e-6)
     return {
         "run": run.name,
         "path": run.path.name,
@@ -150,6 +150,8 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, Any] | None:
         "Z": value["final_coordination_number"],
         "peak q/p": value["peak_stress_ratio"],
         "M": value.get("critical_M", np.nan) if critical else np.nan,
+        "cycles": value.get("cycles", np.nan),
+        "largest r_u": value.get("largest_pore_pressure_ratio", np.nan),
         "C0 error, %": 100.0 * value["largest_sff_error"],
         "limits exceeded": ", ".join(one.name for one in limits),
         "time, s": value["wall_time"],

@@ -69,12 +69,12 @@ def statistics(plan: Plan, name: str) -> None:
 
 
 def figure(plan: Plan, name: str) -> None:
-    """Draws Love's stress and C0 during a run."""
-    from labkit.runs.dataset import open_run
+    """Draws the figure that suits the path of a run."""
+    from labkit.runs.run import Run as RunResult
     from labkit.visuals import plots
 
     file = Path(RUNS) / f"{name}.run.nc"
-    plots.save(plots.sff_against_love({name: open_run(file)}), Path(FIGURES) / f"{name}.png", [file])
+    plots.save(RunResult.open(file).plot(), Path(FIGURES) / f"{name}.png", [file])
 
 
 def report(plan: Plan) -> None:

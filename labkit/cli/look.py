@@ -6,7 +6,7 @@ import argparse
 import inspect
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from labkit.cli.arguments import one_of, positive_int
 from labkit.cli.parser import Parser, listed, summary_of
@@ -71,7 +71,7 @@ def critical_options(parser: argparse.ArgumentParser) -> None:
         "--min-strain",
         type=float,
         metavar="STRAIN",
-        help="axial strain that a test must reach to be included (default: 0.15)",
+        help="strain that a test must reach to be included: gamma_xz in simple shear, else axial (default: 0.15)",
     )
     _add_figure_output(parser, "critical.png", "critical.png")
     _add_csv(parser)
@@ -80,7 +80,7 @@ def critical_options(parser: argparse.ArgumentParser) -> None:
 @command("critical", critical_options)
 def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     """Prints the table of critical states and draws the e-p and q-p paths."""
-    from labkit.runs.critical import ENOUGH_STRAIN, critical_states, require_critical
+    from labkit.runs.critical import ENOUGH_STRAIN, critical_states, mean_strengths, require_critical
     from labkit.visuals import plots
 
     opened, min_strain = open_runs(options.run), ENOUGH_STRAIN if options.min_strain is None else options.min_strain
@@ -90,8 +90,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
     print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
-    scatter = f" +- {table['M'].std():.3f} between tests" if len(table) > 1 else ""
-    print(f"mean M of all runs: {table['M'].mean():.3f}{scatter} (paper: 0.92)")
+    print(*mean_strengths(runs, table), sep="\n")
     plots.save(plots.e_p_paths(runs, list_runs=True), options.output, files)
     print(f"figure: {options.output}")
     if options.csv:
@@ -101,8 +100,17 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
 def figure_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit figure`."""
     parser.add_argument("figure", metavar="FIGURE", type=one_of(FIGURES), help=f"one of {', '.join(FIGURES)}")
-    parser.add_argument("run", metavar="RUN", help="run file")
+    parser.add_argument(
+        "run", metavar="RUN", nargs="+", help="run file; several for stress_path, pi_plane, shear, cycles and test"
+    )
     parser.add_argument("--variable", help="recorded variable to draw (figure `records` only)")
+    parser.add_argument(
+        "--strength",
+        type=float,
+        metavar="M",
+        help="q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "
+        "tests drawn, else that of Table 2)",
+    )
     parser.add_argument(
         "--groups", type=positive_int, metavar="N", default=5, help="number of grain-size groups (default: 5)"
     )
@@ -122,32 +130,39 @@ def figure_options(parser: argparse.ArgumentParser) -> None:
 @command("figure", figure_options)
 def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
     """Draws a figure of a run, and prints its table or writes it as CSV."""
-    import labkit
     from labkit.runs.dataset import require_snapshots
     from labkit.visuals import plots
 
-    run = labkit.open_run(options.run)
+    runs = open_runs(options.run)
+    run = next(iter(runs.values()))
     draw = FIGURES.require(options.figure, "figure")
-    of_records = getattr(draw, "of_records", False)
-    output = options.output or figure_name(options.run, options.variable or options.figure)
+    if len(runs) > 1 and not getattr(draw, "of_runs", False):
+        raise InputError("draws one run", field="figure", value=options.figure, allowed="one run file")
+    output = options.output or figure_name(options.run[0], options.variable or options.figure)
     require_outputs(output, options.csv)
-    if not of_records:
-        require_snapshots(run, options.run, [options.snapshot], ", or draw the figure shares")
-    keywords = {"variable": options.variable} if options.variable is not None else {}
-    if keywords and "variable" not in inspect.signature(draw).parameters:
-        raise InputError(
-            f"applies only to the figure records, not to {options.figure}: leave it out",
-            field="variable",
-            value=options.variable,
-        )
-    figure, table = draw(run, options.groups, options.snapshot, **keywords)
-    plots.name_run(figure, run)  # a figure of the user may not name its run
-    plots.save(figure, output, [options.run])
+    if not getattr(draw, "of_records", False):
+        require_snapshots(run, options.run[0], [options.snapshot], ", or draw the figure shares")
+    keywords = _keywords(options, draw)
+    figure, table = draw(runs if len(runs) > 1 else run, options.groups, options.snapshot, **keywords)
+    if len(runs) == 1:
+        plots.name_run(figure, run)  # a figure of the user may not name its run
+    plots.save(figure, output, options.run)
     print(f"figure: {output}")
     if options.csv:
-        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), [options.run])
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), options.run)
     else:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
+
+
+def _keywords(options: argparse.Namespace, draw: Any) -> dict[str, Any]:
+    """Options for this figure only. Raises InputError if the figure does not have an option that was given."""
+    given = {name: value for name in ("variable", "strength") if (value := getattr(options, name)) is not None}
+    for name, value in given.items():
+        if name not in inspect.signature(draw).parameters:
+            figures = ", ".join(each for each in FIGURES if name in inspect.signature(FIGURES[each]).parameters)
+            problem = f"does not apply to the figure {options.figure}, only to {figures}: leave it out"
+            raise InputError(problem, field=name, value=value)
+    return given
 
 
 def picture_options(parser: argparse.ArgumentParser) -> None:

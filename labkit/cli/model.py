@@ -95,7 +95,7 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.model.controls import model_path
     from labkit.model.driver import drive
     from labkit.model.integrators import Adaptive
-    from labkit.model.run_file import read_model, records, write_result
+    from labkit.model.run_file import as_run, read_model, records, write_result
     from labkit.model.state import isotropic_state, with_inherent_anisotropy
 
     name = require(options.path, "path", f"one of {', '.join(PATHS)}")
@@ -116,15 +116,15 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
         raise PhysicsError(
             f"{result.failure}; the {len(result)} records up to that point are in {output} (complete = 0)"
         )
-    if path.stops_early and not path.stops(result.p[-1]):
-        stop = path.parameters().get("pressure")
-        where = "its stop criterion was met" if stop is None else f"--stop-pressure {stop:g} Pa"
-        print(f"{output}: {path.name} reached its strain limit of {path.strain:g} before {where}")
+    if result.ended_because:
+        print(f"{output}: {result.ended_because}")
     for limit in exceeded(records(result), Scene(young_modulus=model.young_modulus)):
         print(f"{output}: {limit}")
+    strain = as_run(result).lab.strain()
     e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
     print(
-        f"{output}: {path.name} complete, {len(result)} records, axial strain {result.axial_strain[-1]:.2%}, "
+        f"{output}: {path.name} complete, {len(result)} records, "
+        f"{strain.attrs['long_name']} {float(strain[-1]):.2%}, "
         f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}"
     )
 

@@ -244,6 +244,10 @@ def run(options: argparse.Namespace, history: str, announced: bool = False) -> N
     finished = _finished(output)
     execute(task, reporter(task.path.name) if finished or not announced else announcing(task, task.path.name))
     print(f"{output}: " + ("was already complete, nothing to do" if finished else "complete"))
+    with open_netcdf(output, "run") as dataset:
+        reason = getattr(dataset, "ended_because", "")
+    if reason:
+        print(f"{output}: ended: {reason}")
     for limit in exceeded_in(output):
         print(f"{output}: {limit}")
 

@@ -22,6 +22,7 @@ Target = Callable[[float], Sequence[float]]
 # The response that decides whether a control can work at all: an isotropic elastic body with K = G.
 _ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])] * 2)
 SINGULAR = 1e-9
+_MEAN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
 
 
 def six_columns(tensors: Any) -> np.ndarray:
@@ -99,7 +100,7 @@ class Control:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The held stresses as text, e.g. ('sigma_xz', '0.333 sigma_xx + 0.333 sigma_yy + 0.333 sigma_zz')."""
+        """The held stresses as text, e.g. ('sigma_xz', 'the mean stress', 'sigma_xx - 1 sigma_yy')."""
         return tuple(_combination(row) for row in self.measure)
 
     def at(self, travelled: float) -> np.ndarray:
@@ -109,6 +110,8 @@ class Control:
 
 def _combination(row: np.ndarray) -> str:
     """A linear combination of stresses as text."""
+    if np.allclose(row, _MEAN, atol=1e-12):
+        return "the mean stress"
     weights = row * np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])  # M : sigma counts a shear stress twice
     terms = [(w, c) for w, c in zip(weights, COMPONENTS, strict=True) if abs(w) > 1e-12]
     if len(terms) == 1 and abs(terms[0][0] - 1.0) < 1e-12:

@@ -7,15 +7,17 @@ d(gamma_xz)/dt has the same sign as the shear stress sigma_xz that it causes.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from labkit.dem.control import Control
 from labkit.dem.loading import Held, Path, StressPath, rate_parameter
+from labkit.dem.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.errors import InputError
-from labkit.micro.tensors import require_symmetric, to_tensor
-from labkit.parameters import parameter
+from labkit.micro.tensors import require_symmetric, to_six, to_tensor
+from labkit.parameters import parameter, parameters_of
 
 MEAN = np.eye(3) / 3.0
 SHEAR_XZ = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])  # SHEAR_XZ : sigma = sigma_xz
@@ -52,6 +54,7 @@ class TrueTriaxial(StressPath):
 
     name = "true_triaxial"
     shear = True
+    axisymmetric = False
     rate_limit = 8.0  # at b = 1 the least principal strain rate is -2 and more
     line_style = (0, (4, 1))
 
@@ -88,6 +91,7 @@ class PlaneStrain(StressPath):
 
     name = "plane_strain"
     shear = True
+    axisymmetric = False
     holds = "lateral stress"
     line_style = (0, (5, 1, 1, 1))
 
@@ -124,14 +128,22 @@ class SimpleShear(StressPath):
 
     name = "simple_shear"
     shear = True
+    axisymmetric = False
+    figure = "shear"
     holds = "normal stress"
     line_style = (0, (2, 1))
 
     def flow(self, travelled: float) -> np.ndarray:
-        return _shear_flow(self.spin)
+        return shear_flow(self.spin)
+
+    def strain_measure(self) -> StrainMeasure:
+        return shear_measure(self.spin)
 
     def control(self) -> Control:
         return Control(NORMAL[2:], NORMAL[2:], [self.held_pressure])
+
+    def held(self) -> tuple[Held, ...]:
+        return (*super().held(), Held("strain in y", "strain", NORMAL[1:2]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,17 +156,28 @@ class SimpleShearConstantVolume(Path):
 
     name = "simple_shear_cv"
     shear = True
+    axisymmetric = False
+    figure = "shear"
     line_style = (0, (2, 1, 1, 1))
 
     def flow(self, travelled: float) -> np.ndarray:
-        return _shear_flow(self.spin)
+        return shear_flow(self.spin)
+
+    def strain_measure(self) -> StrainMeasure:
+        return shear_measure(self.spin)
 
     def held(self) -> tuple[Held, ...]:
-        return (Held("volume", "volume"),)
+        return (Held("volume", "volume"), Held("strain in y", "strain", NORMAL[1:2]))
 
 
-def _shear_flow(spin):
+def shear_flow(spin: bool) -> np.ndarray:
+    """The velocity gradient (3, 3) of simple shear in the x-z plane at gamma_xz = 1, or of pure shear without spin."""
     return np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) if spin else SHEAR_XZ
+
+
+def shear_measure(spin: bool) -> StrainMeasure:
+    """The shear strain gamma_xz of simple shear, or of pure shear without spin."""
+    return SHEAR if spin else PURE_SHEAR
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +193,8 @@ class StressRotation(StressPath):
     rotation: float = parameter(180.0, above=0.0, high=3600.0, help="angle of rotation of sigma_1, degrees")
 
     name = "stress_rotation"
+    axisymmetric = False
+    figure = "pi_plane"
     line_style = (0, (1, 1))
 
     def flow(self, travelled: float) -> np.ndarray:
@@ -182,6 +207,14 @@ class StressRotation(StressPath):
         twice = 2.0 * np.radians(self.rotation) * max(travelled - ramp, 0.0) / (self.strain - ramp)
         normal, shear = radius * np.cos(twice), radius * np.sin(twice)
         return p * np.eye(3) + np.array([[-normal, 0.0, shear], [0.0, 0.0, 0.0], [shear, 0.0, normal]])
+
+    def strain_measure(self) -> StrainMeasure:
+        return NORM
+
+    def status(self, record: Mapping[str, Any], leg: int) -> str:
+        stress = record["stress"]
+        angle = 0.5 * np.degrees(np.arctan2(stress[0, 2] + stress[2, 0], stress[2, 2] - stress[0, 0]))
+        return f"sigma_1 at {angle:.0f} degrees to z, {super().status(record, leg)}"
 
     def control(self) -> Control:
         basis = to_tensor(np.eye(6))
@@ -197,6 +230,7 @@ class ProportionalStrain(Path):
     )
 
     name = "proportional"
+    axisymmetric = False
 
     def __post_init__(self) -> None:
         """Checks the number of ratios. Raises InputError."""
@@ -207,6 +241,14 @@ class ProportionalStrain(Path):
     def flow(self, travelled: float) -> np.ndarray:
         x, y, z, yz, xz, xy = (*self.ratios, 0.0, 0.0, 0.0)[:6]
         return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
+
+    def strain_measure(self) -> StrainMeasure:
+        return NORM
+
+    def held(self) -> tuple[Held, ...]:
+        direction = to_six(self.flow(0.0))
+        across = np.linalg.svd(direction[None])[2][1:]  # the five directions of strain space normal to the path
+        return (Held("ratios of the strains", "strain", across),)
 
 
 def _tensors(name: str, values: Any) -> tuple[float, ...]:
@@ -250,6 +292,7 @@ class Mixed(Path):
     target: tuple[float, ...] = parameter((), unit="Pa", help="held stresses")
 
     name = "mixed"
+    axisymmetric = False
     rate_limit = 8.0
 
     def __init__(
@@ -269,6 +312,9 @@ class Mixed(Path):
 
     def __post_init__(self) -> None:
         """Check and convert the fields. Raises InputError."""
+        for name in ("strain_rate", "free", "measured", "target"):
+            if isinstance(getattr(self, name), str):  # of the command line or a campaign
+                object.__setattr__(self, name, parameters_of(Mixed)[name].read(getattr(self, name)))
         for name in ("strain_rate", "free", "measured"):
             object.__setattr__(self, name, _tensors(name, getattr(self, name)))
         target = np.atleast_1d(np.asarray(self.target, dtype=float))
@@ -285,6 +331,9 @@ class Mixed(Path):
 
     def flow(self, travelled: float) -> np.ndarray:
         return _as_tensors(self.strain_rate)[0]
+
+    def strain_measure(self) -> StrainMeasure:
+        return NORM
 
     def control(self) -> Control | None:
         return Control(_as_tensors(self.measured), _as_tensors(self.free), self.target) if self.target else None

@@ -18,7 +18,9 @@ import numpy as np
 
 from labkit.dem.control import Control, Target, six_columns
 from labkit.dem.scene import Scene
+from labkit.dem.strain_measures import AXIAL, StrainMeasure
 from labkit.errors import InputError
+from labkit.micro.stress import mean_stress
 from labkit.parameters import check_parameters, parameter, parameters_of, restored
 
 AnyPath = TypeVar("AnyPath", bound="Path")
@@ -90,6 +92,9 @@ class Path(abc.ABC):
     shear: ClassVar[bool] = False  # True for a shear test, which tends to a critical state
     holds: ClassVar[str] = "stress"  # name of the controlled stress
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
+    axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ or there is shear: q is the invariant
+    cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
+    figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.figures.FIGURES
     line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # of matplotlib, in figures
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
 
@@ -153,6 +158,40 @@ class Path(abc.ABC):
         control = self.control()
         moving = not np.array_equal(self.flow(0.0), self.flow(0.5 * abs(self.strain)))
         return moving or (control is not None and callable(control.target))
+
+    def strain_measure(self) -> StrainMeasure:
+        """The scalar strain by which the test is drawn, tabulated and followed; by default the axial strain."""
+        return AXIAL
+
+    def status(self, record: Mapping[str, Any], leg: int) -> str:
+        """How far a test has come, for progress messages, from its latest record and the number of its leg."""
+        measure = self.strain_measure()
+        text = f"{measure.name} {measure.at(record['strain']):.2%}, p {mean_stress(record['stress']) / 1e6:.3f} MPa"
+        if self.legs() == 1:
+            return text
+        number, of = (leg // 2, self.legs() // 2) if self.cyclic else (leg, self.legs())
+        return f"{'cycle' if self.cyclic else 'leg'} {min(number + 1, of)} of {of}, {text}"
+
+    def why_ended(self, record: Mapping[str, Any], leg: int) -> str:
+        """Why a test that has ended did not reach its aim, one sentence; empty if it did.
+
+        record: its last record; leg: number of legs that it completed, if it reverses on stress.
+        """
+        return ""
+
+    def controlled(self, strain: np.ndarray, stress: np.ndarray) -> float:
+        """The strain or stress at whose levels the path reverses, at one record: strain and stress (3, 3)."""
+        return float(self.strain_measure().at(strain))
+
+    def leg_target(self, leg: int) -> float:
+        """The value of the controlled strain or stress at which leg number `leg`, from 0, ends."""
+        return self.turning_points()[leg]
+
+    @property
+    def coaxial(self) -> bool:
+        """True if the path neither prescribes nor controls a shear component: x, y and z are principal axes."""
+        control, flow = self.control(), self.flow(0.0)
+        return bool((control is None or control.coaxial) and np.array_equal(flow, np.diag(np.diag(flow))))
 
     def legs(self) -> int:
         """Number of legs, the pieces of the path between reversals."""

@@ -11,8 +11,10 @@ import numpy as np
 
 from labkit.dem.control import Control
 from labkit.dem.loading import Held, Path, StressPath, rate_parameter, require_direction
+from labkit.dem.strain_measures import VOLUMETRIC, StrainMeasure
 from labkit.errors import InputError
 from labkit.extensions import Registry
+from labkit.micro.stress import mean_stress
 from labkit.parameters import parameter, parameters_of, restored
 
 PRESSURE_LIMIT = 3e6  # Pa: where the mean overlap of the grains of Table 1 reaches 2 %
@@ -112,8 +114,14 @@ class IsotropicCompression(Path):
     standard_rate = 5.0
     record_strain = 1e-4
 
+    def strain_measure(self) -> StrainMeasure:
+        return VOLUMETRIC
+
     def stops(self, pressure: float) -> bool:
         return pressure >= self.pressure
+
+    def why_ended(self, record: Mapping[str, Any], leg: int) -> str:
+        return _short_of(self, record)
 
     def held(self) -> tuple[Held, ...]:
         return (Held("three equal strains", "strain", _EQUAL),)
@@ -132,11 +140,28 @@ class IsotropicDilation(Path):
     standard_rate = 2.5
     record_strain = 1e-4
 
+    def strain_measure(self) -> StrainMeasure:
+        return VOLUMETRIC
+
     def stops(self, pressure: float) -> bool:
         return pressure < self.pressure
 
+    def why_ended(self, record: Mapping[str, Any], leg: int) -> str:
+        return _short_of(self, record)
+
     def held(self) -> tuple[Held, ...]:
         return (Held("three equal strains", "strain", _EQUAL),)
+
+
+def _short_of(path: IsotropicCompression | IsotropicDilation, record: Mapping[str, Any]) -> str:
+    """The sentence for a path that ended at its `strain` before it reached its `pressure`."""
+    p = float(mean_stress(record["stress"]))
+    if path.stops(p):
+        return ""
+    return (
+        f"the strain limit {path.strain:g} was reached at a mean stress of {p / 1e3:.4g} kPa, before the stress of "
+        f"{path.pressure / 1e3:.4g} kPa at which {path.name} stops: give a larger strain"
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,7 +197,7 @@ class Biaxial(Path):
         return Control(plane, plane.T, np.array([self.stress_x, self.stress_z]))
 
 
-_TESTS, _CYCLES = "labkit.dem.element_tests:", "labkit.dem.stress_reversals:"
+_TESTS, _RELOADING, _CYCLES = (f"labkit.dem.{name}:" for name in ("element_tests", "stress_reversals", "cycles"))
 PATHS: Registry = Registry(
     "path",
     {
@@ -191,10 +216,12 @@ PATHS: Registry = Registry(
         "stress_rotation": _TESTS + "StressRotation",
         "proportional": _TESTS + "ProportionalStrain",
         "mixed": _TESTS + "Mixed",
-        "isotropic_reloading": _CYCLES + "IsotropicReloading",
-        "oedometer_reloading": _CYCLES + "OedometerReloading",
+        "isotropic_reloading": _RELOADING + "IsotropicReloading",
+        "oedometer_reloading": _RELOADING + "OedometerReloading",
         "undrained_cycles": _CYCLES + "UndrainedCycles",
         "drained_cycles": _CYCLES + "DrainedCycles",
+        "strain_cycles": _CYCLES + "StrainCycles",
+        "shear_cycles": _CYCLES + "ShearCycles",
     },
 )
 
@@ -239,7 +266,7 @@ def travelled(axial_strain: np.ndarray) -> np.ndarray:
 
 def __getattr__(name: str) -> Any:
     """Loading paths defined in other modules: `labkit.paths.SimpleShear` and so on."""
-    for module in ("element_tests", "stress_reversals"):
+    for module in ("element_tests", "stress_reversals", "cycles"):
         kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
         if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
             return kind

@@ -19,6 +19,7 @@ import numpy as np
 
 from labkit.dem.laws import LAWS
 from labkit.dem.loading import Path as LoadingPath
+from labkit.dem.reach import Lag
 from labkit.dem.recorded import record_table
 from labkit.dem.state import State, read_group, write_attributes
 from labkit.errors import InputError, PhysicsError, shown
@@ -34,11 +35,13 @@ from labkit.micro.snapshot import Snapshot
 class Position:
     """Position of a run on its path: the number of reversals triggered by stress so far, and the equivalent lattice.
 
-    lattice: the integer matrix U (3, 3) accumulated over all cell replacements so far; see labkit.dem.lattice.
+    lattice: the integer matrix U (3, 3) accumulated over all cell replacements so far; see labkit.dem.lattice. lag: how
+    long the servo has been at its limit; see labkit.dem.reach.
     """
 
     leg: int = 0
     lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))
+    lag: Lag = dataclasses.field(default_factory=Lag)
 
 
 START = Position()
@@ -53,6 +56,7 @@ class StoredRun:
     wall_time: float
     complete: bool
     position: Position
+    ended_because: str
 
 
 class Recorder:
@@ -99,11 +103,20 @@ class Recorder:
             self._new.pop()
 
     def save(
-        self, state: State, complete: bool, wall_time: float, threads: int = 1, position: Position = START
+        self,
+        state: State,
+        complete: bool,
+        wall_time: float,
+        threads: int = 1,
+        position: Position = START,
+        ended_because: str = "",
     ) -> None:
-        """Bring the file up to date: all records so far and the state to resume from."""
+        """Bring the file up to date: all records so far and the state to resume from.
+
+        ended_because: why the run ended before the aim of its path, one sentence; empty if it did not.
+        """
         try:
-            self._save(state, complete, wall_time, threads, position)
+            self._save(state, complete, wall_time, threads, position, ended_because)
         except (OSError, RuntimeError) as error:  # netCDF4 raises RuntimeError if the disk is full
             raise PhysicsError(
                 f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); its last save is "
@@ -112,7 +125,15 @@ class Recorder:
         self._new.clear()
         self._snapshots.clear()
 
-    def _save(self, state: State, complete: bool, wall_time: float, threads: int, position: Position) -> None:
+    def _save(
+        self,
+        state: State,
+        complete: bool,
+        wall_time: float,
+        threads: int,
+        position: Position,
+        ended_because: str,
+    ) -> None:
         with whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
@@ -123,12 +144,14 @@ class Recorder:
                 self._append(dataset)
                 write_attributes(dataset, state, "run")
                 dataset.complete = np.int32(complete)
+                dataset.ended_because = ended_because
                 dataset.wall_time = float(wall_time)
                 dataset.steps = np.int64(state.step)
                 dataset.threads = np.int32(threads)
                 _write_checkpoint(dataset, state)
                 dataset["checkpoint"].leg = np.int64(position.leg)
                 dataset["checkpoint"].lattice = position.lattice.ravel()
+                dataset["checkpoint"].lag = np.array(dataclasses.astuple(position.lag))
                 if complete:
                     dataset.data_sha256 = data_sha256(dataset)
 
@@ -196,9 +219,11 @@ class Recorder:
             self.records = len(dataset.dimensions["time"])
             checkpoint, first_cell = dataset["checkpoint"], dataset["cell"][0].filled()
             lattice = np.reshape(getattr(checkpoint, "lattice", np.eye(3)), (3, 3))  # files of version 0.1.0 lack it
-            position = Position(int(getattr(checkpoint, "leg", 0)), lattice)
-            state = _read_checkpoint(dataset)
-            return StoredRun(state, first_cell, float(dataset.wall_time), bool(dataset.complete), position)
+            lag = Lag(*map(float, getattr(checkpoint, "lag", ())))
+            position = Position(int(getattr(checkpoint, "leg", 0)), lattice, lag)
+            ended = str(getattr(dataset, "ended_because", ""))
+            seconds, complete = float(dataset.wall_time), bool(dataset.complete)
+            return StoredRun(_read_checkpoint(dataset), first_cell, seconds, complete, position, ended)
 
 
 def read_checkpoint(file: os.PathLike[str] | str) -> State:

@@ -11,10 +11,12 @@ import numpy as np
 
 from labkit.dem import lattice
 from labkit.dem.consolidation import consolidate, pressure_error
+from labkit.dem.control import Control
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
 from labkit.dem.paths import Path
+from labkit.dem.reach import errors, is_at_limit, unreachable
 from labkit.dem.recorder import Position, Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import cell_stiffness, velocity_gradient
@@ -40,8 +42,8 @@ def run(
     """Load a specimen along a path and record it in a run file; resume an unfinished file.
 
     Returns False if the file already held the finished run. Raises InputError for a file that holds another run or that
-    another process is writing, PhysicsError if the simulation fails, Interrupted after SIGINT or SIGTERM, once a
-    checkpoint is written.
+    another process is writing, PhysicsError if the simulation fails or a held stress cannot reach its target,
+    Interrupted after SIGINT or SIGTERM, once a checkpoint is written.
     """
     path, options = path.for_scene(specimen.scene), options or Options()
     settings = {
@@ -55,6 +57,8 @@ def run(
         stored = recorder.resume()
         if stored and stored.complete:
             return False
+        if stored and stored.ended_because:
+            raise unfinished(stored.ended_because, file)
         if not stored:
             specimen = prepare(specimen, path, start, progress, options.guarded)
         with stop_on_signals() as signals:
@@ -90,6 +94,7 @@ class _Loop:
         state = stored.state if stored else specimen
         self.schedule = Schedule.of(self.path, state.time_step, state.number_of_grains, options)
         self.stopped = False
+        self.ended_because = ""
         self.control = self.path.control()
         self.position = stored.position if stored else Position()
         self.engine = start(state)
@@ -132,6 +137,9 @@ class _Loop:
             last = self.record(state, last, turned)
         else:
             self.continue_from(state, state.snapshot())
+        if self.ended_because and not last:
+            self.save(state, False)
+            raise unfinished(self.ended_because, self.recorder.file)
         if saving or last:
             self.save(state, last)
         return last
@@ -191,11 +199,31 @@ class _Loop:
         if self.stopped and self.schedule.is_close_to_record(state.step):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
-        kept = self.schedule.is_snapshot(self.recorder.records, last) or (turned and self.is_kept_turn())
-        self.recorder.record(values, snapshot if kept else None)
+        if last:
+            self.ended_because = self.path.why_ended(values, self.position.leg)
+        elif self.control and self.options.guarded and self.recorder.records:
+            self.follow(self.control, state, np.asarray(values["stress"]))
+        kept = self.schedule.is_snapshot(self.recorder.records, last or bool(self.ended_because))
+        self.recorder.record(values, snapshot if kept or (turned and self.is_kept_turn()) else None)
         self.continue_from(state, snapshot)
-        self.progress(1.0 if last else state.step / self.schedule.steps, _status(values))
+        leg = self.position.leg if self.path.reverses_on_stress else self.schedule.leg(state.step)
+        done = max(state.step / self.schedule.steps, self.position.leg / self.path.legs())
+        self.progress(1.0 if last else done, self.path.status(values, leg))
         return last
+
+    def follow(self, control: Control, state: State, stress: np.ndarray) -> None:
+        """Notice a held stress that cannot reach its target (labkit.dem.reach)."""
+        rate = self.path.axial_rate
+        travelled, limit = rate * state.time_step * state.step, rate * self.path.rate_limit
+        leg = self.position.leg if self.path.reverses_on_stress else self.schedule.leg(state.step - 1)
+        given = self.schedule.sign * (-1.0) ** leg * rate * self.path.flow(travelled)
+        at_limit = is_at_limit(control, -state.velocity_gradient, given, limit)
+        error = float(errors(control, stress, travelled).max())
+        strain = limit * state.time_step * self.schedule.steps_per_record
+        lag = self.position.lag.after(strain, error, at_limit)
+        self.position = dataclasses.replace(self.position, lag=lag)
+        if lag.hopeless:
+            self.ended_because = unreachable(control, control.names, stress, travelled)
 
     def is_kept_turn(self) -> bool:
         """True if the record at a reversal triggered by stress is stored with all contacts.
@@ -213,11 +241,12 @@ class _Loop:
 
     def save(self, state: State, complete: bool) -> None:
         seconds = self.wall_before + time.monotonic() - self.started
-        self.recorder.save(state, complete, seconds, self.threads, self.position)
+        self.recorder.save(state, complete, seconds, self.threads, self.position, self.ended_because)
 
 
-def _status(values: dict[str, Any]) -> str:
-    return f"strain {values['axial_strain']:.2%}, p {mean_stress(values['stress']) / 1e6:.3f} MPa"
+def unfinished(reason: str, file: File) -> PhysicsError:
+    """The error of a run that cannot be completed; its records up to there are in the file."""
+    return PhysicsError(f"{reason}; the records up to there are in {file} (complete = 0)")
 
 
 def require_sane(values: dict[str, Any], state: State) -> None:

@@ -1,4 +1,4 @@
-"""Loading paths that reverse at given stresses: unloading and reloading, drained and undrained cycles."""
+"""Loading paths that reverse at given stresses, and among them isotropic and K0 compression with unloading loops."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.control import Control
-from labkit.dem.loading import Held, Path, StressPath, rate_parameter
+from labkit.dem.loading import Held, Path, rate_parameter
+from labkit.dem.strain_measures import VOLUMETRIC, StrainMeasure
 from labkit.errors import InputError
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.stress import mean_stress
 from labkit.parameters import parameter
 
 
@@ -23,41 +23,44 @@ def longest_strain(default: float, high: float) -> Any:
 
 
 @dataclasses.dataclass(frozen=True)
-class _StressReversals(Path):
-    """A path that reverses when a stress reaches the level of its leg."""
+class StressReversals(Path):
+    """A path that reverses when a stress, or a stress ratio, reaches the level of its leg."""
+
+    @property
+    @abc.abstractmethod
+    def measured_name(self) -> str:
+        """Name of the stress that is compared with the levels."""
 
     @abc.abstractmethod
     def measured(self, stress: np.ndarray) -> float:
-        """The stress that is compared with the levels, Pa."""
+        """The stress that is compared with the levels, Pa, or a ratio of stresses."""
 
     @abc.abstractmethod
     def level(self, leg: int) -> float:
-        """The stress at which a leg ends, Pa."""
+        """The stress at which a leg ends, Pa, or a ratio of stresses."""
+
+    def controlled(self, strain: np.ndarray, stress: np.ndarray) -> float:
+        return self.measured(stress) if self.reverses_on_stress else super().controlled(strain, stress)
+
+    def leg_target(self, leg: int) -> float:
+        return self.level(leg) if self.reverses_on_stress else super().leg_target(leg)
 
     def leg_ends(self, stress: np.ndarray, leg: int) -> bool:
         sign = 1.0 if leg % 2 == 0 else -1.0
         return sign * (self.measured(stress) - self.level(leg)) >= 0.0
 
+    def why_ended(self, record: Mapping[str, Any], leg: int) -> str:
+        if not self.reverses_on_stress or leg >= self.legs():
+            return ""
+        unit, factor = ("", 1.0) if "/" in self.measured_name else (" kPa", 1e-3)
+        now, target = factor * self.measured(record["stress"]), factor * self.level(leg)
+        return (
+            f"{self.limit_reached(record)} while {self.measured_name} was {now:.4g}{unit}, short of {target:.4g}{unit}"
+        )
 
-@dataclasses.dataclass(frozen=True)
-class _StressCycles(_StressReversals):
-    """A path on which q alternates between +- `amplitude`."""
-
-    strain: float = longest_strain(4.0, 50.0)
-    amplitude: float = parameter(50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q")
-    cycles: int = parameter(10, low=1, high=100000, help="number of cycles")
-
-    record_strain = 2e-4
-    line_style = "-."
-
-    def measured(self, stress: np.ndarray) -> float:
-        return float(deviatoric_stress(stress))
-
-    def level(self, leg: int) -> float:
-        return self.amplitude if leg % 2 == 0 else -self.amplitude
-
-    def legs(self) -> int:
-        return 2 * self.cycles
+    def limit_reached(self, record: Mapping[str, Any]) -> str:
+        """The limit at which a test ended before its last leg was complete, as text."""
+        return f"the accumulated strain reached its limit of {self.strain:g}"
 
 
 def _require_alternating(name: str, values: tuple[float, ...], example: str) -> None:
@@ -70,7 +73,7 @@ def _require_alternating(name: str, values: tuple[float, ...], example: str) -> 
 
 
 @dataclasses.dataclass(frozen=True)
-class IsotropicReloading(_StressReversals):
+class IsotropicReloading(StressReversals):
     """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
 
     rate: float | None = rate_parameter("strain rate in each direction", 5.0)
@@ -81,11 +84,15 @@ class IsotropicReloading(_StressReversals):
     direction = (1.0, 1.0, 1.0)
     standard_rate = 5.0
     record_strain = 1e-4
+    measured_name = "the mean stress"
 
     def __post_init__(self) -> None:
         """Checks the pressures. Raises InputError."""
         super().__post_init__()
         _require_alternating("pressures", self.pressures, "1e6,0.3e6,2e6")
+
+    def strain_measure(self) -> StrainMeasure:
+        return VOLUMETRIC
 
     def measured(self, stress: np.ndarray) -> float:
         return float(mean_stress(stress))
@@ -98,7 +105,7 @@ class IsotropicReloading(_StressReversals):
 
 
 @dataclasses.dataclass(frozen=True)
-class OedometerReloading(_StressReversals):
+class OedometerReloading(StressReversals):
     """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
 
     strain: float = longest_strain(0.5, 10.0)
@@ -106,6 +113,7 @@ class OedometerReloading(_StressReversals):
 
     name = "oedometer_reloading"
     record_strain = 2e-4
+    measured_name = "sigma_zz"
 
     def __post_init__(self) -> None:
         """Checks the stresses. Raises InputError."""
@@ -123,36 +131,3 @@ class OedometerReloading(_StressReversals):
 
     def held(self) -> tuple[Held, ...]:
         return (Held("lateral strains", "strain", np.eye(3)[:2]),)
-
-
-@dataclasses.dataclass(frozen=True)
-class UndrainedCycles(_StressCycles):
-    """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
-
-    With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
-    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain criterion for initial
-    liquefaction).
-    """
-
-    cycles: int = parameter(100, low=1, high=100000, help="number of cycles")
-    strain_limit: float = parameter(0.05, above=0.0, high=1.0, help="axial strain at which the test ends")
-
-    name = "undrained_cycles"
-    direction = (-0.5, -0.5, 1.0)
-
-    def ends(self, record: Mapping[str, Any]) -> bool:
-        return abs(record["axial_strain"]) > self.strain_limit
-
-    def held(self) -> tuple[Held, ...]:
-        return (Held("volume", "volume"),)
-
-
-@dataclasses.dataclass(frozen=True)
-class DrainedCycles(_StressCycles, StressPath):
-    """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`."""
-
-    name = "drained_cycles"
-    holds = "mean stress"
-
-    def control(self) -> Control:
-        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.tensors import symmetric
 
 
 def love_stress(snapshot: Snapshot) -> np.ndarray:
@@ -29,6 +30,41 @@ def deviatoric_stress(stress: np.ndarray) -> np.ndarray:
     In triaxial compression this is the paper's sigma_1 - sigma_3. `stress` (..., 3, 3) Pa; shape (...).
     """
     return stress[..., 2, 2] - 0.5 * (stress[..., 0, 0] + stress[..., 1, 1])
+
+
+def deviator(tensor: np.ndarray) -> np.ndarray:
+    """Symmetric deviatoric part of a tensor (..., 3, 3)."""
+    part = symmetric(tensor)
+    return part - np.trace(part, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3)
+
+
+def equivalent_stress(stress: np.ndarray) -> np.ndarray:
+    """The invariant q = sqrt(3/2 s:s), s the stress deviator, Pa, never negative. `stress` (..., 3, 3); shape (...).
+
+    In triaxial compression it is sigma_1 - sigma_3; in simple shear, sqrt(3) sigma_xz if the normal stresses are equal.
+    """
+    return np.sqrt(1.5) * np.linalg.norm(deviator(stress), axis=(-2, -1))
+
+
+def lode_angle(stress: np.ndarray) -> np.ndarray:
+    """Lode angle theta, degrees: 0 in triaxial compression, 60 in triaxial extension. `stress` (..., 3, 3); (...).
+
+    cos(3 theta) = 27/2 det(s)/q^3, with s the stress deviator; NaN where the stress is isotropic.
+    """
+    s = deviator(stress)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cosine = 13.5 * np.linalg.det(s) / equivalent_stress(stress) ** 3
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) / 3.0
+
+
+def along_deviator(tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
+    """Component 3/2 s:T/q of a tensor along the stress deviator s, shape (...); NaN where the stress is isotropic.
+
+    In triaxial compression it is T_zz - (T_xx + T_yy)/2; the stress itself has the component q. Both (..., 3, 3).
+    """
+    s = deviator(stress)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 1.5 * np.einsum("...ij,...ij->...", s, symmetric(tensor)) / equivalent_stress(stress)
 
 
 def relative_error(stress: np.ndarray, reference: np.ndarray) -> np.ndarray:

@@ -27,7 +27,8 @@ STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a 
 class Result:
     """A test of the model: `vector` (n, 27) as ModelState.vector but with the strain, `stress` (n, 3, 3) Pa.
 
-    `failure`: reason why the path ended early, or None. `calls`: number of evaluations of the equations.
+    `failure`: reason why the path could not be completed, or None. `calls`: number of evaluations of the equations.
+    `travelled`: accumulated strain of the path (n,). `ended_because`: why the path ended before its aim, else empty.
     """
 
     model: Model
@@ -36,6 +37,8 @@ class Result:
     stress: np.ndarray
     failure: str | None
     calls: int
+    travelled: np.ndarray
+    ended_because: str = ""
 
     def __len__(self) -> int:
         return len(self.vector)
@@ -123,7 +126,7 @@ def drive(
     _require_start(model, path, state)
     y, travelled, failure, calls = state.vector(), 0.0, None, 0
     ended = stopped = False
-    vectors = [y]
+    vectors, clock, completed = [y], [0.0], 0
     for leg, (sign, spans) in enumerate(_legs(path, interval)):
         problem = Problem(model, control_of(path, sign))
         for span in spans:
@@ -131,21 +134,25 @@ def drive(
                 new, covered, ended = _advance(integrator, problem, y, span, path, sign, leg, travelled)
             except Failure as error:
                 travelled += error.travelled
-                failure = f"{error}, after {travelled:.4%} strain"
+                failure = f"{error}{_held_text(path)}, after {travelled:.4%} strain"
                 if error.travelled > 0.0:
                     vectors.append(error.y)
+                    clock.append(travelled)
                 break
             y, travelled = new, travelled + covered
             vectors.append(y)
+            clock.append(travelled)
             stopped = _path_ends(path, problem, y, travelled)
             if ended or stopped:
                 break
-        calls += problem.calls
+        calls, completed = calls + problem.calls, completed + ended
         if failure or stopped or (ended and leg + 1 == path.legs()):
             break
     vector = np.array(vectors)
     stress = to_tensor(np.array([stress_of(row, model.constants) for row in vector]))
-    return Result(model, path, vector, stress, failure, calls)
+    last = {"strain": to_tensor(vector[-1, 21:27]), "stress": stress[-1]}
+    reason = "" if failure else path.why_ended(last, completed)
+    return Result(model, path, vector, stress, failure, calls, np.array(clock), reason)
 
 
 def _legs(path, interval):
@@ -197,6 +204,12 @@ def _follow(integrator, problem, y, span, path, sign, travelled):
         problem.control = control._replace(target=target)
         y = integrator.advance(problem, y, part)
     return y
+
+
+def _held_text(path):
+    """The stresses that a path holds, as text for the message of a failure."""
+    control = path.control()
+    return "" if control is None else f" ({path.name} holds {', '.join(control.names)})"
 
 
 def _leg_ends(path, problem, y, leg):

@@ -62,7 +62,8 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
 def require_usable(runs: Mapping[str, xarray.Dataset]) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
     """Select the runs that a calibration may use: (name -> run, name -> reason for leaving a run out).
 
-    Predictions of the model and unfinished runs are left out. Raises InputError if no run is left.
+    Predictions of the model, unfinished runs and runs that are not axisymmetric are left out. Raises InputError if no
+    run is left.
     """
     left_out = {}
     for name, run in runs.items():
@@ -70,6 +71,8 @@ def require_usable(runs: Mapping[str, xarray.Dataset]) -> tuple[dict[str, xarray
             left_out[name] = "prediction of the model, not a simulation"
         elif not run.attrs.get("complete", 1):
             left_out[name] = "unfinished"
+        elif not run.lab.axisymmetric:
+            left_out[name] = f"path {run.attrs['path']} is not axisymmetric"
     if runs and len(left_out) == len(runs):
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise InputError(f"none of these runs can be used in a calibration: give complete simulations ({reasons})")

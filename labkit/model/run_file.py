@@ -19,7 +19,6 @@ import xarray as xr
 
 import labkit
 import labkit.runs.dataset  # registers the accessor .lab for as_run
-from labkit.dem.paths import travelled
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.files import create_variables, whole_file
@@ -37,7 +36,7 @@ def records(result: Result) -> dict[str, np.ndarray]:
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
-        "time": travelled(result.axial_strain) / result.path.axial_rate,
+        "time": result.travelled / result.path.axial_rate,
         "axial_strain": result.axial_strain,
         "strain": result.strain,
         "cell": cell,
@@ -67,7 +66,14 @@ def as_run(result: Result) -> xr.Dataset:
     attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in RECORD.items()}
     run = xr.Dataset(
         {name: (v.dimensions, values[name], attributes[name]) for name, v in RECORD.items()},
-        attrs={"engine": ENGINE, "path": result.path.name, "complete": int(result.failure is None)},
+        attrs={
+            "engine": ENGINE,
+            "path": result.path.name,
+            "path_parameters": json.dumps(result.path.parameters()),
+            "complete": int(result.failure is None),
+            "model": result.model.to_json(),
+            "ended_because": result.failure or result.ended_because,
+        },
     )
     return with_axes(run.set_coords(["time", "axial_strain"]))
 
@@ -93,7 +99,7 @@ def write_result(
         dataset.setncattr("path", result.path.name)  # `dataset.path` is a property of netCDF4
         dataset.path_parameters = json.dumps(result.path.parameters() | (parameters or {}))
         dataset.complete = np.int32(result.failure is None)
-        dataset.failure = result.failure or ""
+        dataset.ended_because = result.failure or result.ended_because
         dataset.wall_time = float(wall_time)
         dataset.steps = np.int64(result.calls)
         dataset.history = history

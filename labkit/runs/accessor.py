@@ -11,7 +11,6 @@ import numpy as np
 import pandas
 import xarray as xr
 
-from labkit.dem.paths import travelled
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.schema import RECORD
@@ -21,22 +20,19 @@ from labkit.micro.networks import Lives, follow, network_stress
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
+from labkit.micro.stress import love_stress, mean_stress
 from labkit.runs import tables
+from labkit.runs.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget
-from labkit.sff.c0 import TERMS, sff_stress, strength_shares
+from labkit.sff.c0 import sff_stress
 from labkit.sff.family import FORMS, stress
 
 AXES = {"i": list("xyz"), "j": list("xyz")}  # labels of the components of vectors and tensors
 
 
 @xr.register_dataset_accessor("lab")
-class Lab:
+class Lab(OfRecords):
     """Statistics of a run opened with `open_run`, available as `run.lab`."""
-
-    def __init__(self, run: xr.Dataset) -> None:
-        """Called by xarray when `run.lab` is first used."""
-        self._run = run
 
     @functools.cached_property
     def scene(self) -> Scene:
@@ -233,7 +229,7 @@ class Lab:
             with np.errstate(divide="ignore", invalid="ignore"):
                 values = {
                     "fraction": [mask.mean() if mask.size else np.nan for mask in masks],
-                    "share_of_q": np.array([deviatoric_stress(x) for x in parts]) / deviatoric_stress(whole),
+                    "share_of_q": self.part_of_q(np.array(parts), whole) / self.part_of_q(whole, whole),
                     "share_of_p": np.array([mean_stress(x) for x in parts]) / mean_stress(whole),
                 }
             return {name: (("definition",), value) for name, value in values.items()}
@@ -246,7 +242,7 @@ class Lab:
 
         `pair` (life, side): the two grains; `birth`: first snapshot with the contact; `death`: first snapshot without
         it; `alive`: True if the contact still exists at the last snapshot, so that its death is unknown;
-        `birth_strain`; `lifetime`: axial strain accumulated from birth to death, or to the last snapshot if alive.
+        `birth_strain`; `lifetime`: strain accumulated from birth to death, or to the last snapshot if alive.
         """
         lives, strain = self._lives, self._travelled()
         alive = lives.death == self.number_of_snapshots
@@ -265,7 +261,7 @@ class Lab:
     def contact_changes(self) -> xr.Dataset:
         """Contacts gained, lost and kept since the previous snapshot, and their mean age, a Dataset along `snapshot`.
 
-        `mean_age`: axial strain accumulated since the birth of a contact, averaged over the contacts.
+        `mean_age`: strain accumulated since the birth of a contact, averaged over the contacts.
         """
         lives, strain = self._lives, self._travelled()
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -282,43 +278,8 @@ class Lab:
         return follow(pairs, len(self._radius))
 
     def _travelled(self) -> np.ndarray:
-        """Axial strain accumulated up to each snapshot, regardless of its sign."""
-        return travelled(self._run["axial_strain"].values)[self._run["record"].values]
-
-    def strength_shares(self) -> xr.DataArray:
-        """Contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time)."""
-        names = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
-        shares = strength_shares(*(self._run[name].values for name in names))
-        return xr.DataArray(
-            np.array([shares[term] for term in TERMS]),
-            dims=("term", "time"),
-            coords={"term": list(TERMS), "axial_strain": ("time", self._run["axial_strain"].values)},
-            attrs={"units": "1", "long_name": "contribution to q/p of C0"},
-        )
-
-    def sff_error(self) -> xr.DataArray:
-        """Frobenius norm of C0 - Love divided by that of Love's stress at every record, DataArray (time)."""
-        error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
-        return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
-
-    def mean_stress(self, name: str = "stress") -> xr.DataArray:
-        """Mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
-        return self._scalar(mean_stress(self._run[name].values), "Pa", "mean stress p")
-
-    def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
-        """q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa."""
-        return self._scalar(deviatoric_stress(self._run[name].values), "Pa", "deviatoric stress q")
-
-    def stress_ratio(self, name: str = "stress") -> xr.DataArray:
-        """Stress ratio q/p of a recorded stress, DataArray (time), dimensionless; NaN where p and q are zero."""
-        stress = self._run[name].values
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = deviatoric_stress(stress) / mean_stress(stress)
-        return self._scalar(ratio, "1", "stress ratio q/p")
-
-    def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
-        named = self._run["axial_strain"].copy(data=values).rename(None)
-        return named.assign_attrs(units=units, long_name=long_name)
+        """Strain of the path accumulated up to each snapshot, regardless of its sign."""
+        return self.strain_measure.accumulated(self._run["strain"].values)[self._run["record"].values]
 
     def _snapshot_coordinates(self) -> dict[str, Any]:
         return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}

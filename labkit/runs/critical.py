@@ -12,7 +12,8 @@ from labkit.dem.paths import PATHS
 from labkit.errors import InputError
 
 WINDOW = 0.25  # the last quarter of the strain of a test
-ENOUGH_STRAIN = 0.15  # axial strain from which the end of a shear test counts as critical
+ENOUGH_STRAIN = 0.15  # strain of the path from which the end of a shear test counts as critical
+COMPRESSION = "triaxial compression"
 SHEAR = ("cv", "cr", "cp")  # the shear tests of the paper
 TENSORS = {"contact_anisotropy": "A_zz", "normal_force_anisotropy": "F_zz", "mobilisation": "Ft_zz"}
 
@@ -27,19 +28,20 @@ def require_critical(
 ) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
     """Select the runs that end in a critical state: (name -> run, name -> reason for leaving a run out).
 
-    A run is left out if its path is not a shear test, if it is unfinished, if it ends before an axial strain of
-    `least_strain`, or if it is a prediction of the model while other runs are simulations. `runs`: name -> run opened
-    with labkit.open_run. Raises InputError if no run is left.
+    A run is left out if its path is not a shear test, if it is unfinished, if it ends before a strain of `least_strain`
+    (gamma_xz in simple shear, else the axial strain), or if it is a prediction of the model while other runs are
+    simulations. `runs`: name -> run opened with labkit.open_run. Raises InputError if no run is left.
     """
     left_out = {}
     for name, run in runs.items():
-        reached = abs(float(run["axial_strain"][-1]))
+        strain = run.lab.strain()
+        reached, which = abs(float(strain[-1])), strain.attrs["long_name"]
         if not is_shear(run):
             left_out[name] = f"path {run.attrs['path']} is not a shear test"
         elif not run.attrs["complete"]:
-            left_out[name] = f"unfinished, stopped at {reached:.2%} axial strain"
+            left_out[name] = f"unfinished, stopped at {reached:.2%} {which}"
         elif reached < least_strain * (1.0 - 1e-6):  # strains of some files are in single precision
-            left_out[name] = f"ends at {reached:.2%} axial strain, before {least_strain:.3g}"
+            left_out[name] = f"ends at {reached:.2%} {which}, before {least_strain:.3g}"
     kept = {name: run for name, run in runs.items() if name not in left_out}
     if any(run.attrs.get("engine") != "model" for run in kept.values()):
         predicted = [name for name, run in kept.items() if run.attrs.get("engine") == "model"]
@@ -53,29 +55,52 @@ def require_critical(
     return kept, left_out
 
 
-def at_end(axial_strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
+def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
     """Records that count as critical, those in the last quarter of the strain; shape (time,) of bool.
 
-    `axial_strain` (time,) of a test in compression or extension; `window`: fraction of the strain to use instead of the
-    last quarter.
+    `strain` (time,) of a test in compression, extension or shear; `window`: fraction of the strain to use instead of
+    the last quarter.
     """
-    return np.abs(axial_strain) >= (1.0 - window) * np.abs(axial_strain[-1])
+    return np.abs(strain) >= (1.0 - window) * np.abs(strain[-1])
+
+
+def mean_strengths(runs: Mapping[str, xarray.Dataset], states: pandas.DataFrame) -> list[str]:
+    """Mean M of the tests of each kind, one line each: compression, extension, and every path that is not triaxial.
+
+    `states`: the table `critical_states` of these runs.
+    """
+    kinds = [_kind(run) for run in runs.values()]
+    lines = []
+    for kind in dict.fromkeys(kinds):
+        M = states["M"][[each == kind for each in kinds]]
+        which = "all runs" if len(set(kinds)) == 1 else f"the runs of {kind}"
+        scatter = f" +- {M.std():.3f} between tests" if len(M) > 1 else ""
+        lines.append(f"mean M of {which}: {M.mean():.3f}{scatter}" + " (paper: 0.92)" * (kind == COMPRESSION))
+    return lines
+
+
+def _kind(run: xarray.Dataset) -> str:
+    if not run.lab.axisymmetric:
+        return str(run.attrs["path"])
+    return COMPRESSION if float(run["axial_strain"][-1]) > 0.0 else "triaxial extension"
 
 
 def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and the scatter of M.
 
-    M = q/p, and its scatter is the standard deviation over the records. `runs`: name -> run opened with
-    labkit.open_run; all of them are used, see `require_critical` for those that have reached a critical state.
-    `window`: fraction of the strain to use instead of the last quarter.
+    M = q/p, and its scatter is the standard deviation over the records. If a test is not axisymmetric, q is the
+    invariant sqrt(3/2 s:s), and A_zz, F_zz and Ft_zz are the components along the stress deviator s, which have these
+    values in triaxial compression. `runs`: name -> run opened with labkit.open_run; all of them are used, see
+    `require_critical` for those that have reached a critical state. `window`: fraction of the strain to use instead of
+    the last quarter.
     """
     rows = []
     for name, run in runs.items():
-        strain = run["axial_strain"].values
+        strain = run.lab.strain().values
         last = at_end(strain, window)
         ratio = run.lab.stress_ratio().values[last]
         mean = {key: float(run[key].values[last].mean()) for key in ("void_ratio", "coordination_number")}
-        zz = {key: float(run[key].values[last, 2, 2].mean()) for key in TENSORS}
+        zz = {key: float(run.lab.component(key).values[last].mean()) for key in TENSORS}
         rows.append(
             {
                 "run": name,

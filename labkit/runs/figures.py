@@ -23,6 +23,10 @@ FIGURES: Registry = Registry(
         "family": "labkit.visuals.sff_figures:family",
         "budget": "labkit.visuals.sff_figures:budget",
         "contacts": "labkit.visuals.micro_figures:contacts",
+        "stress_path": "labkit.visuals.path_figures:stress_path",
+        "pi_plane": "labkit.visuals.path_figures:pi_plane",
+        "shear": "labkit.visuals.path_figures:shear",
+        "cycles": "labkit.visuals.path_figures:cycles",
     },
 )
 

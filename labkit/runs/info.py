@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray
 
 from labkit.dem.paths import PATHS
 from labkit.dem.scene import Scene
@@ -19,6 +20,7 @@ from labkit.io import provenance
 from labkit.io.files import labkit_kind, open_netcdf
 from labkit.io.schema import RECORD, STATE
 from labkit.parameters import parameters_of
+from labkit.runs.dataset import open_run
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # of the attributes of a file
 WIDTH = 18  # characters of a label
@@ -46,7 +48,32 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     if kind == "state":
         values = summary(read_state(path))
         lines += ["summary", *_lines({name: f"{number(value)} {unit}" for name, (value, unit) in values.items()}, 24)]
+    if kind == "run":
+        with open_run(path) as run:
+            lines += ["summary", *_lines(run_summary(run), 24)]
     return "\n".join(lines)
+
+
+def run_summary(run: xarray.Dataset) -> dict[str, str]:
+    """The end of a run and, if it is undrained, its pore pressure, name -> value with its unit. `run`: open_run."""
+    strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
+    values = {
+        strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
+        "mean stress p": f"{number(float(p[-1]))} Pa",
+        "deviatoric stress q": f"{number(float(q[-1]))} Pa",
+        "void ratio": number(float(run["void_ratio"][-1])),
+    }
+    cyclic = run.lab.path is not None and run.lab.path.cyclic
+    if cyclic:
+        values["cycles"] = number(float(run.lab.cycles()[-1]))
+    if run.lab.is_undrained:
+        found = run.lab.liquefaction()
+        values["largest r_u"] = number(found.largest_ratio)
+        if cyclic:
+            values["cycles to r_u > 0.95"] = number(found.cycles_to_ratio)
+            values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
+            values["cycles to 5 % of it"] = number(found.cycles_to_double_amplitude)
+    return values
 
 
 def number(value: Any) -> str:

@@ -24,7 +24,7 @@ from labkit.dem.simulation import Options, Schedule
 from labkit.dem.specimen import Recipe
 from labkit.dem.state import State
 from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
-from labkit.errors import InputError, Interrupted
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
@@ -87,8 +87,8 @@ def run(
     If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
     it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
     recording: fields of labkit.Options (record_strain, snapshots, save_every), which override those of `options`.
-    Raises InputError, PhysicsError if the simulation fails, Interrupted after Ctrl-C or SIGTERM, with a checkpoint in
-    the file.
+    Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
+    Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     _require(path, Path, "path", "labkit.paths.ConstantVolume()")
@@ -115,6 +115,9 @@ def run(
         except Interrupted as error:
             message = "stopped by a signal; nothing was saved, because the run has no file"
             raise Interrupted(message, error.code) from None
+        except PhysicsError as failure:
+            kept = f"the records up to there are in {output} (complete = 0)"
+            raise PhysicsError(str(failure).replace(kept, "give a file to keep the records up to there")) from None
         with Run.open(output).data as data:
             data.load().encoding.pop("source", None)  # the temporary file, about to be deleted
             return Run(data)

@@ -12,7 +12,7 @@ from typing import Any
 import xarray
 
 from labkit.dem.limits import RECORDED, Exceeded, exceeded
-from labkit.dem.paths import Path, path_of
+from labkit.dem.paths import Path
 from labkit.dem.scene import Scene
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.dataset import open_run
@@ -59,6 +59,11 @@ class Run:
         return bool(self.data.attrs["complete"])
 
     @property
+    def ended_because(self) -> str:
+        """Why the test ended before the aim of its path, or could not be completed; empty if it reached its aim."""
+        return str(self.data.attrs.get("ended_because", ""))
+
+    @property
     def exceeded(self) -> tuple[Exceeded, ...]:
         """Limits of quasi-static tests that the run exceeded, each an Exceeded with name, limit and largest value.
 
@@ -79,7 +84,7 @@ class Run:
     @property
     def path(self) -> Path | None:
         """Loading path; None if the path is not registered in this process (see labkit.use)."""
-        return path_of(self.data.attrs["path"], json.loads(self.data.attrs["path_parameters"]))
+        return self.data.lab.path
 
     @property
     def engine(self) -> str:
@@ -106,8 +111,12 @@ class Run:
         """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
-    def plot(self, figure: str = "test", **options: Any) -> Any:
-        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError."""
+    def plot(self, figure: str | None = None, **options: Any) -> Any:
+        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError.
+
+        figure: its name; by default the one that suits the path.
+        """
+        figure = figure or (self.path.figure if self.path is not None else "test")
         return FIGURES.require(figure, "figure")(self.data, **options)[0]
 
     def __repr__(self) -> str:

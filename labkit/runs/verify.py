@@ -44,6 +44,8 @@ class Finding:
 
     def __str__(self) -> str:
         verdict = ("-" if np.isnan(self.value) else "ok") if self.holds else ("FAILED" if self.decides else "outside")
+        if np.isnan(self.value) and not self.limit:
+            return f"{self.name}: {verdict}" if verdict != "-" else self.name
         return f"{self.name:<52} {self.value:>11.4g}   {self.limit:<22} {verdict}"
 
 
@@ -107,7 +109,15 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         True,
     )
     yield from _recorded(run)
+    yield from _ended(run)
     yield from _held(run)
+
+
+def _ended(run: xarray.Dataset) -> Iterator[Finding]:
+    """Say why a run ended before the aim of its path; it fails if a held stress did not reach its target."""
+    reason, complete = run.attrs.get("ended_because", ""), bool(run.attrs["complete"])
+    if reason:
+        yield Finding(f"ended: {reason}", np.nan, "", complete, not complete)
 
 
 def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
@@ -219,21 +229,22 @@ def _largest(values: np.ndarray) -> float:
 
 
 def table(run: xarray.Dataset, rows: int = 20) -> str:
-    """Table of a run as text, with approximately `rows` records, including the first and the last."""
+    """Table of a run as text, with approximately `rows` records, including the first and the last.
+
+    The strain is the one that suits the path. A_s, F_s and Ft_s are components along the stress deviator.
+    """
     heading = "{:>8} {:>9} {:>9} {:>7} {:>9} {:>7} {:>7} {:>7} {:>9}"
-    header = heading.format("strain", "p", "q", "Z", "Lambda", "A_zz", "F_zz", "Ft_zz", "C0 error")
+    names = [f"{name}_{'zz' if run.lab.axisymmetric else 's'}" for name in ("A", "F", "Ft")]
+    header = heading.format("strain", "p", "q", "Z", "Lambda", *names, "C0 error")
     units = heading.format("%", "MPa", "MPa", "", "", "", "", "", "%")
-    p, q, error = run.lab.mean_stress().values, run.lab.deviatoric_stress().values, run.lab.sff_error().values
-    zz = {"i": 2, "j": 2}
+    p, q, error = run.lab.mean_stress().values, run.lab.q().values, run.lab.sff_error().values
     columns = (
-        run["axial_strain"].values * 100,
+        run.lab.strain().values * 100,
         p / 1e6,
         q / 1e6,
         run["coordination_number"].values,
         run["mean_normalised_force"].values,
-        run["contact_anisotropy"].isel(zz).values,
-        run["normal_force_anisotropy"].isel(zz).values,
-        run["mobilisation"].isel(zz).values,
+        *(run.lab.component(name).values for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")),
         error * 100,
     )
     style = "{:8.3f} {:9.4f} {:9.4f} {:7.3f} {:9.6f} {:7.3f} {:7.3f} {:7.4f} {:9.3f}"

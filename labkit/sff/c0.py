@@ -15,6 +15,7 @@ import numpy as np
 
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import along_deviator
 from labkit.micro.void_ratio import void_ratio_nominal
 
 IDENTITY = np.eye(3)
@@ -78,11 +79,12 @@ def sff_stress(snapshot: Snapshot) -> np.ndarray:
 TERMS = ("A", "F", "Ft", "coupled")
 
 
-def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray) -> dict[str, np.ndarray]:
+def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray, axisymmetric: bool = True) -> dict[str, np.ndarray]:
     """Contribution of each term of C0 to q/p, name in TERMS -> shape (...); q = sigma_zz - (sigma_xx + sigma_yy)/2.
 
     The terms 2/15 A, 2/15 F, F^t and 8/105 sym(FA) are divided by the mean stress of the bracket, 1/3 + 2/45 tr(FA),
-    and add up to the q/p of C0. A, F, Ft (..., 3, 3); NaN where the tensors are NaN.
+    and add up to the q/p of C0. If not `axisymmetric`, q is the invariant and a term contributes its component along
+    the stress deviator. A, F, Ft (..., 3, 3); NaN where the tensors are NaN.
     """
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)
@@ -90,4 +92,7 @@ def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray) -> dict[str, n
     parts = dict(
         zip(TERMS, (2 / 15 * np.asarray(A), 2 / 15 * np.asarray(F), np.asarray(Ft), 8 / 105 * FA), strict=True)
     )
+    if not axisymmetric:
+        deviator = np.sum(list(parts.values()), axis=0)
+        return {name: along_deviator(part, deviator) / mean for name, part in parts.items()}
     return {name: (part[..., 2, 2] - 0.5 * (part[..., 0, 0] + part[..., 1, 1])) / mean for name, part in parts.items()}

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
 from labkit.campaign.items import Run
 from labkit.runs.verify import SFF_PRESSURE
+from labkit.visuals.frame import as_axis
 
 ENGINE_STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 MOST_LABELS = 12  # specimens listed in the legend
@@ -22,7 +23,7 @@ PANEL = 2.8  # inches
 
 
 def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
-    """q/p (above) and void ratio e (below) against axial strain, one column per path; a Figure.
+    """q/p (above) and void ratio e (below) against the strain of the path, one column per path; a Figure.
 
     runs: (Run, run file) pairs, read one at a time. Colour denotes the specimen, line style the engine. q/p is
     left out where p is below 50 kPa.
@@ -38,13 +39,12 @@ def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
     )
     for run, file in runs:
         column = paths.index(run.path.name)
-        strain, ratio, void_ratio = _curves(file)
+        (label, strain), ratio, void_ratio = _curves(file)
+        panels[1, column].set_xlabel(label)
         for axes, values in zip(panels[:, column], (ratio, void_ratio), strict=True):
             axes.plot(strain, values, styles[run.engine], color=colors[run.specimen], lw=1.2)
     for axes, path in zip(panels[0], paths, strict=True):
         axes.set_title(path, fontsize=10)
-    for axes in panels[1]:
-        axes.set_xlabel("axial strain (%)")
     panels[0, 0].set_ylabel("stress ratio q/p")
     panels[1, 0].set_ylabel("void ratio e")
     for axes in panels.flat:
@@ -56,9 +56,10 @@ def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
     return figure
 
 
-def _curves(file: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Axial strain in %, q/p and e of the records of a run file."""
+def _curves(file: str | Path) -> tuple[tuple[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Abscissa (label, values), q/p and e of the records of a run file."""
     with xarray.open_dataset(file, engine="netcdf4", decode_cf=False, cache=False) as records:
-        p, q = records.lab.mean_stress().values, records.lab.deviatoric_stress().values
+        records = records.set_coords("axial_strain")
+        p, q = records.lab.mean_stress().values, records.lab.q().values
         ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > SFF_PRESSURE)
-        return 100.0 * records["axial_strain"].values, ratio, records["void_ratio"].values
+        return as_axis(records.lab.abscissa()), ratio, records["void_ratio"].values

@@ -22,7 +22,7 @@ from labkit.micro.directions import (
     tangential_mean,
 )
 from labkit.micro.normalised import vectors_of_contacts
-from labkit.visuals.frame import WIDTH, add_heading, new_figure
+from labkit.visuals.frame import WIDTH, add_heading, new_figure, where
 
 POLAR_BINS = 12
 BANDS, SECTORS = 8, 24
@@ -34,11 +34,6 @@ FUNCTIONS = {  # name in the table: title of the panel
 }
 
 Function = Callable[[np.ndarray], np.ndarray]  # of directions (m, 3)
-
-
-def percent(run: xarray.Dataset, snapshot: int) -> str:
-    """Axial strain of a snapshot as text."""
-    return f"{float(run['snapshot_strain'].values[snapshot]) * 100:.1f} %"
 
 
 def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
@@ -67,7 +62,7 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
         *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8, frameon=False
     )
     detail = (
-        f"at {percent(run, snapshot)} axial strain, {len(n)} contacts; top: by angle to the z axis;\n"
+        f"at {where(run, snapshot)}, {len(n)} contacts; top: by angle to the z axis;\n"
         "bottom: hemisphere seen along z, means over bins (colours) and fourth-order fit (lines)"
     )
     add_heading(figure, run, detail)
@@ -109,7 +104,7 @@ def _polar_diagram(
         left = start + sign * 0.5 * (angle[1:] + angle[:-1])
         axes.bar(
             left,
-            np.abs(means),
+            np.nan_to_num(np.abs(means)),  # no contact in a bin
             width=angle[:-1] - angle[1:],
             color="0.85",
             edgecolor="0.6",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,11 +14,8 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.dem.paths import travelled
-
 WIDTH = 10.0  # inches
 DPI = 150
-REVERSAL = 1e-6  # smallest decrease of the axial strain between two records that counts as a reversal
 
 
 class Drawing(Figure):
@@ -64,15 +63,31 @@ def name_run(figure: Figure, run: xarray.Dataset) -> None:
 
 
 def strain_axis(run: xarray.Dataset, at_snapshots: bool = False) -> tuple[str, np.ndarray]:
-    """Label and values (%) of the strain axis: axial strain, or accumulated axial strain if the path reverses.
+    """Label and values of the abscissa that suits the path (`run.lab.abscissa`): a strain in %, or cycles.
 
     Values at every record, or at the snapshots.
     """
-    label, strain = "axial strain (%)", run["axial_strain"].values
-    steps = np.diff(strain)
-    if (steps > REVERSAL).any() and (steps < -REVERSAL).any():
-        label, strain = "accumulated axial strain (%)", travelled(strain)
-    return label, 100 * (strain[run["record"].values] if at_snapshots else strain)
+    return as_axis(run.lab.abscissa(), run["record"].values if at_snapshots else slice(None))
+
+
+def where(run: xarray.Dataset, snapshot: int) -> str:
+    """Strain of the path, or number of cycles, of a snapshot as text."""
+    value, name = run.lab.abscissa()[run["record"].values[snapshot]], run.lab.abscissa().attrs["long_name"]
+    return f"{float(value):.2f} cycles" if value.name == "cycles" else f"{100 * float(value):.1f} % {name}"
+
+
+def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, np.ndarray]:
+    """Label and chosen values of a quantity of `run.lab` that is a strain, in %, or a number of cycles."""
+    if values.name == "cycles":
+        return str(values.attrs["long_name"]), values.values[chosen]
+    label = values.attrs["long_name"].replace("gamma_xz", "$\\gamma_{xz}$").replace("|eps|", "$|\\varepsilon|$")
+    return f"{label} (%)", 100 * values.values[chosen]
+
+
+def common_label(labels: Sequence[str]) -> str:
+    """The label of an axis for several runs, with the alternatives where they differ."""
+    different = list(dict.fromkeys(labels))
+    return different[0] if len(different) == 1 else textwrap.fill(" or ".join(different), 44)
 
 
 def colors_for(number: int) -> Any:
@@ -87,6 +102,8 @@ def include_zero(axes: Axes, which: str) -> None:
     if not np.isfinite([low, high]).all():
         return
     low, high = min(low, 0.0), max(high, 0.0)
+    if low == high:  # zero everywhere
+        return
     margin = 0.06 * (high - low) or 1.0
     limits = low - margin * (low < 0.0), high + margin * (high > 0.0)
     if which == "x":

@@ -7,6 +7,8 @@ imported below come from the neighbouring modules.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import matplotlib
 import numpy as np
 import pandas
@@ -18,8 +20,8 @@ from scipy import stats
 from labkit.micro.normalised import normalised_normal_force
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.visuals.direction_figure import directions, percent
-from labkit.visuals.frame import WIDTH, add_heading, new_figure, strain_axis
+from labkit.visuals.direction_figure import directions
+from labkit.visuals.frame import WIDTH, add_heading, new_figure, strain_axis, where
 from labkit.visuals.layer_figure import stratified_layer
 from labkit.visuals.sff_figures import budget, family, shares, stack_shares
 
@@ -44,7 +46,9 @@ SMALLEST_Q = 0.1  # of the largest q: a share of a smaller q has no meaning
 def groups(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """sigma^N(k), sigma^V(k) (Fig. 2) and grain stress sigma^V(k) Z(k)/Z by grain size, divided by Love's stress."""
     axis = strain_axis(run, at_snapshots=True)
-    figure, table = group_stresses(run.lab.size_groups(number), run.lab.love_stress(), axis=axis)
+    figure, table = group_stresses(
+        run.lab.size_groups(number), run.lab.love_stress(), axis=axis, part_of_q=run.lab.part_of_q
+    )
     add_heading(figure, run)
     return figure, table
 
@@ -54,11 +58,12 @@ def group_stresses(
     love: xarray.DataArray,
     width: float = WIDTH,
     axis: tuple[str, np.ndarray] | None = None,
+    part_of_q: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda stress, love: deviatoric_stress(stress),
 ) -> tuple[Figure, pandas.DataFrame]:
     """Draws the figure of `groups` from results of the accessor run.lab that are already computed.
 
     `stresses`: run.lab.size_groups(number); `love`: run.lab.love_stress(); `width` in inches; `axis`: label and
-    values of the strain axis (default: axial strain, %).
+    values of the strain axis (default: axial strain, %); `part_of_q`: run.lab.part_of_q of a test that is not triaxial.
     """
     axial, number = stresses["axial_strain"].values, stresses.sizes["group"]
     strain_label, strain = axis or ("axial strain (%)", 100 * axial)
@@ -68,7 +73,7 @@ def group_stresses(
         "grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": stresses["per_volume"].values
         * stresses["coordination_ratio"].values[..., None, None],
     }
-    scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": deviatoric_stress}
+    scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": lambda s: part_of_q(s, love.values)}
     figure = new_figure(width, 0.42 * width)
     axes = figure.subplots(1, 3, sharey=True)
     rows = []
@@ -144,7 +149,7 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
         panel.set(xlabel=title)
         panel.grid(alpha=0.25)
     axes[0].set_ylabel("probability density")
-    add_heading(figure, run, f"at {percent(run, snapshot)} axial strain; dotted: mean of the group")
+    add_heading(figure, run, f"at {where(run, snapshot)}; dotted: mean of the group")
     figure.legend(
         *axes[0].get_legend_handles_labels(),
         title="mid-size D of the group (mm)",
@@ -161,10 +166,11 @@ def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[
     changes, lives, strong = run.lab.contact_changes(), run.lab.contact_lives(), run.lab.strong_networks()
     figure = new_figure(WIDTH, 4.8)
     left, middle, right = figure.subplots(1, 3)
-    _draw_rates(left, changes)
-    _draw_lifetimes(middle, lives)
-    q = np.abs(deviatoric_stress(run.lab.at_snapshots("stress").values))
-    _draw_strong(right, 100 * changes["travelled"].values, strong, q)
+    strain = run.lab.strain_measure.name
+    _draw_rates(left, changes, strain)
+    _draw_lifetimes(middle, lives, strain)
+    q = np.abs(run.lab.q().values[run["record"].values])
+    _draw_strong(right, 100 * changes["travelled"].values, strong, q, strain)
     for panel in (left, middle, right):
         panel.grid(alpha=0.25)
         panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize=8)
@@ -176,7 +182,7 @@ def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[
     return figure, table
 
 
-def _draw_rates(axes: Axes, changes: xarray.Dataset) -> None:
+def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
     """Contacts gained and lost per 1 % of strain, in % of the contacts before."""
     accumulated = changes["travelled"].values * 100
     step = np.diff(accumulated)
@@ -187,13 +193,13 @@ def _draw_rates(axes: Axes, changes: xarray.Dataset) -> None:
         )
         axes.plot(accumulated[1:], rate, "o-", ms=3, color=color, label=name)
     axes.set(
-        xlabel="accumulated axial strain (%)",
+        xlabel=f"accumulated {strain} (%)",
         ylabel="contacts gained or lost\nper 1 % strain (% of all contacts)",
         ylim=(0, None),
     )
 
 
-def _draw_lifetimes(axes: Axes, lives: xarray.Dataset) -> None:
+def _draw_lifetimes(axes: Axes, lives: xarray.Dataset, strain: str) -> None:
     """Survival function of the contacts present at the start and of those formed later."""
     for chosen, label, color in (
         (lives["birth"].values == 0, "present at the start", "C0"),
@@ -203,10 +209,10 @@ def _draw_lifetimes(axes: Axes, lives: xarray.Dataset) -> None:
             life, alive = lives["lifetime"].values[chosen], lives["alive"].values[chosen]
             survival = stats.ecdf(stats.CensoredData(uncensored=life[~alive], right=life[alive])).sf
             axes.step(survival.quantiles * 100, survival.probabilities, where="post", color=color, label=label)
-    axes.set(xlabel="lifetime, accumulated axial strain (%)", ylabel="fraction that survives", ylim=(0, 1))
+    axes.set(xlabel=f"lifetime, accumulated {strain} (%)", ylabel="fraction that survives", ylim=(0, 1))
 
 
-def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q: np.ndarray) -> None:
+def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q: np.ndarray, strain: str) -> None:
     """Fraction of strong contact sides and their share of q, by both definitions of strong."""
     enough = q > SMALLEST_Q * q.max(initial=0.0)
     for k, definition in enumerate(strong["definition"].values):
@@ -215,4 +221,4 @@ def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q:
         axes.plot(accumulated, chosen["fraction"], "--", color=f"C{k}", label=label)
         share = np.where(enough, chosen["share_of_q"], np.nan)
         axes.plot(accumulated, share, "-", color=f"C{k}", label=f"strong ({definition}): share of q")
-    axes.set(xlabel="accumulated axial strain (%)", ylabel="fraction", ylim=(0, None))
+    axes.set(xlabel=f"accumulated {strain} (%)", ylabel="fraction", ylim=(0, None))

@@ -24,7 +24,9 @@ from labkit.visuals.frame import (
     DPI,
     WIDTH,
     add_heading,
+    as_axis,
     colors_for,
+    common_label,
     include_zero,
     name_of,
     name_run,
@@ -37,6 +39,7 @@ __all__ = [
     "FORMATS",
     "WIDTH",
     "calibration",
+    "columns_of",
     "curves",
     "diagram",
     "e_p_paths",
@@ -45,6 +48,7 @@ __all__ = [
     "records",
     "save",
     "sff_against_love",
+    "styles_of",
     "test",
     "work_precision",
 ]
@@ -57,21 +61,23 @@ MODEL_STYLES: dict[str, tuple[str, Literal["-", "--"]]] = {"C0 (model)": ("stres
 
 
 def sff_against_love(runs: Runs) -> Figure:
-    """q and p against axial strain, and q against p, of runs opened with labkit.open_run; a Figure.
+    """q and p against the strain of the path, and q against p, of runs opened with labkit.open_run; a Figure.
 
     `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed.
     A prediction of the constitutive model has only C0.
     """
     figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
     panels = figure.subplots(1, 3)
+    labels = []
     for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
-        strain = percent(run)
-        for name, style in (STYLES if _has_grains(run) else MODEL_STYLES).values():
-            p, q = run.lab.mean_stress(name).values / 1e6, run.lab.deviatoric_stress(name).values / 1e6
+        strain_label, strain = as_axis(run.lab.strain())
+        labels.append(strain_label)
+        for name, style in styles_of(run).values():
+            p, q = run.lab.mean_stress(name).values / 1e6, run.lab.q(name).values / 1e6
             for axes, x, y in zip(panels, (strain, strain, p), (q, p, q), strict=True):
                 axes.plot(x, y, style, color=color, label=label if style == "-" else None)
     for axes in panels:
-        axes.set_xlabel("axial strain (%)")
+        axes.set_xlabel(common_label(labels))
         include_zero(axes, "y")
         axes.grid(alpha=0.25)
     panels[0].set(ylabel="deviatoric stress q (MPa)")
@@ -81,7 +87,7 @@ def sff_against_love(runs: Runs) -> Figure:
     styles = STYLES if any(map(_has_grains, runs.values())) else MODEL_STYLES
     lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in styles.items()]
     runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
-    columns = _columns(runs, 5)
+    columns = columns_of(runs, 5)
     figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     return figure
 
@@ -91,21 +97,32 @@ def _has_grains(run: xarray.Dataset) -> bool:
     return run.attrs.get("engine") != "model"
 
 
-def test(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """q, p and the stress path of one run, from Love's stress and from C0 (`sff_against_love`), and its table."""
-    columns = {"axial_strain": run["axial_strain"].values}
-    for who, (name, _) in STYLES.items():
-        columns[f"p_{who}_Pa"] = run.lab.mean_stress(name).values
-        columns[f"q_{who}_Pa"] = run.lab.deviatoric_stress(name).values
-    figure = sff_against_love({name_of(run): run})
-    add_heading(figure, run)
-    return figure, pandas.DataFrame(columns)
+def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Literal["-", "--"]]]:
+    """Name of each stress of a run -> its variable and line style."""
+    return STYLES if _has_grains(run) else MODEL_STYLES
+
+
+def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """q, p and the stress path of a run or several, from Love's stress and C0 (`sff_against_love`), and the table."""
+    runs = {name_of(run): run} if isinstance(run, xarray.Dataset) else run
+    tables = []
+    for label, one in runs.items():
+        columns = {"run": label, "axial_strain": one["axial_strain"].values, "strain": one.lab.strain().values}
+        for who, (name, _) in STYLES.items():
+            columns[f"p_{who}_Pa"] = one.lab.mean_stress(name).values
+            columns[f"q_{who}_Pa"] = one.lab.q(name).values
+        tables.append(pandas.DataFrame(columns))
+    figure = sff_against_love(runs)
+    if len(runs) > 1:
+        return figure, pandas.concat(tables, ignore_index=True)
+    add_heading(figure, next(iter(runs.values())))
+    return figure, tables[0].drop(columns="run")
 
 
 def records(
     run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Any recorded variable, including user-defined ones, against axial strain; for a tensor, its components.
+    """Any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
 
     For a symmetric tensor the six independent components are drawn (`xy = yx`), for others all nine. Raises
     InputError if the run does not hold the variable.
@@ -139,6 +156,7 @@ def records(
 
 
 test.of_records = records.of_records = True  # type: ignore[attr-defined]  # they need no snapshots
+test.of_runs = True  # type: ignore[attr-defined]  # it draws several runs, too
 SYMMETRY_TOLERANCE = 1e-3  # of the largest component: smaller differences are invisible in a figure
 
 
@@ -175,7 +193,7 @@ def e_p_paths(
     tests = []
     for e, (label, run) in zip(start, runs.items(), strict=True):
         color, style = colors(0.9 * scale(e)), styles[run.attrs["path"]]
-        p, q = run.lab.mean_stress().values / 1e6, run.lab.deviatoric_stress().values / 1e6
+        p, q = run.lab.mean_stress().values / 1e6, run.lab.q().values / 1e6
         tests += left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2, label=label)
         left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
         right.plot(p, q, linestyle=style, color=color, lw=1.2)
@@ -195,7 +213,7 @@ def e_p_paths(
     columns = 8 if width >= WIDTH else 4
     figure.legend(handles=lines, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     if list_runs:
-        figure.legend(handles=tests, loc="outside upper center", ncols=_columns(runs, 8), frameon=False, fontsize=8)
+        figure.legend(handles=tests, loc="outside upper center", ncols=columns_of(runs, 8), frameon=False, fontsize=8)
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")
     return figure
@@ -205,7 +223,7 @@ QUANTITIES = {
     "strain": ("axial strain (%)", lambda run, stress: percent(run)),
     "travelled": ("accumulated axial strain (%)", lambda run, stress: travelled(percent(run))),
     "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
-    "q": ("q (MPa)", lambda run, stress: run.lab.deviatoric_stress(stress).values / 1e6),
+    "q": ("q (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6),
     "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),
     "e_nominal": ("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
     "Z": ("Z", lambda run, stress: run["coordination_number"].values),
@@ -303,7 +321,7 @@ def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float
     return figure
 
 
-def _columns(labels: Runs, most: int) -> int:
+def columns_of(labels: Runs, most: int) -> int:
     """Number of legend columns that fit the width of the page."""
     return max(1, min(most, 110 // max(len(label) for label in labels)))
 

@@ -15,7 +15,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from labkit.micro.stress import deviatoric_stress, mean_stress, relative_error
+from labkit.micro.stress import mean_stress, relative_error
 from labkit.sff import family as sff_family
 from labkit.sff.budget import PARTS, standard_errors
 from labkit.sff.c0 import TERMS
@@ -141,7 +141,7 @@ def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
     figure = new_figure(WIDTH, 5.0)
     axes = figure.subplots(1, 2)
-    for panel, of, name in zip(axes, (mean_stress, deviatoric_stress), "pq", strict=True):
+    for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         for color, part in zip(COLORS, shown, strict=False):  # more colours than parts
             panel.plot(strain, 100 * of(parts.sel(part=part).values) / p, color=color, label=PARTS[part])
         panel.plot(strain, 100 * of(parts.sum("part").values) / p, "k-", lw=2, label="C0 - Love")
@@ -157,7 +157,7 @@ def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
             "axial_strain": axial[k],
             "part": part,
             "p_error": mean_stress(parts.values[k, i]) / p[k],
-            "q_error": deviatoric_stress(parts.values[k, i]) / p[k],
+            "q_error": run.lab.part_of_q(parts.values[k, i], love[k]) / p[k],
             "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
         }
         for k in range(len(axial))

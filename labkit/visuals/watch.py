@@ -20,7 +20,7 @@ import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
 from labkit.io.files import open_netcdf
 from labkit.io.interruption import being_written
 
-SHOWN = ("stress", "stress_sff", "void_ratio", "axial_strain")
+SHOWN = ("stress", "stress_sff", "void_ratio", "strain", "axial_strain")
 FIRST_MARKS = "*o+x#%@$&="
 MARKS = FIRST_MARKS + "".join(
     c for c in string.ascii_letters + string.digits if c not in FIRST_MARKS
@@ -74,12 +74,18 @@ def records(file: str) -> xarray.Dataset:
 
 def status(name: str, run: xarray.Dataset, active: bool) -> str:
     """One-line summary of a run; `active`: True if a process is writing the file."""
-    strain = float(run["axial_strain"][-1])
+    strain = run.lab.strain()
     state = "complete" if run.attrs["complete"] else "running" if active else "interrupted"
     return (
-        f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, axial strain {strain:.2%}, "
+        f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, "
+        f"{_cycles(run)}{strain.long_name} {float(strain[-1]):.2%}, "
         f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, error of C0 {float(run.lab.sff_error()[-1]):.2%}"
     )
+
+
+def _cycles(run: xarray.Dataset) -> str:
+    """The number of cycles of a cyclic test as text."""
+    return f"{float(run.lab.cycles()[-1]):.2f} cycles, " if run.lab.path is not None and run.lab.path.cyclic else ""
 
 
 def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
@@ -89,10 +95,11 @@ def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
     plotext.theme("clear")
     plotext.subplots(1, 3)
     plotext.plot_size(width, height)
+    strain = " or ".join(dict.fromkeys(f"{run.lab.strain().long_name} (%)" for run in runs.values()))
     panels = (
-        ("q (MPa)", "axial strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.deviatoric_stress() / 1e6)),
+        ("q (MPa)", strain, lambda r: (r.lab.strain() * 100, r.lab.q() / 1e6)),
         ("void ratio e", "p (MPa)", lambda r: (r.lab.mean_stress() / 1e6, r["void_ratio"])),
-        ("C0 error (%)", "axial strain (%)", lambda r: (r["axial_strain"] * 100, r.lab.sff_error() * 100)),
+        ("C0 error (%)", strain, lambda r: (r.lab.strain() * 100, r.lab.sff_error() * 100)),
     )
     for number, (title, x_label, values) in enumerate(panels, start=1):
         plotext.subplot(1, number)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.dem import cycles, stress_reversals
 from labkit.dem import element_tests as tests
-from labkit.dem import stress_reversals as cycles
 from labkit.dem.lattice import tilt
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six
@@ -101,8 +101,8 @@ def kill_after_saves(number, specimen_file, path, file):
 def test_reloading_visits_its_stresses(specimen):
     levels = (1.4e6, 1.0e6, 1.6e6)  # the specimen is at 1.1 MPa
     for path, of in (
-        (cycles.IsotropicReloading(pressures=levels), lambda data: data.lab.mean_stress().values),
-        (cycles.OedometerReloading(stresses=levels), lambda data: data["stress"].values[:, 2, 2]),
+        (stress_reversals.IsotropicReloading(pressures=levels), lambda data: data.lab.mean_stress().values),
+        (stress_reversals.OedometerReloading(stresses=levels), lambda data: data["stress"].values[:, 2, 2]),
     ):
         run = lk.run(specimen, path, progress=False)
         stress = of(run.data)
@@ -131,7 +131,7 @@ def test_the_lode_angle_is_an_alternative_to_b():
 @pytest.mark.parametrize("stresses", [(1e6, 2e6), (1e6, 1e6), (), (-1.0,)])
 def test_stresses_that_do_not_alternate_are_refused(stresses):
     with pytest.raises(InputError, match=r"stresses|alternate"):
-        cycles.OedometerReloading(stresses=stresses)
+        stress_reversals.OedometerReloading(stresses=stresses)
 
 
 def test_every_path_is_in_the_registry_with_a_description():

@@ -84,7 +84,7 @@ def test_a_path_that_fails_keeps_its_records(capsys, tmp_path):
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and "e_cmax" in lines[0]
     run = labkit.open_run(file)
-    assert run.attrs["complete"] == 0 and "e_cmax" in run.attrs["failure"]
+    assert run.attrs["complete"] == 0 and "e_cmax" in run.attrs["ended_because"]
     assert abs(float(run["void_ratio"][-1]) - 0.76) < 1e-6
 
 

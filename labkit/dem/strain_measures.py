@@ -1,0 +1,56 @@
+"""Scalar strains: the one that suits a path, for its figures, tables, progress messages and critical state.
+
+A record holds the logarithmic strain tensor eps, compression positive; a path says by its `strain_measure` which scalar
+of eps describes its course.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainMeasure:
+    """A scalar strain. `name`: for labels; `at`: function of the strain (..., 3, 3) that returns it, shape (...).
+
+    `signed`: False for a norm, which does not distinguish loading from unloading.
+    """
+
+    name: str
+    at: Callable[[np.ndarray], np.ndarray]
+    signed: bool = True
+
+    def accumulated(self, strain: np.ndarray) -> np.ndarray:
+        """The strain accumulated up to each record, which increases through reversals; strain (n, 3, 3), shape (n,)."""
+        steps = np.diff(strain, axis=0)
+        travelled = np.abs(np.diff(self.at(strain))) if self.signed else self.at(steps)
+        return np.concatenate([np.zeros(min(len(strain), 1)), np.cumsum(travelled)])
+
+    def reversals(self, strain: np.ndarray) -> np.ndarray:
+        """Indices (k,) of the records at which this strain reverses; strain (n, 3, 3). None if it is a norm."""
+        if not self.signed:
+            return np.zeros(0, dtype=int)
+        steps = np.diff(self.at(strain))
+        moving = np.flatnonzero(np.abs(steps) > REVERSAL)
+        turned = np.flatnonzero(np.diff(np.sign(steps[moving])) != 0.0)
+        return moving[turned] + 1
+
+
+REVERSAL = 1e-6  # smallest change of a strain between two records that counts as motion
+
+
+def _shear_strain(strain: np.ndarray) -> np.ndarray:
+    """Horizontal displacement over height: gamma_xz = B_xz/B_zz with B = F F^T = exp(-2 eps)."""
+    principal, direction = np.linalg.eigh(np.asarray(strain, dtype=float))
+    B = np.einsum("...ik,...k,...jk->...ij", direction, np.exp(-2.0 * principal), direction)
+    return 0.0 - B[..., 0, 2] / B[..., 2, 2]
+
+
+AXIAL = StrainMeasure("axial strain", lambda strain: strain[..., 2, 2])
+VOLUMETRIC = StrainMeasure("volumetric strain", lambda strain: np.trace(strain, axis1=-2, axis2=-1))
+SHEAR = StrainMeasure("shear strain gamma_xz", _shear_strain)
+PURE_SHEAR = StrainMeasure("shear strain gamma_xz", lambda strain: 2.0 * strain[..., 0, 2])
+NORM = StrainMeasure("strain |eps|", lambda strain: np.linalg.norm(strain, axis=(-2, -1)), signed=False)

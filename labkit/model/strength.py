@@ -1,0 +1,85 @@
+"""Sections of strength criteria in the deviatoric (pi) plane: q/p as a function of the Lode angle.
+
+Principal stresses at the Lode angle theta, 0 in triaxial compression and 60 degrees in extension:
+
+    sigma_i = p + 2/3 q c_i,    c = cos(theta), cos(theta - 120), cos(theta + 120)
+
+Each section is that of the criterion which has the strength M = q/p in triaxial compression, sin(phi) = 3M/(6 + M).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.stress import equivalent_stress, lode_angle, mean_stress
+from labkit.model.parameters import TABLE_2, Model
+from labkit.sff.c0 import c0_stress
+
+LARGEST = 3.0  # of M: sin(phi) = 1
+
+
+def principal_cosines(angle: np.ndarray) -> np.ndarray:
+    """The three c_i of the principal stresses, largest first; `angle`: theta (...), degrees; shape (..., 3)."""
+    return np.cos(np.radians(np.asarray(angle, dtype=float)[..., None] + np.array([0.0, -120.0, 120.0])))
+
+
+def _sine(strength: float) -> float:
+    if not 0.0 < strength < LARGEST:
+        raise InputError(field="strength", value=strength, allowed=f"q/p in compression, above 0 and below {LARGEST:g}")
+    return 3.0 * strength / (6.0 + strength)
+
+
+def mohr_coulomb(strength: float, angle: np.ndarray) -> np.ndarray:
+    """q/p of sigma_1 - sigma_3 = sin(phi) (sigma_1 + sigma_3); strength: M in compression. Raises InputError."""
+    sine, c = _sine(strength), principal_cosines(angle)
+    largest, least = c.max(axis=-1), c.min(axis=-1)
+    return 3.0 * sine / (largest - least - sine * (largest + least))
+
+
+def matsuoka_nakai(strength: float, angle: np.ndarray) -> np.ndarray:
+    """q/p of I_1 I_2/I_3 = (9 - sin^2 phi)/(1 - sin^2 phi) (Matsuoka & Nakai 1974); strength: M in compression.
+
+    The root is found by bisection between q = 0 and the q at which the least stress vanishes. Raises InputError.
+    """
+    sine, c = _sine(strength), principal_cosines(angle)
+    ratio = (9.0 - sine**2) / (1.0 - sine**2)
+    low, high = np.zeros(c.shape[:-1]), -1.5 / c.min(axis=-1)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        s = 1.0 + 2.0 / 3.0 * middle[..., None] * c
+        second = s[..., 0] * s[..., 1] + s[..., 1] * s[..., 2] + s[..., 2] * s[..., 0]
+        inside = 3.0 * second < ratio * s.prod(axis=-1)
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return 0.5 * (low + high)
+
+
+def critical_section(angle: np.ndarray, model: Model = TABLE_2) -> tuple[np.ndarray, np.ndarray]:
+    """Critical stress of the model for strain rates at these Lode angles (...): (q/p, Lode angle of the stress).
+
+    At the critical state A, F and F^t have their norms A^c, F^c and F^tc and the direction of the strain rate, and C0
+    gives the stress.
+    """
+    c = principal_cosines(angle)
+    n = np.zeros((*c.shape, 3))
+    n[..., [0, 1, 2], [0, 1, 2]] = c / np.linalg.norm(c, axis=-1, keepdims=True)
+    parameters = model.parameters
+    one = np.ones(c.shape[:-1])
+    stress = c0_stress(1.0, one, one, 0.0 * one, parameters.A_c * n, parameters.F_c * n, parameters.Ft_c * n)
+    return equivalent_stress(stress) / mean_stress(stress), lode_angle(stress)
+
+
+def model_section(strength: float, angle: np.ndarray, model: Model = TABLE_2) -> np.ndarray:
+    """q/p of the critical state of the model (`critical_section`), scaled to the strength M in compression."""
+    _sine(strength)
+    ratio, reached = critical_section(np.linspace(0.0, 60.0, 241), model)
+    return np.interp(np.asarray(angle, dtype=float), reached, strength * ratio / ratio[0])
+
+
+SECTIONS: dict[str, Callable[[float, np.ndarray], np.ndarray]] = {
+    "Mohr-Coulomb": mohr_coulomb,
+    "Matsuoka-Nakai": matsuoka_nakai,
+    "model": model_section,
+}

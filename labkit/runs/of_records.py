@@ -1,0 +1,186 @@
+"""Quantities of every record of a run: the strain and the q that suit its path, cycles, pore pressure, error of C0."""
+
+from __future__ import annotations
+
+import functools
+import json
+
+import numpy as np
+import xarray as xr
+
+from labkit.dem.paths import Path, path_of
+from labkit.dem.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
+from labkit.errors import InputError
+from labkit.micro.stress import (
+    along_deviator,
+    deviatoric_stress,
+    equivalent_stress,
+    lode_angle,
+    mean_stress,
+    relative_error,
+)
+from labkit.runs import undrained
+from labkit.sff.c0 import TERMS, strength_shares
+
+
+class OfRecords:
+    """The part of the accessor `run.lab` that needs the records only. The path of the run decides what suits it."""
+
+    def __init__(self, run: xr.Dataset) -> None:
+        """Called by xarray when `run.lab` is first used."""
+        self._run = run
+
+    @functools.cached_property
+    def path(self) -> Path | None:
+        """Loading path of the run; None if it is not registered in this process (see labkit.use)."""
+        return path_of(self._run.attrs["path"], json.loads(self._run.attrs.get("path_parameters", "{}")))
+
+    @property
+    def strain_measure(self) -> StrainMeasure:
+        """The scalar strain that suits the path; axial strain for a path that is not registered."""
+        measure = self.path.strain_measure() if self.path is not None else AXIAL
+        if measure is SHEAR and self._run.attrs.get("engine") == "model":
+            return PURE_SHEAR  # the strain of the model is the integral of the strain rate, without the spin
+        return measure
+
+    @property
+    def axisymmetric(self) -> bool:
+        """True if q is sigma_zz - (sigma_xx + sigma_yy)/2; False if it is the invariant sqrt(3/2 s:s)."""
+        return self.path is None or self.path.axisymmetric
+
+    @functools.cached_property
+    def _reversals(self) -> np.ndarray:
+        return self.strain_measure.reversals(self._run["strain"].values)
+
+    def strain(self) -> xr.DataArray:
+        """The strain that suits the path, e.g. axial strain or gamma_xz, DataArray (time).
+
+        It has a sign, except for paths without a characteristic component, which have the accumulated norm |eps|.
+        """
+        if not self.strain_measure.signed:
+            return self.accumulated_strain()
+        values = self.strain_measure.at(self._run["strain"].values)
+        return self._scalar(values, "1", self.strain_measure.name).rename("strain")
+
+    def accumulated_strain(self) -> xr.DataArray:
+        """The strain that suits the path, accumulated through its reversals, DataArray (time)."""
+        values = self.strain_measure.accumulated(self._run["strain"].values)
+        return self._scalar(values, "1", f"accumulated {self.strain_measure.name}").rename("strain")
+
+    def abscissa(self) -> xr.DataArray:
+        """What a quantity of the run is drawn against, DataArray (time).
+
+        The number of cycles in a cyclic test, the accumulated strain on other paths that reverse, else the strain.
+        """
+        if self.path is not None and self.path.cyclic:
+            return self.cycles()
+        return self.accumulated_strain() if len(self._reversals) else self.strain()
+
+    def cycles(self) -> xr.DataArray:
+        """Number of cycles at every record (labkit.runs.undrained.number_of_cycles), DataArray (time)."""
+        tensors = self._run["strain"].values, self._run["stress"].values
+        values = undrained.number_of_cycles(self.path, *tensors, self._reversals)
+        return self._scalar(values, "1", "number of cycles N").rename("cycles")
+
+    def q(self, name: str = "stress") -> xr.DataArray:
+        """q of a recorded stress, DataArray (time), Pa: negative in triaxial extension, the invariant if not triaxial.
+
+        On axisymmetric paths it is sigma_zz - (sigma_xx + sigma_yy)/2, on others sqrt(3/2 s:s).
+        """
+        of = deviatoric_stress if self.axisymmetric else equivalent_stress
+        return self._scalar(of(self._run[name].values), "Pa", "deviatoric stress q")
+
+    def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """Part of q that a tensor (..., 3, 3) adds: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q with s of `stress`."""
+        return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
+
+    def component(self, name: str) -> xr.DataArray:
+        """Component of A, F or F^t that goes with q, DataArray (time).
+
+        On axisymmetric paths it is zz; on others the component T:s/|s| sqrt(2/3) along the stress deviator s, which is
+        T_zz in triaxial compression. `name`: `contact_anisotropy`, `normal_force_anisotropy` or `mobilisation`.
+        """
+        tensor, long_name = self._run[name].values, self._run[name].attrs.get("long_name", name)
+        if self.axisymmetric:
+            return self._scalar(tensor[:, 2, 2], "1", f"{long_name}, zz")
+        along = along_deviator(tensor, self._run["stress"].values) / 1.5
+        return self._scalar(along, "1", f"{long_name}, along the stress deviator")
+
+    def lode_angle(self, name: str = "stress") -> xr.DataArray:
+        """Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""
+        return self._scalar(lode_angle(self._run[name].values), "degree", "Lode angle")
+
+    def pore_pressure(self, total: str = "mean") -> xr.DataArray:
+        """Excess pore pressure u = sigma_total - sigma' of an undrained test, DataArray (time), Pa.
+
+        total: the component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
+        constant cell pressure). Raises InputError if the volume changed, as in a drained test.
+        """
+        self._require_undrained()
+        return self._scalar(undrained.pore_pressure(self._run["stress"].values, total)[0], "Pa", "pore pressure u")
+
+    def pore_pressure_ratio(self, total: str = "mean") -> xr.DataArray:
+        """r_u = u/sigma'_0 of an undrained test, DataArray (time); sigma'_0 is p_0 by default, see `pore_pressure`."""
+        self._require_undrained()
+        u, initial = undrained.pore_pressure(self._run["stress"].values, total)
+        return self._scalar(u / initial, "1", "pore pressure ratio r_u")
+
+    def double_amplitude(self) -> xr.DataArray:
+        """Strain of the path travelled since its last reversal, DataArray (time)."""
+        strain = self.strain_measure.at(self._run["strain"].values)
+        values = undrained.double_amplitude(strain, self._reversals)
+        return self._scalar(values, "1", f"{self.strain_measure.name} since the last reversal")
+
+    def liquefaction(self, total: str = "mean") -> undrained.Liquefaction:
+        """Cycles to initial liquefaction of an undrained test by both criteria. Raises InputError if it is drained."""
+        ratio = self.pore_pressure_ratio(total).values
+        return undrained.liquefaction(self.cycles().values, ratio, self.double_amplitude().values)
+
+    @property
+    def is_undrained(self) -> bool:
+        """True if the volume is constant."""
+        volume = self._run["volume"].values
+        return bool(np.abs(volume / volume[0] - 1.0).max() < undrained.SAME_VOLUME)
+
+    def _require_undrained(self) -> None:
+        if not self.is_undrained:
+            raise InputError(
+                f"this run of {self._run.attrs['path']} is drained, its volume changes, so it has no pore pressure: "
+                "give a test at constant volume"
+            )
+
+    def strength_shares(self) -> xr.DataArray:
+        """Contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time)."""
+        A, F, Ft = (
+            self._run[name].values for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
+        )
+        shares = strength_shares(A, F, Ft, self.axisymmetric)
+        return xr.DataArray(
+            np.array([shares[term] for term in TERMS]),
+            dims=("term", "time"),
+            coords={"term": list(TERMS), "axial_strain": ("time", self._run["axial_strain"].values)},
+            attrs={"units": "1", "long_name": "contribution to q/p of C0"},
+        )
+
+    def sff_error(self) -> xr.DataArray:
+        """Frobenius norm of C0 - Love divided by that of Love's stress at every record, DataArray (time)."""
+        error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
+        return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
+
+    def mean_stress(self, name: str = "stress") -> xr.DataArray:
+        """Mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
+        return self._scalar(mean_stress(self._run[name].values), "Pa", "mean stress p")
+
+    def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
+        """q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""
+        return self._scalar(deviatoric_stress(self._run[name].values), "Pa", "deviatoric stress q")
+
+    def stress_ratio(self, name: str = "stress") -> xr.DataArray:
+        """Stress ratio q/p of a recorded stress, DataArray (time), dimensionless; NaN where p and q are zero."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.q(name).values / mean_stress(self._run[name].values)
+        return self._scalar(ratio, "1", "stress ratio q/p")
+
+    def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
+        named = self._run["axial_strain"].copy(data=values).rename(None)
+        return named.assign_attrs(units=units, long_name=long_name)

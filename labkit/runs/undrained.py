@@ -1,0 +1,99 @@
+"""Cycles, and the liquefaction of an undrained test, from the records of a run.
+
+An undrained test keeps the volume of the cell constant and has no pore water: its stress is the effective stress.
+Excess pore pressure: u = sigma_total - sigma', where one component of the total stress is taken as constant; and
+r_u = u/sigma'_0, which is 1 where this component of the effective stress vanishes. Initial liquefaction is reached when
+r_u first exceeds 0.95, or when the double amplitude of the strain reaches 5 %.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from labkit.dem.loading import Path
+from labkit.errors import InputError
+from labkit.micro.stress import mean_stress
+
+RATIO = 0.95  # r_u of initial liquefaction
+DOUBLE_AMPLITUDE = 0.05  # of the strain, at initial liquefaction
+SAME_VOLUME = 1e-6  # largest relative change of volume of an undrained test
+
+# Which total stress is constant, and its component of a stress (..., 3, 3).
+TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mean": mean_stress,
+    "axial": lambda stress: stress[..., 2, 2],
+    "radial": lambda stress: 0.5 * (stress[..., 0, 0] + stress[..., 1, 1]),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Liquefaction:
+    """Liquefaction of an undrained cyclic test: number of cycles at which each criterion was first met, else NaN.
+
+    cycles: of the whole test; largest_ratio: of r_u; cycles_to_ratio: to r_u > 0.95; largest_double_amplitude: of the
+    strain of the path; cycles_to_double_amplitude: to a double amplitude of 5 %.
+    """
+
+    cycles: float
+    largest_ratio: float
+    cycles_to_ratio: float
+    largest_double_amplitude: float
+    cycles_to_double_amplitude: float
+
+
+def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, float]:
+    """u at every record, Pa, and sigma'_0, the initial value of the effective stress; stress (n, 3, 3).
+
+    total: the component of the total stress that is constant, `mean`, `axial` or `radial`. Raises InputError.
+    """
+    if total not in TOTAL:
+        raise InputError("is unknown", field="total", value=total, allowed=f"one of {', '.join(TOTAL)}", quoted=True)
+    effective = TOTAL[total](stress)
+    return effective[0] - effective, float(effective[0])
+
+
+def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, reversals: np.ndarray) -> np.ndarray:
+    """Number of cycles completed at every record, shape (n,): each leg is half a cycle.
+
+    Within a leg the number grows with the controlled strain or stress, from its value at the last reversal to the
+    target of the leg, and stays where this quantity turns back. strain, stress (n, 3, 3); reversals: indices of the
+    records at which the path reversed. A path that is not registered (None) advances at its reversals only.
+    """
+    cycles = np.zeros(len(strain))
+    ends = [0, *reversals.tolist(), len(strain) - 1]
+    for leg, (first, last) in enumerate(itertools.pairwise(ends)):
+        part = slice(first, last + 1)
+        done = np.zeros(last + 1 - first)
+        if path is not None and leg < path.legs():
+            values = np.array([path.controlled(*row) for row in zip(strain[part], stress[part], strict=True)])
+            length = path.leg_target(leg) - values[0]
+            done = np.clip(np.maximum.accumulate((values - values[0]) / length), 0.0, 1.0) if length else done
+        cycles[part] = 0.5 * (leg + done)
+    return cycles
+
+
+def double_amplitude(strain: np.ndarray, reversals: np.ndarray) -> np.ndarray:
+    """Strain travelled since the last reversal, or since the start, at every record; strain (n,) is a scalar strain."""
+    last = np.zeros(len(strain), dtype=int)
+    last[reversals] = reversals
+    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its leg
+    return np.abs(strain - strain[before])
+
+
+def liquefaction(cycles: np.ndarray, ratio: np.ndarray, amplitude: np.ndarray) -> Liquefaction:
+    """Liquefaction from the number of cycles, r_u and the double amplitude of the strain at every record, (n,)."""
+    return Liquefaction(
+        cycles=float(cycles[-1]),
+        largest_ratio=float(ratio.max()),
+        cycles_to_ratio=_first(cycles, ratio > RATIO),
+        largest_double_amplitude=float(amplitude.max()),
+        cycles_to_double_amplitude=_first(cycles, amplitude >= DOUBLE_AMPLITUDE),
+    )
+
+
+def _first(cycles: np.ndarray, met: np.ndarray) -> float:
+    return float(cycles[np.argmax(met)]) if met.any() else float("nan")
