@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from labkit.cli.arguments import one_of, positive_int
+from labkit.cli.naming import stem
 from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import layer_options, stratified
@@ -101,7 +102,7 @@ def do_critical(options: argparse.Namespace, argv: list[str]) -> None:
 def figure_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit figure`."""
     parser.add_argument("figure", metavar="FIGURE", type=one_of(FIGURES), help=f"one of {', '.join(FIGURES)}")
-    parser.add_argument("run", metavar="RUN", help="run file")
+    parser.add_argument("run", metavar="RUN", help="run file, or probes file for the figure envelope")
     parser.add_argument("--variable", help="recorded variable to draw (figure `records` only)")
     parser.add_argument(
         "--groups", type=positive_int, metavar="N", default=5, help="number of grain-size groups (default: 5)"
@@ -121,17 +122,17 @@ def figure_options(parser: argparse.ArgumentParser) -> None:
 
 @command("figure", figure_options)
 def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
-    """Draws a figure of a run, and prints its table or writes it as CSV."""
+    """Draws a figure of a run or of probes, and prints its table or writes it as CSV."""
     import labkit
     from labkit.runs.dataset import require_snapshots
     from labkit.visuals import plots
 
-    run = labkit.open_run(options.run)
     draw = FIGURES.require(options.figure, "figure")
-    of_records = getattr(draw, "of_records", False)
+    of_probes, of_records = (getattr(draw, name, False) for name in ("of_probes", "of_records"))
+    run = labkit.open_probes(options.run).data if of_probes else labkit.open_run(options.run)
     output = options.output or figure_name(options.run, options.variable or options.figure)
     require_outputs(output, options.csv)
-    if not of_records:
+    if not (of_records or of_probes):
         require_snapshots(run, options.run, [options.snapshot], ", or draw the figure shares")
     keywords = {"variable": options.variable} if options.variable is not None else {}
     if keywords and "variable" not in inspect.signature(draw).parameters:
@@ -141,7 +142,8 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
             value=options.variable,
         )
     figure, table = draw(run, options.groups, options.snapshot, **keywords)
-    plots.name_run(figure, run)  # a figure of the user may not name its run
+    if not of_probes:
+        plots.name_run(figure, run)  # a figure of the user may not name its run
     plots.save(figure, output, [options.run])
     print(f"figure: {output}")
     if options.csv:
@@ -292,6 +294,5 @@ def require_outputs(figure: str, csv: str | None) -> None:
 
 
 def figure_name(run: str, what: str) -> str:
-    """Name of a figure in the folder of a run or state file."""
-    name = Path(run).name.removesuffix(".run.nc").removesuffix(".state.nc")
-    return str(Path(run).with_name(f"{name}.{what}.png"))
+    """Name of a figure in the folder of a run, state or probes file."""
+    return str(Path(run).with_name(f"{stem(run)}.{what}.png"))

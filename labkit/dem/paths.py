@@ -195,6 +195,8 @@ PATHS: Registry = Registry(
         "oedometer_reloading": _CYCLES + "OedometerReloading",
         "undrained_cycles": _CYCLES + "UndrainedCycles",
         "drained_cycles": _CYCLES + "DrainedCycles",
+        "strain_probe": "labkit.dem.probes:StrainProbe",
+        "stress_probe": "labkit.dem.probes:StressProbe",
     },
 )
 
@@ -239,7 +241,7 @@ def travelled(axial_strain: np.ndarray) -> np.ndarray:
 
 def __getattr__(name: str) -> Any:
     """Loading paths defined in other modules: `labkit.paths.SimpleShear` and so on."""
-    for module in ("element_tests", "stress_reversals"):
+    for module in ("element_tests", "stress_reversals", "probes"):
         kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
         if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
             return kind

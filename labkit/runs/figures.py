@@ -1,7 +1,8 @@
 """Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.visuals.
 
 A figure is a function of a run opened with labkit.open_run, the number of size groups and the number of a snapshot; it
-returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure.
+returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure. A
+figure with `of_probes = True` is drawn from the data of Probes instead.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ FIGURES: Registry = Registry(
         "family": "labkit.visuals.sff_figures:family",
         "budget": "labkit.visuals.sff_figures:budget",
         "contacts": "labkit.visuals.micro_figures:contacts",
+        "envelope": "labkit.visuals.envelope_figure:envelope",
     },
 )
 
