@@ -22,10 +22,10 @@ DESCRIPTIONS = {
     ),
     "probe": (
         "Applies small increments of strain or stress in many directions, each to the same state. Writes a probes file "
-        "with all increments, and prints the range of the stiffness and the symmetry of its fit.",
+        "with all increments, and prints the range of the stiffness and the symmetry of its fit. `labkit figure "
+        "envelope` draws the file.",
         "labkit probe r.run.nc --elastic --model --engine fused -o e.probes.nc\n"
-        "labkit probe s.state.nc --plane all --elastic --engine fused\n"
-        "labkit figure envelope e.probes.nc",
+        "labkit probe s.state.nc --plane all --elastic --engine fused",
     ),
     "stratified": (
         "Makes the layer of Fig. 3, a stratum of coarse discs over one of fine discs, and loads it biaxially. Writes "
@@ -64,8 +64,7 @@ DESCRIPTIONS = {
         "labkit export r.run.nc -o r.csv\nlabkit export r.run.nc --snapshot -1",
     ),
     "info": (
-        "Prints the contents of a state, run or probes file, and how it was made: command, versions, computer and input "
-        "files.",
+        "Prints the contents of a state, run or probes file, and how it was made: command, versions, computer, inputs.",
         "labkit info r.run.nc --check",
     ),
     "model": (

@@ -200,7 +200,7 @@ class Probes:
         return Probes(one.data.assign(affine_stiffness=self.data["affine_stiffness"])).affine_bound()
 
     def table(self) -> pandas.DataFrame:
-        """One row per probe: its increments along the axes of the plane (`strain_1`, ...) and by component, and more."""
+        """One row per probe: increments along the axes of the plane (`strain_1`, ...) and by component, losses, ..."""
         columns: dict[str, Any] = {"material": self.data["material"].values, "angle": self.data["angle"].values}
         for name in ("strain", "stress"):
             along = self.along_axes(f"{name}_increment")
