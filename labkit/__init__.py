@@ -34,6 +34,8 @@ _NAMES = {
     "make_specimen": "runs.laboratory",
     "consolidate": "runs.laboratory",
     "run": "runs.laboratory",
+    "probe": "runs.probes",
+    "Probing": "dem.probes",
     "read_state": "dem.state",
     "write_state": "dem.state",
     # results
@@ -43,6 +45,8 @@ _NAMES = {
     "Contacts": "micro.contacts",
     "open_run": "runs.dataset",
     "open_state": "runs.dataset",
+    "Probes": "runs.probe_set",
+    "open_probes": "runs.probe_set",
     "open_campaign": "campaign.collection",
     "statistics": "micro.fabric",
     "love_stress": "micro.stress",

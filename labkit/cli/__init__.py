@@ -10,6 +10,7 @@ simulate      specimen, consolidate, run, stratified; also inside YADE
 look          verify, critical, figure, picture, paraview, watch, info
 export        export
 model         model, calibrate, model-speed
+probe         probe
 bench         bench, bench-statistics
 campaign      campaign; job: one job of a campaign
 demo          demo

@@ -20,6 +20,13 @@ DESCRIPTIONS = {
         "labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused\n"
         "labkit run cp --help                  # only the options of this path",
     ),
+    "probe": (
+        "Applies small increments of strain or stress in many directions, each to the same state. Writes a probes file "
+        "with all increments, and prints the range of the stiffness and the symmetry of its fit. `labkit figure "
+        "envelope` draws the file.",
+        "labkit probe r.run.nc --elastic --model --engine fused -o e.probes.nc\n"
+        "labkit probe s.state.nc --plane all --elastic --engine fused",
+    ),
     "stratified": (
         "Makes the layer of Fig. 3, a stratum of coarse discs over one of fine discs, and loads it biaxially. Writes "
         "a state file and a figure, and prints a table of the strata.",
@@ -57,7 +64,7 @@ DESCRIPTIONS = {
         "labkit export r.run.nc -o r.csv\nlabkit export r.run.nc --snapshot -1",
     ),
     "info": (
-        "Prints the contents of a state or run file, and how it was made: command, versions, computer, input files.",
+        "Prints the contents of a state, run or probes file, and how it was made: command, versions, computer, inputs.",
         "labkit info r.run.nc --check",
     ),
     "model": (

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from labkit.cli.arguments import one_of, positive_int
+from labkit.cli.naming import stem
 from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import layer_options, stratified
@@ -101,7 +102,10 @@ def figure_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit figure`."""
     parser.add_argument("figure", metavar="FIGURE", type=one_of(FIGURES), help=f"one of {', '.join(FIGURES)}")
     parser.add_argument(
-        "run", metavar="RUN", nargs="+", help="run file; several for stress_path, pi_plane, shear, cycles and test"
+        "run",
+        metavar="RUN",
+        nargs="+",
+        help="run file; several for stress_path, pi_plane, shear, cycles and test; a probes file for envelope",
     )
     parser.add_argument("--variable", help="recorded variable to draw (figure `records` only)")
     parser.add_argument(
@@ -129,18 +133,20 @@ def figure_options(parser: argparse.ArgumentParser) -> None:
 
 @command("figure", figure_options)
 def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
-    """Draws a figure of a run, and prints its table or writes it as CSV."""
+    """Draws a figure of runs or of probes, and prints its table or writes it as CSV."""
+    import labkit
     from labkit.runs.dataset import require_snapshots
     from labkit.visuals import plots
 
-    runs = open_runs(options.run)
-    run = next(iter(runs.values()))
     draw = FIGURES.require(options.figure, "figure")
-    if len(runs) > 1 and not getattr(draw, "of_runs", False):
-        raise InputError("draws one run", field="figure", value=options.figure, allowed="one run file")
+    of_probes, of_records, of_runs = (getattr(draw, name, False) for name in ("of_probes", "of_records", "of_runs"))
+    if len(options.run) > 1 and not of_runs:
+        raise InputError("draws one file", field="figure", value=options.figure, allowed="one file")
+    runs = {} if of_probes else open_runs(options.run)
+    run = labkit.open_probes(options.run[0]).data if of_probes else next(iter(runs.values()))
     output = options.output or figure_name(options.run[0], options.variable or options.figure)
     require_outputs(output, options.csv)
-    if not getattr(draw, "of_records", False):
+    if not (of_records or of_probes):
         require_snapshots(run, options.run[0], [options.snapshot], ", or draw the figure shares")
     keywords = _keywords(options, draw)
     figure, table = draw(runs if len(runs) > 1 else run, options.groups, options.snapshot, **keywords)
@@ -307,6 +313,5 @@ def require_outputs(figure: str, csv: str | None) -> None:
 
 
 def figure_name(run: str, what: str) -> str:
-    """Name of a figure in the folder of a run or state file."""
-    name = Path(run).name.removesuffix(".run.nc").removesuffix(".state.nc")
-    return str(Path(run).with_name(f"{name}.{what}.png"))
+    """Name of a figure in the folder of a run, state or probes file."""
+    return str(Path(run).with_name(f"{stem(run)}.{what}.png"))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from labkit.cli.arguments import add_parameters, add_path_parameters, given, require
 from labkit.cli.naming import model_name
+from labkit.cli.parser import Options as OptionGroup
 from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import history_of
@@ -66,6 +67,18 @@ def model_options(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser.add_argument_group("initial state and integration"), Start)
     group = parser.add_argument_group("loading path")
     add_path_parameters(group, PATHS.values(), leave_out=("pressure",), shown=kinds)
+    add_model_options(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="run file to write (default: a name built from the parameters)"
+    )
+    texts = {kind.name: summary_of(kind) for kind in kinds}
+    if not named:
+        texts["oedometer"] = "Axial compression without radial strain"
+    parser.epilog = listed("loading path", texts)
+
+
+def add_model_options(parser: OptionGroup) -> None:
+    """Adds --beyond-e-cmax and --parameters, which choose the model."""
     parser.add_argument(
         "--beyond-e-cmax",
         choices=BEYOND,
@@ -75,13 +88,6 @@ def model_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--parameters", metavar="FILE", help="parameters of the model, from labkit calibrate -o (default: Table 2)"
     )
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help="run file to write (default: a name built from the parameters)"
-    )
-    texts = {kind.name: summary_of(kind) for kind in kinds}
-    if not named:
-        texts["oedometer"] = "Axial compression without radial strain"
-    parser.epilog = listed("loading path", texts)
 
 
 @command("model", model_options)

@@ -81,5 +81,5 @@ def model_name(options: argparse.Namespace, start: type, path: str, kinds: Itera
 
 
 def stem(file: str) -> str:
-    """Name of a state or run file without folder and extension."""
-    return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc")
+    """Name of a state, run or probes file without folder and extension."""
+    return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc")

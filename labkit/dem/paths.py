@@ -222,6 +222,8 @@ PATHS: Registry = Registry(
         "drained_cycles": _CYCLES + "DrainedCycles",
         "strain_cycles": _CYCLES + "StrainCycles",
         "shear_cycles": _CYCLES + "ShearCycles",
+        "strain_probe": "labkit.dem.probes:StrainProbe",
+        "stress_probe": "labkit.dem.probes:StressProbe",
     },
 )
 
@@ -266,7 +268,7 @@ def travelled(axial_strain: np.ndarray) -> np.ndarray:
 
 def __getattr__(name: str) -> Any:
     """Loading paths defined in other modules: `labkit.paths.SimpleShear` and so on."""
-    for module in ("element_tests", "stress_reversals", "cycles"):
+    for module in ("element_tests", "stress_reversals", "cycles", "probes"):
         kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
         if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
             return kind

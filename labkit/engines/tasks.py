@@ -1,4 +1,4 @@
-"""Tasks: a specimen, a layer, a consolidation or a run, each a value that any engine can execute.
+"""Tasks: a specimen, a layer, a consolidation, a rest, a run or several runs, each a value that any engine can execute.
 
 `execute` runs a task in this process, or in a YADE process if the engine needs one. It then passes the task to YADE as
 JSON with a state file, and YADE returns the result as a file.
@@ -172,6 +172,20 @@ class ConsolidationTask(_OfState):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class RestTask(_OfState):
+    """Let the grains of a specimen come to rest in their fixed cell."""
+
+    kind = "rest"
+
+    def do(self, progress: Progress) -> State:
+        return self.finished(specimen.rest(self.state, starter(self.engine, self.threads), progress), self.inputs)
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> RestTask:
+        return cls(**cls.of(values), **common)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class RunTask(_OfState):
     """Load a specimen along a path and write the run file `output`; resume that file if it is unfinished."""
 
@@ -194,19 +208,55 @@ class RunTask(_OfState):
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> RunTask:
-        path = path_of(values["path"], values["parameters"])
-        if path is None:
-            name = repr(values["path"])
-            raise InputError(f"path {name} is unknown in this process: define it in a file and load that with --use")
+        path = _known_path(values["path"], values["parameters"])
         options = Options(**{**values["options"], "servo": Servo(**values["options"]["servo"])})
         return cls(**cls.of(values), path=path, options=options, **common)
 
 
-KINDS: dict[str, type[Task]] = {kind.kind: kind for kind in (SpecimenTask, LayerTask, ConsolidationTask, RunTask)}
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ProbesTask(_OfState):
+    """Load the same specimen along each of `paths`; write the run files 0.run.nc, 1.run.nc, ... to the folder `output`.
+
+    Only the start and the end of each path are recorded.
+    """
+
+    paths: tuple[Path, ...]
+
+    kind = "probes"
+
+    def do(self, progress: Progress) -> None:
+        if self.output is None:
+            raise InputError("probes need an output folder: set `output`")
+        start = starter(self.engine, self.threads)
+        for number, path in enumerate(self.paths):
+            progress(number / len(self.paths), f"probe {number + 1} of {len(self.paths)}")
+            options = Options(record_strain=abs(path.strain), snapshots=1)
+            simulation.run(self.state, path, File(self.output) / f"{number}.run.nc", start, options)
+        progress(1.0, "done")
+
+    def values(self, folder: File) -> dict[str, Any]:
+        return {**super().values(folder), "paths": [(path.name, path.parameters()) for path in self.paths]}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> ProbesTask:
+        paths = tuple(_known_path(name, parameters) for name, parameters in values["paths"])
+        return cls(**cls.of(values), paths=paths, **common)
+
+
+def _known_path(name: str, parameters: Mapping[str, Any]) -> Path:
+    """The path of that name. Raises InputError if it is not registered in this process."""
+    path = path_of(name, parameters)
+    if path is None:
+        raise InputError(f"path {name!r} is unknown in this process: define it in a file and load that with --use")
+    return path
+
+
+_TASKS: tuple[type[Task], ...] = (SpecimenTask, LayerTask, ConsolidationTask, RestTask, RunTask, ProbesTask)
+KINDS: dict[str, type[Task]] = {kind.kind: kind for kind in _TASKS}
 
 
 def execute(task: Task, progress: Progress = silent) -> State | None:
-    """Run a task in the process that its engine needs; return the resulting State, or None for a run.
+    """Run a task in the process that its engine needs; return the resulting State, or None for runs.
 
     Raises InputError, PhysicsError or Interrupted, in either process.
     """
@@ -222,7 +272,7 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
         job = folder / "task.json"
         job.write_text(json.dumps(to_job(dataclasses.replace(task, output=output), folder)))
         run_script("task.py", [str(job)], task.threads, progress)
-        return None if isinstance(task, RunTask) else read_state(output)
+        return None if isinstance(task, (RunTask, ProbesTask)) else read_state(output)
 
 
 def to_job(task: Task, folder: File) -> dict[str, Any]:
@@ -238,11 +288,18 @@ def from_job(job: Mapping[str, Any]) -> Task:
     return KINDS[job["kind"]].from_values(job["values"], job["common"])
 
 
+def _paths(task: Task) -> tuple[Path, ...]:
+    """The loading paths of a task."""
+    if isinstance(task, RunTask):
+        return (task.path,)
+    return task.paths if isinstance(task, ProbesTask) else ()
+
+
 def _extensions(task: Task) -> list[str]:
     """List the files that define the task's extensions."""
     needed: list[Any] = [ENGINES[task.engine], type(task.scene.contact_law)]
     needed += [statistic.function for statistic in recorded()]
-    needed += [type(task.path)] if isinstance(task, RunTask) else []
+    needed += [type(path) for path in _paths(task)]
     files = [file_of(one) for one in needed if not one.__module__.startswith("labkit.")]
     if None in files or any("ipython" in str(file).lower() for file in files):
         raise InputError(

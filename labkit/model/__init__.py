@@ -8,6 +8,7 @@
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
     observation  the data of a run that are used in calibration
+    probes       small increments of strain or stress in many directions
     calibration  parameters from run files
     run_file     a result as a run file
 
@@ -35,6 +36,8 @@ _NAMES = {
     "stress_rate": "stiffness",
     "rate_tangent": "stiffness",
     "hypoplastic_form": "stiffness",
+    "state_of": "state",
+    "probe": "probes",
     "states": "material_point",
     "update": "material_point",
     "calibrate": "calibration",

@@ -7,7 +7,10 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.tensors import require_symmetric, to_six, to_tensor
+from labkit.micro.fabric import statistics
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.tensors import require_symmetric, symmetric, to_six, to_tensor
+from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.model.equations import compression_coordination_number
 from labkit.model.parameters import TABLE_2, Model
 from labkit.sff.c0 import c0_stress, symmetric_product
@@ -76,6 +79,19 @@ def _clean(tensor: np.ndarray) -> np.ndarray:
     """The symmetric deviatoric part of a tensor (3, 3)."""
     tensor = 0.5 * (tensor + tensor.T)
     return tensor - np.trace(tensor) / 3 * np.eye(3)
+
+
+def state_of(snapshot: Snapshot) -> ModelState:
+    """ModelState with the five statistics and the nominal void ratio of grains; F^t without its antisymmetric part.
+
+    Raises InputError for grains without contacts.
+    """
+    if len(snapshot.contacts) == 0:
+        raise InputError("the grains have no contacts, so that A, F and F^t are undefined: give a denser specimen")
+    s = statistics(snapshot)
+    tensors = (s.contact_anisotropy, s.normal_force_anisotropy, s.mobilisation)
+    A, F, Ft = (_clean(symmetric(tensor)) for tensor in tensors)
+    return ModelState(void_ratio_nominal(snapshot), s.coordination_number, s.mean_normalised_force, A, F, Ft)
 
 
 def isotropic_state(

@@ -1,7 +1,8 @@
 """Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.visuals.
 
 A figure is a function of a run opened with labkit.open_run, the number of size groups and the number of a snapshot; it
-returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure.
+returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure. A
+figure with `of_probes = True` is drawn from the data of Probes instead.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ FIGURES: Registry = Registry(
         "pi_plane": "labkit.visuals.path_figures:pi_plane",
         "shear": "labkit.visuals.path_figures:shear",
         "cycles": "labkit.visuals.path_figures:cycles",
+        "envelope": "labkit.visuals.envelope_figure:envelope",
     },
 )
 

@@ -1,4 +1,4 @@
-"""Contents of a state or run file as text, and the check of its hashes."""
+"""Contents of a state, run or probes file as text, and the check of its hashes."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:
-    """Kind of a labkit file: `state`, `run`, `statistics` (of a campaign), `figure`, or `output` for any other output.
+    """Kind of a labkit file: `state`, `run`, `probes`, `statistics` (of a campaign), `figure`, or `output` for others.
 
     Raises InputError for a file that labkit did not write.
     """
@@ -152,6 +152,6 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     if Path(f"{path}{provenance.BESIDE}").exists():
         return "output"
     kind = labkit_kind(path)
-    if kind not in ("state", "run", "statistics"):
-        raise InputError(f"{path} is not a labkit file: give a state or run file")
+    if kind not in ("state", "run", "probes", "statistics"):
+        raise InputError(f"{path} is not a labkit file: give a state, run or probes file")
     return kind

@@ -8,6 +8,7 @@ _NAMES = {
     "sff_figures": "sff_figures:",
     "direction_figure": "direction_figure:",
     "layer_figure": "layer_figure:",
+    "envelope_figure": "envelope_figure:",
     "draw_grains": "picture:picture",
     "save": "plots",
     "e_p_paths": "plots",

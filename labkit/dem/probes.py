@@ -1,0 +1,212 @@
+"""Probes: small increments of strain or stress from one state, in many directions of a plane of strain or stress space.
+
+A probe applies its increment at a rate proportional to 1 - cos, which starts and ends at zero, so that the grains
+hardly vibrate; they then rest until the dashpots carry no force. Tensors are in Mandel notation (labkit.micro.tensors),
+in which lengths and angles are those of the tensors.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.control import Control
+from labkit.dem.loading import Path, rate_parameter
+from labkit.dem.scene import Scene
+from labkit.errors import InputError
+from labkit.micro.tensors import COMPONENTS, ROOT2, to_tensor
+from labkit.parameters import check_parameters, parameter
+
+LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in the remainder the grains rest
+NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
+# Default amplitudes: small enough that contacts neither open nor close in elastic probes, large enough that they slide
+# in the others; docs/commands.md has the measurements.
+AMPLITUDES = {("strain", True): 1e-7, ("strain", False): 1e-4, ("stress", True): 1e-5, ("stress", False): 1e-2}
+
+
+@dataclasses.dataclass(frozen=True)
+class Plane:
+    """A plane of strain or stress space, or the whole space.
+
+    axes: its k orthonormal tensors (k, 6); labels: of the axes, with @ for the symbol of strain or stress.
+    """
+
+    name: str
+    axes: np.ndarray
+    labels: tuple[str, ...]
+
+    def directions(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Angles (n,), degrees, and unit tensors (n, 6) of `number` evenly spaced directions.
+
+        A space of more than two axes has one direction along each axis and one against it, and no angles.
+        """
+        if len(self.axes) != 2:
+            return np.full(2 * len(self.axes), np.nan), np.concatenate([self.axes, -self.axes])
+        angle = np.arange(number) * (360.0 / number)
+        return angle, np.stack([np.cos(np.radians(angle)), np.sin(np.radians(angle))], axis=1) @ self.axes
+
+
+def _plane(name: str, labels: tuple[str, str], *axes: tuple[float, ...]) -> Plane:
+    """A plane from two orthogonal tensors, (6,) each."""
+    return Plane(name, np.array([np.array(axis) / np.linalg.norm(axis) for axis in axes]), labels)
+
+
+PLANES = {
+    plane.name: plane
+    for plane in (
+        _plane("axisymmetric", (r"\sqrt{2}\,@_r", "@_z"), (1, 1, 0, 0, 0, 0), (0, 0, 1, 0, 0, 0)),
+        _plane("biaxial", ("@_x", "@_z"), (1, 0, 0, 0, 0, 0), (0, 0, 1, 0, 0, 0)),
+        _plane(
+            "deviatoric",
+            (r"(@_x-@_y)/\sqrt{2}", r"(2@_z-@_x-@_y)/\sqrt{6}"),
+            (1, -1, 0, 0, 0, 0),
+            (-1, -1, 2, 0, 0, 0),
+        ),
+        _plane("xz-shear", (r"(@_z-@_x)/\sqrt{2}", r"\sqrt{2}\,@_{xz}"), (-1, 0, 1, 0, 0, 0), (0, 0, 0, 0, 1, 0)),
+        Plane("all", np.eye(6), tuple(f"@_{{{ij}}}" for ij in COMPONENTS)),
+    )
+}
+
+
+def plane_of(text: str) -> Plane:
+    """The plane of that name, or the one spanned by two tensors: 12 numbers, xx,yy,zz,yz,xz,xy of each.
+
+    Raises InputError.
+    """
+    if text in PLANES:
+        return PLANES[text]
+    allowed = f"one of {', '.join(PLANES)}, or 12 numbers, the components xx,yy,zz,yz,xz,xy of two tensors"
+    try:
+        axes = np.array([float(part) for part in text.split(",")]).reshape(2, 6) * ([1.0] * 3 + [ROOT2] * 3)
+    except ValueError:
+        raise InputError("is unknown", field="plane", value=text, allowed=allowed, quoted=True) from None
+    q, r = np.linalg.qr(axes.T)
+    size = np.linalg.norm(axes, axis=1)
+    if not np.isfinite(axes).all() or np.abs(np.diag(r)).min() <= 1e-6 * size.max():
+        raise InputError("is not a plane", field="plane", value=text, allowed="two tensors that are not parallel")
+    return Plane(text, (q * np.sign(np.diag(r))).T, ("@ : a_1", "@ : a_2"))
+
+
+@dataclasses.dataclass(frozen=True)
+class Probing:
+    """Directions, size and duration of a set of probes. Raises InputError for values outside their ranges."""
+
+    plane: str = parameter(
+        "axisymmetric",
+        help=f"plane of the directions: one of {', '.join(PLANES)} (`all`: along each of the six components and "
+        "against it), or the components xx,yy,zz,yz,xz,xy of two tensors, 12 numbers",
+    )
+    directions: int = parameter(24, low=2, high=3600, help="number of directions, evenly spaced in the plane")
+    kind: str = parameter("strain", choices=("strain", "stress"), help="what is prescribed")
+    amplitude: float | None = parameter(
+        None,
+        above=0.0,
+        high=0.1,
+        help="norm of the increments: of strain, or of stress divided by the mean stress (default: 1e-4 for strain, "
+        "1e-2 for stress, and a thousandth of that for elastic probes)",
+    )
+    duration: float = parameter(
+        40.0,
+        low=5.0,
+        high=1e4,
+        help="time in which the increment is applied, divided by the time that a shear wave needs to cross the cell",
+    )
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        check_parameters(self)
+        plane_of(self.plane)
+
+    def size(self, elastic: bool) -> float:
+        """The amplitude, or its default."""
+        return AMPLITUDES[self.kind, elastic] if self.amplitude is None else self.amplitude
+
+
+def without_sliding(scene: Scene) -> Scene:
+    """The scene with friction coefficients so high that no contact slides or rolls: the elastic part of its response.
+
+    Springs that the scene lacks are not added.
+    """
+    return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
+
+
+def _six_numbers(name: str, values: tuple[float, ...]) -> None:
+    """Raises InputError unless there are six finite numbers."""
+    if len(values) != 6 or not np.isfinite(values).all():
+        raise InputError(field=name, value=values, allowed="6 numbers: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
+
+
+def increment_parameter(what: str) -> Any:
+    """A field with six numbers."""
+    return parameter((0.0,) * 6, help=f"{what}: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
+
+
+@dataclasses.dataclass(frozen=True)
+class _Probe(Path):
+    """A path that applies a small increment and lets the grains rest."""
+
+    rate: float | None = rate_parameter("`strain` divided by the duration of the probe", 0.05)
+    strain: float = parameter(
+        1.5e-4, above=0.0, high=1.0, help="`rate` times the duration of the probe, two thirds of which is loading"
+    )
+    increment: tuple[float, ...] = increment_parameter("increment")
+
+    standard_rate = 0.05
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        super().__post_init__()
+        _six_numbers("increment", self.increment)
+
+    def applied(self, travelled: float) -> float:
+        """Share of the increment that is applied at the accumulated strain `travelled`: s - sin(2 pi s)/(2 pi)."""
+        s = min(travelled / (LOADING * self.strain), 1.0)
+        return s - math.sin(2.0 * math.pi * s) / (2.0 * math.pi)
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainProbe(_Probe):
+    """A small increment of strain, applied smoothly, after which the grains rest."""
+
+    increment: tuple[float, ...] = increment_parameter("increment of strain")
+
+    name = "strain_probe"
+
+    def flow(self, travelled: float) -> np.ndarray:
+        s = travelled / (LOADING * self.strain)
+        speed = (1.0 - math.cos(2.0 * math.pi * s)) / (LOADING * self.strain) if s < 1.0 else 0.0
+        return speed * to_tensor(np.array(self.increment))
+
+
+@dataclasses.dataclass(frozen=True)
+class StressProbe(_Probe):
+    """A small increment of stress, applied smoothly by all six strain rates, after which the grains rest.
+
+    Stresses are divided by `mean_stress`.
+    """
+
+    increment: tuple[float, ...] = increment_parameter("increment of stress, divided by `mean_stress`")
+    start_stress: tuple[float, ...] = parameter(
+        (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+        help="stress before the probe, divided by `mean_stress`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
+    )
+    mean_stress: float = parameter(0.1e6, unit="Pa", above=0.0, high=1e12, help="mean stress before the probe")
+
+    name = "stress_probe"
+    rate_limit = 100.0  # a sheared specimen is many times softer than its elastic stiffness
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        super().__post_init__()
+        _six_numbers("start_stress", self.start_stress)
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return np.zeros((3, 3))
+
+    def control(self) -> Control:
+        basis = to_tensor(np.eye(6))
+        start, increment = np.array(self.start_stress), np.array(self.increment)
+        return Control(basis, basis, lambda travelled: self.mean_stress * (start + self.applied(travelled) * increment))

@@ -1,0 +1,65 @@
+"""Probes of the constitutive model: the same increments as those of labkit.probe, on the same loading paths."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.loading import Path
+from labkit.dem.probes import LOADING, Probing, StrainProbe, StressProbe, plane_of
+from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import to_six
+from labkit.model.driver import drive
+from labkit.model.parameters import TABLE_2, Model
+from labkit.model.state import ModelState
+from labkit.runs.probe_set import Probes, dataset_of
+
+RECORDS = 3  # of a probe: two while the increment is applied, one at rest
+TYPICAL = 1e-3  # strain that a change of stress by the mean stress takes; only sets the length of the path
+
+
+def probe(
+    state: ModelState,
+    model: Model = TABLE_2,
+    plane: str = "axisymmetric",
+    directions: int = 24,
+    amplitude: float | None = None,
+    kind: str = "strain",
+) -> Probes:
+    """Apply small increments of strain or stress to a state of the model, each to the same state; returns Probes.
+
+    plane, directions, amplitude, kind: as for labkit.probe. `labkit.model.state_of(snapshot)` is the state of the model
+    with the statistics of grains. Raises InputError, PhysicsError.
+    """
+    return probes_of(state, model, Probing(plane, directions, kind, amplitude))
+
+
+def probes_of(state: ModelState, model: Model, probing: Probing) -> Probes:
+    """The probes of a state with the settings of `probing`; see `probe`."""
+    plane = plane_of(probing.plane)
+    angle, direction = plane.directions(probing.directions)
+    rows = [_row(state, model, _path(state, model, probing, six)) for six in direction]
+    return Probes(dataset_of(plane, probing, "model", angle, rows))
+
+
+def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarray) -> Path:
+    """The path of a probe in a direction, a unit tensor (6,)."""
+    size = probing.size(elastic=False)
+    increment = tuple((size * direction).tolist())
+    if probing.kind == "strain":
+        return StrainProbe(increment=increment, strain=size / LOADING)
+    stress = state.stress(model)
+    pressure = float(mean_stress(stress))
+    start = tuple((to_six(stress) / pressure).tolist())
+    return StressProbe(increment=increment, start_stress=start, mean_stress=pressure, strain=size * TYPICAL / LOADING)
+
+
+def _row(state: ModelState, model: Model, path: Path) -> dict[str, Any]:
+    """The variables of one probe."""
+    result = drive(model, path, state, record_strain=path.strain / RECORDS).require()
+    return {
+        "start_stress": result.stress[0],
+        "strain_increment": result.strain[-1],
+        "stress_increment": result.stress[-1] - result.stress[0],
+    }

@@ -1,0 +1,244 @@
+"""Probes: the results of a set of probes as a value, with its stiffness, table and file.
+
+The stiffness of a fit, of a direction and of the second-order work refer to stresses per initial volume, J sigma with
+J = V/V_0 (Kirchhoff). These are conjugate to the logarithmic strain, so that an elastic stiffness is symmetric; that of
+Cauchy's stress differs from it by sigma (x) I, which is not symmetric unless the stress is isotropic.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path as File
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pandas
+import xarray
+
+import labkit
+from labkit.dem.probes import Plane, Probing, plane_of
+from labkit.errors import InputError
+from labkit.io.files import open_netcdf, whole_file
+from labkit.io.provenance import data_sha256, provenance
+from labkit.micro.tensors import to_six
+from labkit.runs.accessor import with_axes
+from labkit.runs.figures import FIGURES
+
+SIX = ("row", "column")
+
+VARIABLES = {  # name: (dimensions after `probe`, units, long name)
+    "material": ((), "1", "grains, elastic (grains whose contacts cannot slide) or model"),
+    "angle": ((), "degree", "angle of the direction in the plane of the probes"),
+    "start_sha256": ((), "1", "hash of the first record of the probe: positions, contacts, forces, stress"),
+    "start_stress": (("i", "j"), "Pa", "stress before the probe, compression positive"),
+    "strain_increment": (("i", "j"), "1", "increment of the logarithmic strain, without that of the null probe"),
+    "stress_increment": (("i", "j"), "Pa", "increment of the stress, without that of the null probe"),
+    "null_strain": (("i", "j"), "1", "strain of the probe without an increment"),
+    "null_stress": (("i", "j"), "Pa", "change of stress of the probe without an increment"),
+    "sliding_loss": ((), "J m-3", "energy dissipated by sliding and rolling, per volume"),
+    "damping_loss": ((), "J m-3", "energy dissipated by damping, per volume"),
+    "contacts_gained": ((), "1", "contacts at the end that did not exist at the start"),
+    "contacts_lost": ((), "1", "contacts at the start that do not exist at the end"),
+    "unbalanced_force": ((), "1", "unbalanced force at the end"),
+}
+TEXTS = ("material", "start_sha256")
+
+
+def dataset_of(
+    plane: Plane,
+    probing: Probing,
+    material: str,
+    angle: np.ndarray,
+    rows: Sequence[Mapping[str, Any]],
+    affine: np.ndarray | None = None,
+) -> xarray.Dataset:
+    """The Dataset of Probes. rows: variables of each probe; absent ones are NaN. affine: (6, 6), Pa."""
+    columns = {"material": [material] * len(rows), "angle": angle}
+    for name, (dimensions, _, _) in VARIABLES.items():
+        absent = "" if name in TEXTS else np.full((3,) * len(dimensions), np.nan)
+        columns.setdefault(name, np.array([row.get(name, absent) for row in rows]))
+    data = {
+        name: (("probe", *dimensions), np.asarray(columns[name]), {"units": units, "long_name": text})
+        for name, (dimensions, units, text) in VARIABLES.items()
+    }
+    bound = np.full((6, 6), np.nan) if affine is None else affine
+    text = "stiffness if all grains moved with the mean field, Mandel notation"
+    affine_stiffness = (SIX, bound, {"units": "Pa", "long_name": text})
+    attributes = {"kind": probing.kind, "plane": plane.name}
+    return with_axes(xarray.Dataset({**data, "affine_stiffness": affine_stiffness}, attrs=attributes))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Probes:
+    """Probes of one state, along the dimension `probe`: of the grains, of their elastic part, or of the model.
+
+    data: xarray.Dataset with the variables of VARIABLES and the affine stiffness; file: its file, if any.
+    """
+
+    data: xarray.Dataset
+    file: File | None = None
+
+    @property
+    def kind(self) -> str:
+        """What was prescribed: `strain` or `stress`."""
+        return str(self.data.attrs["kind"])
+
+    @property
+    def plane(self) -> Plane:
+        """Plane of the directions."""
+        return plane_of(self.data.attrs["plane"])
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """The materials that were probed, in order: grains, elastic, model."""
+        return tuple(dict.fromkeys(self.data["material"].values.tolist()))
+
+    def of(self, material: str) -> Probes:
+        """The probes of one material. Raises InputError if there are none."""
+        if material not in self.materials:
+            raise InputError("was not probed", field="material", value=material, allowed=" or ".join(self.materials))
+        return Probes(self.data.isel(probe=self.data["material"].values == material), self.file)
+
+    def __add__(self, other: Probes) -> Probes:
+        """Both sets in one. Raises InputError unless plane and kind are the same."""
+        if (self.kind, self.plane.name) != (other.kind, other.plane.name):
+            raise InputError("probes of different planes or kinds cannot be joined: give the same plane and kind")
+        known = [data["affine_stiffness"] for data in (self.data, other.data)]
+        affine = known[0] if known[0].notnull().all() else known[1]
+        parts = [data.drop_vars("affine_stiffness") for data in (self.data, other.data)]
+        joined = xarray.concat(parts, "probe", combine_attrs="override")
+        return Probes(joined.assign(affine_stiffness=affine))
+
+    @property
+    def strain(self) -> np.ndarray:
+        """Increments of strain in Mandel notation, shape (n, 6)."""
+        return to_six(self.data["strain_increment"].values)
+
+    @property
+    def stress(self) -> np.ndarray:
+        """Increments of stress per initial volume, J sigma - sigma_0, in Mandel notation, shape (n, 6), Pa."""
+        start, increment = (to_six(self.data[name].values) for name in ("start_stress", "stress_increment"))
+        return np.exp(-self.strain[:, :3].sum(axis=1))[:, None] * (start + increment) - start
+
+    def along_axes(self, name: str) -> np.ndarray:
+        """Components of `strain_increment` or `stress_increment` along the axes of the plane, shape (n, k)."""
+        return to_six(self.data[name].values) @ self.plane.axes.T
+
+    def second_order_work(self) -> np.ndarray:
+        """Second-order work, stress increment : strain increment, shape (n,), J/m3."""
+        return np.einsum("na,na->n", self.stress, self.strain)
+
+    def directional(self) -> np.ndarray:
+        """Stiffness in each direction d, d : (stress increment)/|strain increment|, shape (n,), Pa.
+
+        For stress probes the compliance, d : (strain increment)/|stress increment|, 1/Pa.
+        """
+        given = self.strain if self.kind == "strain" else self.stress
+        return self.second_order_work() / np.einsum("na,na->n", given, given)
+
+    def affine_bound(self) -> np.ndarray:
+        """d : C : d in the direction d of each strain increment, with the affine stiffness C, shape (n,), Pa."""
+        given, C = self.strain, self.data["affine_stiffness"].values
+        return np.einsum("na,ab,nb->n", given, C, given) / np.einsum("na,na->n", given, given)
+
+    def tangent(self) -> np.ndarray:
+        """Stiffness in the axes of the plane, fitted to strain probes by least squares; (k, k), Pa.
+
+        For stress probes the compliance, 1/Pa. With directions in opposite pairs, such a fit is a central difference.
+        Raises InputError for probes of several materials.
+        """
+        given, response = self._projected()
+        return np.linalg.lstsq(given, response, rcond=None)[0].T
+
+    def asymmetry(self) -> float:
+        """|C - C^T|/|C| of the tangent."""
+        C = self.tangent()
+        return float(np.linalg.norm(C - C.T) / np.linalg.norm(C))
+
+    def misfit(self) -> float:
+        """Residual of the tangent's fit, relative to the responses: 0 for a linear material."""
+        given, response = self._projected()
+        return float(np.linalg.norm(given @ self.tangent().T - response) / np.linalg.norm(response))
+
+    def _projected(self) -> tuple[np.ndarray, np.ndarray]:
+        """Prescribed increments and responses along the axes of the plane, (n, k) each."""
+        if len(self.materials) != 1:
+            raise InputError("there are several materials: select one, e.g. probes.of('grains')")
+        strain, stress = self.strain @ self.plane.axes.T, self.stress @ self.plane.axes.T
+        return (strain, stress) if self.kind == "strain" else (stress, strain)
+
+    def summary(self) -> pandas.DataFrame:
+        """One row per material.
+
+        least, largest: of `directional`; over_affine: largest ratio of the stiffness to its affine bound; asymmetry,
+        misfit: of the tangent; sliding_loss: the largest, J/m3; contacts_changed: largest number of contacts gained and
+        lost; starts: number of different states from which the probes started, 1 unless something is wrong.
+        """
+        rows = []
+        for one in map(self.of, self.materials):
+            stiffness, data = one.directional(), one.data
+            rows.append(
+                {
+                    "material": one.materials[0],
+                    "probes": data.sizes["probe"],
+                    "least": stiffness.min(),
+                    "largest": stiffness.max(),
+                    "over_affine": np.nan if one.kind == "stress" else (stiffness / self._bound_of(one)).max(),
+                    "asymmetry": one.asymmetry(),
+                    "misfit": one.misfit(),
+                    "sliding_loss": data["sliding_loss"].values.max(),
+                    "contacts_changed": (data["contacts_gained"] + data["contacts_lost"]).values.max(),
+                    "starts": len(set(data["start_sha256"].values.tolist())),
+                }
+            )
+        return pandas.DataFrame(rows)
+
+    def _bound_of(self, one: Probes) -> np.ndarray:
+        return Probes(one.data.assign(affine_stiffness=self.data["affine_stiffness"])).affine_bound()
+
+    def table(self) -> pandas.DataFrame:
+        """One row per probe: increments along the axes of the plane (`strain_1`, ...) and by component, losses, ..."""
+        columns: dict[str, Any] = {"material": self.data["material"].values, "angle": self.data["angle"].values}
+        for name in ("strain", "stress"):
+            along = self.along_axes(f"{name}_increment")
+            columns |= {f"{name}_{k + 1}": values for k, values in enumerate(along.T)}
+        columns |= {"directional": self.directional(), "second_order_work": self.second_order_work()}
+        for name in ("strain", "stress"):
+            tensor = self.data[f"{name}_increment"].values
+            columns |= {f"{name}_{'xyz'[i]}{'xyz'[j]}": tensor[:, i, j] for i in range(3) for j in range(i, 3)}
+        names = [name for name, (dimensions, _, _) in VARIABLES.items() if not dimensions]
+        return pandas.DataFrame(columns | {name: self.data[name].values for name in names})
+
+    def plot(self, figure: str = "envelope") -> Any:
+        """Draw a figure of probes; returns a matplotlib Figure. Raises InputError."""
+        return FIGURES.require(figure, "figure")(self.data)[0]
+
+    def write(self, file: str | os.PathLike[str], inputs: Sequence[str] = (), history: str = "") -> None:
+        """Write a probes file atomically. inputs: files that were read; history: the command."""
+        attributes = {
+            "Conventions": "CF-1.10",
+            "labkit_file": "probes",
+            "labkit_version": labkit.__version__,
+            "history": history,
+            "provenance": provenance(history or None, inputs, file),
+        }
+        encoding: dict[str, Any] = {name: {"dtype": "S1"} for name in TEXTS}
+        with whole_file(file) as temporary:
+            self.data.drop_vars(("i", "j")).assign_attrs(attributes).to_netcdf(temporary, encoding=encoding)
+            with netCDF4.Dataset(temporary, "a") as dataset:
+                dataset.data_sha256 = data_sha256(dataset)
+
+    def __repr__(self) -> str:
+        number = self.data.sizes["probe"]
+        return f"Probes({number} {self.kind} probes, plane {self.plane.name}, {', '.join(self.materials)})"
+
+
+def open_probes(path: str | os.PathLike[str]) -> Probes:
+    """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
+    with open_netcdf(path, "probes"):
+        pass
+    with xarray.open_dataset(path) as data:
+        return Probes(with_axes(data.load()), File(path))

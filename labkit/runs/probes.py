@@ -1,0 +1,174 @@
+"""Probes of a state: response envelopes, tangent stiffness, and their elastic part.
+
+    probes = labkit.probe(state, plane="axisymmetric", directions=24)
+    elastic = labkit.probe(state, plane="all", elastic=True)
+    elastic.tangent(), elastic.asymmetry(), elastic.directional() / elastic.affine_bound()
+
+Each probe is a run of its own (labkit.dem.probes), and all start from the same State. One more probe with an increment
+of zero, the null probe, shows how far the grains creep by themselves; this is subtracted from the other results.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+from collections.abc import Callable
+from pathlib import Path as File
+from typing import Any
+
+import netCDF4
+import numpy as np
+
+from labkit.dem.engine import Progress, silent
+from labkit.dem.limits import INERTIAL_LIMIT
+from labkit.dem.loading import Path
+from labkit.dem.probes import LOADING, Probing, StrainProbe, StressProbe, plane_of, without_sliding
+from labkit.dem.servo import FLOOR, cell_stiffness
+from labkit.dem.specimen import STILL
+from labkit.dem.state import State
+from labkit.engines.tasks import ProbesTask, RestTask, execute
+from labkit.errors import InputError
+from labkit.io.files import open_netcdf
+from labkit.io.progress import reporter
+from labkit.micro.indicators import inertial_number, unbalanced_force
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.tensors import symmetric, to_six
+from labkit.runs.probe_set import Probes, dataset_of
+
+LEAST_STIFFNESS = 1e-3  # of the largest: a specimen that is softer in some direction carries no load there
+QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe
+WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "damping_loss")
+
+
+def probe(
+    state: State,
+    plane: str = "axisymmetric",
+    directions: int = 24,
+    amplitude: float | None = None,
+    kind: str = "strain",
+    duration: float = 40.0,
+    elastic: bool = False,
+    engine: str = "fused",
+    threads: int = 1,
+    progress: bool | Progress = True,
+) -> Probes:
+    """Apply small increments of strain or stress to a state, each to the identical state; returns Probes.
+
+    plane, directions, amplitude, kind, duration: see labkit.Probing. If `elastic`, the friction of the contacts is so
+    high that none slides. The grains first come to rest in their fixed cell. Raises InputError, PhysicsError.
+    """
+    probing = Probing(plane, directions, kind, amplitude, duration)
+    return probes_of(at_rest(state, engine, threads), probing, elastic, engine, threads, progress)
+
+
+def at_rest(state: State, engine: str = "fused", threads: int = 1) -> State:
+    """The state from which probes start: at rest in its cell; without another step if it is at rest already."""
+    still = state.at_rest()
+    if unbalanced_force(still.snapshot()) < STILL.unbalanced_force:
+        return still
+    rested = execute(RestTask(state=state, engine=engine, threads=threads))
+    assert rested is not None
+    return rested
+
+
+def probes_of(
+    state: State,
+    probing: Probing,
+    elastic: bool = False,
+    engine: str = "fused",
+    threads: int = 1,
+    progress: bool | Progress = True,
+) -> Probes:
+    """The probes of a state at rest with the settings of `probing`; see `probe`."""
+    plane = plane_of(probing.plane)
+    angle, direction = plane.directions(probing.directions)
+    state = state.replace(scene=without_sliding(state.scene)) if elastic else state
+    make = path_maker(state, probing, elastic)
+    paths = tuple(make(six) for six in (np.zeros(6), *direction))
+    shown = progress if callable(progress) else reporter("probes") if progress else silent
+    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
+        execute(ProbesTask(state=state, paths=paths, engine=engine, threads=threads, output=folder), shown)
+        null, *rows = (_row(File(folder) / f"{number}.run.nc") for number in range(len(paths)))
+    for row in rows:
+        row |= {name: row[name] - null[name] for name in WITHOUT_CREEP}
+        row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
+    material = "elastic" if elastic else "grains"
+    data = dataset_of(plane, probing, material, angle, rows, affine_stiffness(state.snapshot()))
+    return Probes(data.assign_attrs(engine=engine, scene=state.scene.to_json(), grains=state.number_of_grains))
+
+
+def affine_stiffness(snapshot: Snapshot) -> np.ndarray:
+    """Stiffness if all grains moved with the mean field (Voigt), an upper bound; (6, 6), Pa, Mandel notation."""
+    return cell_stiffness(snapshot, 6) - FLOOR * snapshot.young_modulus * np.eye(6)
+
+
+def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.ndarray], Path]:
+    """A function that makes the path of a probe from its direction, a unit tensor (6,), or zero for the null probe.
+
+    The increment is applied in `duration` times the time that a shear wave needs to cross the cell,
+
+        t = L sqrt(rho_b/G),    L = V^(1/3), rho_b the bulk density, 2 G the least eigenvalue of the affine stiffness,
+
+    or in a longer time, if the inertial number of a strain probe would exceed QUASI_STATIC. Raises InputError for a
+    specimen that carries no load in some direction.
+    """
+    snapshot = state.snapshot()
+    softest, *_, stiffest = np.linalg.eigvalsh(affine_stiffness(snapshot)).tolist()
+    stress = symmetric(love_stress(snapshot))
+    pressure = float(mean_stress(stress))
+    if softest <= LEAST_STIFFNESS * stiffest or pressure <= 0.0:
+        raise InputError("the specimen carries no load in some direction and cannot be probed: give a denser one")
+    density = float(np.sum(state.scene.mass(state.radius))) / state.volume
+    size = probing.size(elastic)
+    strain = size if probing.kind == "strain" else size * pressure / softest  # of an affine motion
+    time = probing.duration * state.volume ** (1.0 / 3.0) * math.sqrt(2.0 * density / softest)
+    if probing.kind == "strain":
+        fastest = 2.0 * strain / time * np.diag([1.0, 0.0, 0.0])  # twice the mean rate
+        number = inertial_number(fastest, pressure, 2.0 * float(state.radius.mean()), state.scene.density)
+        time *= max(1.0, number / QUASI_STATIC)
+    rate, length = strain / time, strain / LOADING
+    if probing.kind == "strain":
+        return lambda six: StrainProbe(rate, length, tuple((size * six).tolist()))
+    start = tuple((to_six(stress) / pressure).tolist())
+    return lambda six: StressProbe(rate, length, tuple((size * six).tolist()), start, pressure)
+
+
+def _row(file: File) -> dict[str, Any]:
+    """The variables of one probe, from its run file."""
+    with open_netcdf(file, "run") as run:
+        change = {name: run[name][-1] - run[name][0] for name in run.variables if name != "time"}
+        volume = float(run["volume"][0])
+        first, last = (_pairs(run, snapshot) for snapshot in (0, -1))
+        return {
+            "start_stress": symmetric(run["stress"][0].filled()),
+            "strain_increment": change["strain"].filled(),
+            "stress_increment": symmetric(change["stress"].filled()),
+            "sliding_loss": float(change["friction_loss"] + change["rolling_loss"]) / volume,
+            "damping_loss": float(change["damping_loss"]) / volume,
+            "contacts_gained": float(len(last - first)),
+            "contacts_lost": float(len(first - last)),
+            "unbalanced_force": float(run["unbalanced_force"][-1]),
+            "start_sha256": start_sha256(run),
+        }
+
+
+def _pairs(run: netCDF4.Dataset, snapshot: int) -> set[tuple[int, ...]]:
+    """Pairs of grains that touch in the first snapshot (0) or the last one (-1)."""
+    group = run["contacts"]
+    number = int(group["row_size"][snapshot])
+    rows = slice(number) if snapshot == 0 else slice(-number, None)
+    return {tuple(pair) for pair in group["contact_grain"][rows].tolist()}
+
+
+def start_sha256(run: netCDF4.Dataset) -> str:
+    """SHA-256 of the start of an open run file: its first record, positions, contacts and forces, hexadecimal."""
+    digest, contacts = hashlib.sha256(), run["contacts"]
+    number = int(contacts["row_size"][0])
+    parts = [run[name][0] for name in sorted(run.variables)]
+    parts += [run["grains"]["radius"][:], run["grains"]["position"][0]]
+    parts += [v[:number] for name, v in sorted(contacts.variables.items()) if v.dimensions[0] == "contact"]
+    for values in parts:
+        digest.update(np.ascontiguousarray(np.ma.getdata(values)).tobytes())
+    return digest.hexdigest()
