@@ -13,6 +13,7 @@ LABKITS = {
     "consolidate": ("simulate", "consolidate a specimen isotropically to a pressure"),
     "run": ("simulate", "load a specimen along a path"),
     "probe": ("probe", "probe a state with small increments of strain or stress in many directions"),
+    "driver": ("driver", "carry out a test file of the Incremental Driver"),
     "stratified": ("look", "make the stratified layer of Fig. 3, coarse over fine discs"),
     "verify": ("look", "compare C0 with Love's stress and check what the path holds"),
     "critical": ("look", "tabulate the critical states of shear tests"),

@@ -61,8 +61,7 @@ def pressure_limit(scene: Scene) -> float:
 def require_pressure(path: Path, scene: Scene) -> None:
     """Raise InputError if the path holds or approaches a pressure at which grains of this scene overlap too much."""
     limit = pressure_limit(scene)
-    for name in ("pressure", "pressures", "stresses"):
-        pressure = np.max(path.parameters().get(name) or 0.0)
+    for name, pressure in path.prescribed_stresses().items():
         if pressure <= limit * (1.0 + 1e-12):
             continue
         raise InputError(
@@ -79,10 +78,11 @@ def expected_inertial_number(path: Path, state: State, pressure: float) -> float
 
     Strain rates that the servo adjusts are assumed to keep the volume constant.
     """
-    rates = path.axial_rate * symmetric(path.flow(0.0))
-    control = path.control()
+    start = path.leg(0, 1.0, np.zeros((3, 3)))
+    rates = path.axial_rate * symmetric(start.flow(0.0))
+    control = start.control()
     if control is not None and rates.any():
-        adjusted = np.flatnonzero(control.free[:3].any(axis=1))
+        adjusted = np.flatnonzero(control.free[:3].any(axis=1) & (np.diag(rates) == 0.0))
         rates[adjusted, adjusted] = -np.trace(rates) / max(len(adjusted), 1)
     return float(inertial_number(rates, pressure, 2.0 * float(state.radius.mean()), state.scene.density))
 

@@ -218,6 +218,7 @@ PATHS: Registry = Registry(
         "mixed": _TESTS + "Mixed",
         "isotropic_reloading": _RELOADING + "IsotropicReloading",
         "oedometer_reloading": _RELOADING + "OedometerReloading",
+        "steps": "labkit.dem.steps:Steps",
         "undrained_cycles": _CYCLES + "UndrainedCycles",
         "drained_cycles": _CYCLES + "DrainedCycles",
         "strain_cycles": _CYCLES + "StrainCycles",
@@ -268,7 +269,7 @@ def travelled(axial_strain: np.ndarray) -> np.ndarray:
 
 def __getattr__(name: str) -> Any:
     """Loading paths defined in other modules: `labkit.paths.SimpleShear` and so on."""
-    for module in ("element_tests", "stress_reversals", "cycles", "probes"):
+    for module in ("element_tests", "stress_reversals", "cycles", "probes", "steps"):
         kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
         if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
             return kind
