@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import json
 import math
 import numbers
 import re
@@ -32,8 +33,9 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*"
 class Parameter:
     """Definition of a parameter.
 
-    low, high: range; above: excluded lower bound; choices: allowed text values; kind: float, int, bool, str, or tuple
-    for a list of numbers; optional: None is allowed; option: True for a command-line option and campaign key.
+    low, high: range; above: excluded lower bound; choices: allowed text values; kind: float, int, bool, str, tuple for
+    a list of numbers, or a dataclass for a list of its instances, which may be given as JSON; optional: None is
+    allowed; option: True for a command-line option and campaign key.
     """
 
     name: str
@@ -61,6 +63,8 @@ class Parameter:
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.kind is tuple:
             return "numbers separated by commas"
+        if dataclasses.is_dataclass(self.kind):
+            return f"a list of {self.kind.__name__}"
         number = "a whole number" if self.kind is int else "a number"
         if math.isfinite(self.above):
             most = f", at most {self.high:g}" if math.isfinite(self.high) else ""
@@ -87,6 +91,8 @@ class Parameter:
             return self._choice(value)
         if self.kind is tuple:
             return tuple(self._number(part, unit_needed) for part in self._parts(value) if part != "")
+        if dataclasses.is_dataclass(self.kind):
+            return tuple(self._instance(one) for one in self._objects(value))
         return self.check(self._number(value, unit_needed))
 
     def _parts(self, value: Any) -> Iterable[Any]:
@@ -95,6 +101,26 @@ class Parameter:
         if not isinstance(value, Iterable):
             raise self.error(value, "is not a list of numbers")
         return value
+
+    def _objects(self, value: Any) -> Iterable[Any]:
+        if isinstance(value, str):
+            try:
+                value = json.loads(value)
+            except (ValueError, RecursionError):
+                raise self.error(value[:40], "is not JSON", "a list in JSON", quoted=True) from None
+        if not isinstance(value, list | tuple):
+            raise InputError("is not a list", field=self.name, allowed=f"a list of {self.kind.__name__}")
+        return value
+
+    def _instance(self, value: Any) -> Any:
+        if isinstance(value, self.kind):
+            return value
+        try:
+            return self.kind(**value)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"is not a list of {self.kind.__name__}: {error}", field=self.name) from None
 
     def _flag(self, value: Any) -> bool:
         if isinstance(value, str):

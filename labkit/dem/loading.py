@@ -19,6 +19,7 @@ import numpy as np
 from labkit.dem.control import Control, Target, six_columns
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.io.schema import Variable
 from labkit.parameters import check_parameters, parameter, parameters_of, restored
 
 AnyPath = TypeVar("AnyPath", bound="Path")
@@ -184,6 +185,37 @@ class Path(abc.ABC):
         """True if the class defines `stops`, so that a run must check it."""
         return type(self).stops is not Path.stops
 
+    @property
+    def uses_servo(self) -> bool:
+        """True if the path holds a stress."""
+        return self.control() is not None
+
+    def leg(
+        self, number: int, sign: float, stress: np.ndarray, first: int = 0, steps: int = 0, step_strain: float = 0.0
+    ) -> Leg:
+        """The leg with this number, from 0.
+
+        sign: of the strain rate; stress: at the start of the leg, (3, 3), Pa; first, steps: number of the time step at
+        which it starts, and how many it takes (0 for the model, which has none); step_strain: accumulated strain of a
+        time step.
+        """
+        return Leg(self, sign)
+
+    def record_lengths(self, record_strain: float | None) -> tuple[float, ...] | None:
+        """For each leg, the accumulated strain between two records; None if it is the same for all.
+
+        record_strain: the value that the user chose, if any.
+        """
+        return None
+
+    def recorded(self) -> Mapping[str, Variable]:
+        """Variables that a run along this path records in addition to those of all runs; see Leg.progress."""
+        return {}
+
+    def stress_errors(self, record: Mapping[str, Any]) -> Mapping[str, np.ndarray]:
+        """Further stresses that `labkit verify` checks: name -> measured minus intended at each record, (time,), Pa."""
+        return {}
+
     def held(self) -> tuple[Held, ...]:
         """Quantities that `labkit verify` checks; by default the controlled stresses."""
         control = self.control()
@@ -218,6 +250,65 @@ class Path(abc.ABC):
     def given(self) -> dict[str, Any]:
         """Fields that are arguments of the constructor, name -> value."""
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.init}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Leg:
+    """A leg of a path: what moves the cell until the path reverses, or until its next step.
+
+    path: the path; sign: of the strain rate; first: number of the time step from which `travelled` is counted.
+    """
+
+    path: Path
+    sign: float
+    first: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the path."""
+        return self.path.name
+
+    @property
+    def axial_rate(self) -> float:
+        """Axial strain rate, 1/s."""
+        return self.path.axial_rate
+
+    @property
+    def rate_limit(self) -> float:
+        """Largest strain rate of the servo, divided by the axial rate."""
+        return self.path.rate_limit
+
+    def flow(self, travelled: float) -> np.ndarray:
+        """The prescribed velocity gradient divided by the rate, (3, 3); see Path.flow."""
+        return self.path.flow(travelled)
+
+    def control(self) -> Control | None:
+        """The Control of the servo; None if all strain rates are prescribed."""
+        return self.path.control()
+
+    @property
+    def varies(self) -> bool:
+        """True if the prescribed rates or the held stresses change with the accumulated strain."""
+        return self.path.varies
+
+    def next_change(self, travelled: float) -> float:
+        """Accumulated strain at which the prescribed rates next change abruptly."""
+        return math.inf
+
+    def stops(self, record: Mapping[str, Any], first: Mapping[str, Any]) -> bool:
+        """True if the leg ends at a record; `first`: the first record of the run."""
+        return False
+
+    def settled(self, stress: np.ndarray, travelled: float) -> np.ndarray:
+        """The stress (3, 3), Pa, at which the next leg starts, given the one measured at the end of this one."""
+        return stress
+
+    def progress(self, travelled: float) -> Mapping[str, float]:
+        """Values of Path.recorded at a record."""
+        return {}
+
+    def require_followed(self, stress: np.ndarray, travelled: float) -> None:
+        """Raise PhysicsError if a held stress no longer follows its target. stress: (3, 3), Pa."""
 
 
 @dataclasses.dataclass(frozen=True)

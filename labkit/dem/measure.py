@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from labkit.dem.energy import balance_error, drift_velocity, kinetic_energy
@@ -22,7 +24,7 @@ def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
     return -(direction * (0.5 * np.log(squared))) @ direction.T
 
 
-def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, object]:
+def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, Any]:
     """The variables of labkit.dem.recorded.record_table for one State, name -> value.
 
     `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: the Snapshot of the state, if already computed.

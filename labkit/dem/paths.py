@@ -191,6 +191,7 @@ PATHS: Registry = Registry(
         "stress_rotation": _TESTS + "StressRotation",
         "proportional": _TESTS + "ProportionalStrain",
         "mixed": _TESTS + "Mixed",
+        "steps": "labkit.dem.steps:Steps",
         "isotropic_reloading": _CYCLES + "IsotropicReloading",
         "oedometer_reloading": _CYCLES + "OedometerReloading",
         "undrained_cycles": _CYCLES + "UndrainedCycles",
@@ -239,7 +240,7 @@ def travelled(axial_strain: np.ndarray) -> np.ndarray:
 
 def __getattr__(name: str) -> Any:
     """Loading paths defined in other modules: `labkit.paths.SimpleShear` and so on."""
-    for module in ("element_tests", "stress_reversals"):
+    for module in ("element_tests", "stress_reversals", "steps"):
         kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
         if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
             return kind

@@ -32,13 +32,17 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Position:
-    """Position of a run on its path: the number of reversals triggered by stress so far, and the equivalent lattice.
+    """Position of a run on its path.
 
-    lattice: the integer matrix U (3, 3) accumulated over all cell replacements so far; see labkit.dem.lattice.
+    leg: number of reversals triggered by stress so far; lattice: the integer matrix U (3, 3) accumulated over all cell
+    replacements so far, see labkit.dem.lattice; skipped: planned time steps left out because legs ended early; stress:
+    at which the current leg started, (3, 3), Pa.
     """
 
     leg: int = 0
     lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))
+    skipped: int = 0
+    stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
 
 
 START = Position()
@@ -49,7 +53,7 @@ class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time so far in s, and whether it is complete."""
 
     state: State
-    first_cell: np.ndarray  # (3, 3), m: at zero strain
+    first: dict[str, np.ndarray]  # the first record
     wall_time: float
     complete: bool
     position: Position
@@ -65,7 +69,7 @@ class Recorder:
         self, file: os.PathLike[str] | str, path: LoadingPath, settings: dict[str, Any], specimen: State
     ) -> None:
         """Does not touch the file yet; `with` locks it."""
-        self.table = record_table()
+        self.table = {**record_table(), **path.recorded()}
         self.file = Path(file)
         self.specimen = specimen.digest()
         self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
@@ -127,8 +131,7 @@ class Recorder:
                 dataset.steps = np.int64(state.step)
                 dataset.threads = np.int32(threads)
                 _write_checkpoint(dataset, state)
-                dataset["checkpoint"].leg = np.int64(position.leg)
-                dataset["checkpoint"].lattice = position.lattice.ravel()
+                _write_position(dataset["checkpoint"], position)
                 if complete:
                     dataset.data_sha256 = data_sha256(dataset)
 
@@ -194,11 +197,10 @@ class Recorder:
             if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
                 raise InputError(f"{self.file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
-            checkpoint, first_cell = dataset["checkpoint"], dataset["cell"][0].filled()
-            lattice = np.reshape(getattr(checkpoint, "lattice", np.eye(3)), (3, 3))  # files of version 0.1.0 lack it
-            position = Position(int(getattr(checkpoint, "leg", 0)), lattice)
-            state = _read_checkpoint(dataset)
-            return StoredRun(state, first_cell, float(dataset.wall_time), bool(dataset.complete), position)
+            checkpoint = dataset["checkpoint"]
+            first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
+            position, state = _read_position(checkpoint), _read_checkpoint(dataset)
+            return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position)
 
 
 def read_checkpoint(file: os.PathLike[str] | str) -> State:
@@ -223,6 +225,22 @@ def _write_checkpoint(dataset: netCDF4.Dataset, state: State) -> None:
     for name, variable in STATE.items():
         rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
         group[name][rows] = getattr(state, name)
+
+
+def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
+    checkpoint.leg, checkpoint.skipped = np.int64(position.leg), np.int64(position.skipped)
+    checkpoint.lattice, checkpoint.leg_stress = position.lattice.ravel(), position.stress.ravel()
+
+
+def _read_position(checkpoint: netCDF4.Group) -> Position:
+    """The Position of a checkpoint; files of version 0.1.0 lack most of it."""
+    lattice, stress = getattr(checkpoint, "lattice", np.eye(3)), getattr(checkpoint, "leg_stress", np.zeros((3, 3)))
+    return Position(
+        int(getattr(checkpoint, "leg", 0)),
+        np.reshape(lattice, (3, 3)),
+        int(getattr(checkpoint, "skipped", 0)),
+        np.reshape(stress, (3, 3)),
+    )
 
 
 def _difference(stored: dict[str, Any], requested: dict[str, Any]) -> str:

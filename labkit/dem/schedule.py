@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
+from labkit.dem.conditions import condition
 from labkit.dem.paths import Path
 from labkit.dem.servo import STANDARD, Servo
 from labkit.errors import InputError
@@ -35,12 +37,17 @@ class Options:
         kind=int,
         help="records between two saves (default: about 30 s of computing in YADE)",
     )
+    stop_when: str | None = parameter(
+        None, kind=str, help="condition on recorded quantities that ends the run at a record, e.g. 'q/p > 0.9'"
+    )
     servo: Servo = STANDARD
     guarded: bool = True
 
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         check_parameters(self)
+        if self.stop_when is not None:
+            condition(self.stop_when)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +56,8 @@ class Schedule:
 
     A run stops at every multiple of `steps_per_record` and at every reversal. Each stop refreshes the cell stiffness of
     the servo. Each stop is recorded, except a regular one less than half an interval from a reversal or the end, where
-    the difference between the two records would be mostly noise.
+    the difference between the two records would be mostly noise. A path may have its own interval in each leg, which is
+    then counted from the start of the leg.
     """
 
     turns: tuple[int, ...]  # steps at which the path reverses; the last one ends it
@@ -57,6 +65,7 @@ class Schedule:
     steps_per_record: int
     stops_per_save: int
     snapshots: int  # in addition to the first
+    intervals: tuple[int, ...] = ()  # steps between records in each leg, if the path has its own
 
     @classmethod
     def of(cls, path: Path, time_step: float, grains: int, options: Options) -> Schedule:
@@ -79,13 +88,19 @@ class Schedule:
                 allowed=f"a rate that gives {LEAST_STEPS} to {MOST_STEPS:g} steps",
             )
         steps = steps.astype(int)
-        per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
+        own, intervals = path.record_lengths(options.record_strain), tuple[int, ...]()
+        if own is None:
+            per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
+        else:
+            intervals = tuple(int(min(n, max(1, round(x / step_strain)))) for n, x in zip(steps, own, strict=True))
+            per_record = max(1, round(float(steps.sum()) / float((steps / intervals).sum())))  # the mean
         return cls(
             turns=tuple(int(x) for x in np.cumsum(steps)),
             sign=1.0 if legs[0] > 0.0 else -1.0,
             steps_per_record=per_record,
             stops_per_save=options.save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
             snapshots=options.snapshots,
+            intervals=intervals,
         )
 
     @property
@@ -96,29 +111,31 @@ class Schedule:
     @property
     def records(self) -> int:
         """Number of records after the first, if the path does not stop early."""
-        near = {step for turn in self.turns for step in self._regular_around(turn) if not self.is_record(step)}
-        return self._stops(self.steps) - len(near)
+        return self._stops(self.steps) - self._unrecorded
 
     def next_stop(self, step: int) -> int:
-        """The next multiple of `steps_per_record` or the next reversal, whichever comes first."""
-        return min(self.turns[self.leg(step)], (step // self.steps_per_record + 1) * self.steps_per_record)
+        """The next multiple of the interval or the next reversal, whichever comes first."""
+        leg = self.leg(step)
+        start, interval = self._counting(leg)
+        return min(self.turns[leg], start + ((step - start) // interval + 1) * interval)
 
     def is_record(self, step: int) -> bool:
         """True if the stop at this step is recorded."""
         if step == 0 or step in self.turns:
             return True
         leg = self.leg(step)
-        distance = min(step - self.turns[leg - 1] if leg else step, self.turns[leg] - step)
-        return 2 * distance >= self.steps_per_record
+        distance = min(step - self.leg_start(leg), self.turns[leg] - step)
+        return 2 * distance >= self._counting(leg)[1]
 
     def is_close_to_record(self, step: int) -> bool:
         """True if the latest stop is a recorded regular stop less than half an interval before this step.
 
         False if the run stops at this step itself.
         """
-        last = step // self.steps_per_record * self.steps_per_record
+        start, interval = self._counting(self.leg(step))
+        last = start + (step - start) // interval * interval
         turned = max((turn for turn in self.turns if turn <= step), default=0)
-        return turned < last < step and self.is_record(last) and 2 * (step - last) < self.steps_per_record
+        return turned < last < step and self.is_record(last) and 2 * (step - last) < interval
 
     def is_snapshot(self, record: int, last: bool) -> bool:
         """True if a record is stored with all contacts: the first, the last and others evenly spaced between them.
@@ -139,15 +156,42 @@ class Schedule:
         """Number of the leg to which the motion of this step belongs, if the path reverses at given strains."""
         return int(np.searchsorted(self.turns, step, side="right"))
 
+    def leg_start(self, leg: int) -> int:
+        """The step at which a leg starts."""
+        return self.turns[leg - 1] if leg else 0
+
+    def span(self, leg: int) -> tuple[int, int]:
+        """The steps at which a leg starts and ends."""
+        return self.leg_start(leg), self.turns[leg]
+
+    def _counting(self, leg: int) -> tuple[int, int]:
+        """The step from which the regular stops of a leg are counted, and the steps between them."""
+        return (self.leg_start(leg), self.intervals[leg]) if self.intervals else (0, self.steps_per_record)
+
     def _stops(self, step: int) -> int:
         """Number of stops up to this step, without the start."""
+        if self.intervals:
+            leg = self.leg(step)
+            start, interval = self._counting(leg) if leg < len(self.turns) else (step, 1)
+            return self._stops_before[leg] + (step - start) // interval
         irregular = sum(turn <= step and turn % self.steps_per_record > 0 for turn in self.turns)
         return step // self.steps_per_record + irregular
 
-    def _regular_around(self, turn: int) -> tuple[int, ...]:
-        """The last regular stop up to a reversal and the first one after it, within the path."""
-        before = turn // self.steps_per_record * self.steps_per_record
-        return tuple(step for step in (before, before + self.steps_per_record) if step <= self.steps)
+    @functools.cached_property
+    def _stops_before(self) -> tuple[int, ...]:
+        """Number of stops up to the start of each leg and up to the end of the path, if legs have their intervals."""
+        each = [-(-(turn - self.leg_start(k)) // self.intervals[k]) for k, turn in enumerate(self.turns)]
+        return tuple(int(total) for total in np.cumsum([0, *each]))
+
+    @functools.cached_property
+    def _unrecorded(self) -> int:
+        """Number of regular stops that are not recorded because a reversal is near."""
+        near: set[int] = set()
+        for leg, turn in enumerate(self.turns):
+            start, interval = self._counting(leg)
+            before = start + (turn - start) // interval * interval
+            near |= {before} if self.intervals else {before, min(before + interval, self.steps)}
+        return sum(not self.is_record(step) for step in near)
 
 
 def _rounded(numerator: int, denominator: int) -> int:

@@ -25,7 +25,7 @@ from typing import cast
 import numpy as np
 
 from labkit.dem.control import Control
-from labkit.dem.loading import Path
+from labkit.dem.loading import Leg, Path
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.micro.snapshot import Snapshot
@@ -80,7 +80,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
 
 
 def velocity_gradient(
-    path: Path,
+    path: Path | Leg,
     sign: float,
     time_step: float,
     stress: np.ndarray | None = None,
@@ -111,7 +111,7 @@ def velocity_gradient(
 
 
 def _servoed(
-    path: Path,
+    path: Path | Leg,
     control: Control,
     given: np.ndarray,
     time_step: float,

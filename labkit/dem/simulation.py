@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 
 from labkit.dem import lattice
+from labkit.dem.conditions import Condition, condition
 from labkit.dem.consolidation import consolidate, pressure_error
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
@@ -20,7 +22,7 @@ from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
-from labkit.errors import Interrupted, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import mean_stress
@@ -50,6 +52,7 @@ def run(
         "engine": start.name,
         **{f"servo_{name}": value for name, value in vars(options.servo).items()},
         "guarded": options.guarded,
+        **({} if options.stop_when is None else {"stop_when": options.stop_when}),  # files of 0.1.0 lack it
     }
     with Recorder(file, path, settings, specimen) as recorder:
         stored = recorder.resume()
@@ -84,34 +87,67 @@ class _Loop:
     ) -> None:
         self.recorder, self.path, self.progress = recorder, recorder.path, progress
         self.options, self.threads = options, start.threads
-        self.first_cell = stored.first_cell if stored else specimen.cell
+        self.first: dict[str, Any] = stored.first if stored else {"cell": specimen.cell}  # the first record
+        self.stop_when = condition(options.stop_when) if options.stop_when is not None else None
         self.wall_before = stored.wall_time if stored else 0.0
         self.started = time.monotonic()
         state = stored.state if stored else specimen
         self.schedule = Schedule.of(self.path, state.time_step, state.number_of_grains, options)
         self.stopped = False
-        self.control = self.path.control()
         self.position = stored.position if stored else Position()
         self.engine = start(state)
         if stored:
+            self.step, self.time_step = state.step, state.time_step
+            self.enter_leg()
             self.continue_from(state, state.snapshot())
         else:
             state = self.engine.reload()
+            self.step, self.time_step = state.step, state.time_step
+            self.position = dataclasses.replace(self.position, stress=self.engine.stress())
+            self.enter_leg()
             self.record(state, last=False)
+            _require_false_at_start(self.stop_when, self.first)
             self.save(state, False)
 
+    @property
+    def place(self) -> int:
+        """The planned step: time steps so far, including those left out because legs ended early."""
+        return self.step + self.position.skipped
+
+    @property
+    def travelled(self) -> float:
+        """Accumulated strain of the path, or of the leg if it counts its own."""
+        return self.path.axial_rate * self.time_step * (self.place - self.leg.first)
+
+    def enter_leg(self) -> None:
+        """Set the variables of the leg to which the motion from this step on belongs."""
+        path, schedule = self.path, self.schedule
+        leg = self.position.leg if path.reverses_on_stress else schedule.leg(self.place)
+        self.number = min(leg, path.legs() - 1)
+        sign = schedule.sign * (-1.0) ** self.number
+        first, self.leg_end = (0, schedule.steps) if path.reverses_on_stress else schedule.span(self.number)
+        step_strain = path.axial_rate * self.time_step
+        self.leg = path.leg(self.number, sign, self.position.stress, first, self.leg_end - first, step_strain)
+        self.control = self.leg.control()
+
+    def end_leg(self, stress: np.ndarray) -> None:
+        """Pass on to the next leg at a record with this stress (3, 3), Pa."""
+        left = 0 if self.path.reverses_on_stress else self.leg_end - self.place
+        settled = self.leg.settled(stress, self.travelled)
+        self.position = dataclasses.replace(self.position, skipped=self.position.skipped + left, stress=settled)
+        self.enter_leg()
+
     def continue_from(self, state: State, snapshot: Snapshot) -> None:
-        """Set the step and the variables of the servo from a state of the run."""
-        self.step = state.step
-        self.time_step, self.gradient = state.time_step, state.velocity_gradient
+        """Set the variables of the servo from a state of the run."""
+        self.gradient = state.velocity_gradient
         self.stiffness = cell_stiffness(snapshot, self.control.components) if self.control else None
 
     def execute(self, signals: Signals) -> bool:
         last = False
         while not last:
-            stop = self.schedule.next_stop(self.step)
+            stop = self.schedule.next_stop(self.place) - self.position.skipped
             turned = self.advance(stop, signals)
-            last = self.stopped or self.step == self.schedule.steps
+            last = self.stopped or self.place == self.schedule.steps
             if self.step < stop and not last and not turned:
                 self.save(self.engine.state(), False)
                 raise self.interrupted(signals)
@@ -125,10 +161,10 @@ class _Loop:
 
         A separate function, so that no State stays in memory while the run continues.
         """
-        saving = self.schedule.is_save(self.step, last) or signals.caught
+        saving = self.schedule.is_save(self.place, last) or signals.caught
         state = self.engine.reload() if saving else self.engine.state()
         state = self.reduced(state)
-        if last or turned or self.schedule.is_record(self.step):
+        if last or turned or self.schedule.is_record(self.place):
             last = self.record(state, last, turned)
         else:
             self.continue_from(state, state.snapshot())
@@ -154,48 +190,70 @@ class _Loop:
         on_stress = self.path.reverses_on_stress
         turned, stress = False, None  # of this instant, if it was needed
         while self.step < end and not self.stopped and not turned and not signals.caught:
-            leg = self.position.leg if on_stress else self.schedule.leg(self.step)
             if self.control and stress is None:
                 stress = self.engine.stress()
             self.gradient = velocity_gradient(
-                self.path,
-                self.schedule.sign * (-1.0) ** leg,
+                self.leg,
+                self.leg.sign,
                 self.time_step,
                 stress,
                 self.stiffness,
                 self.gradient,
                 self.options.servo,
-                self.path.axial_rate * self.time_step * self.step,
+                self.travelled,
                 self.control,
             )
             steps = min(self.options.servo.interval if self.control or on_stress else LISTEN, end - self.step)
+            steps = min(steps, self.steps_to_change())
             self.engine.advance(steps, self.gradient)
             self.step += steps
             stress = None
             if self.path.stops_early or on_stress:
                 stress = self.engine.stress()
                 self.stopped = self.path.stops(float(mean_stress(stress)))
-                turned = self.path.leg_ends(stress, leg)
+                turned = self.path.leg_ends(stress, self.number)
             if turned:
-                self.position = dataclasses.replace(self.position, leg=leg + 1)
-                self.stopped = self.stopped or leg + 1 == self.path.legs()
+                self.position = dataclasses.replace(self.position, leg=self.number + 1)
+                self.stopped = self.stopped or self.number + 1 == self.path.legs()
         return turned
+
+    def steps_to_change(self) -> int:
+        """Time steps to the next abrupt change of the prescribed rates within the leg, at least one."""
+        missing = (self.leg.next_change(self.travelled) - self.travelled) / (self.path.axial_rate * self.time_step)
+        return max(1, round(missing)) if missing < self.schedule.steps else self.schedule.steps
 
     def record(self, state: State, last: bool, turned: bool = False) -> bool:
         snapshot = state.snapshot()
-        values = measure(state, self.first_cell @ self.position.lattice, snapshot)
-        last = last or self.path.ends(values)
+        values = measure(state, self.first["cell"] @ self.position.lattice, snapshot)
+        values |= self.leg.progress(self.travelled)
+        if not self.recorder.records:
+            self.first = values
+        ended = turned or self.place == self.leg_end
+        ended = ended or (self.recorder.records > 0 and self.leg.stops(values, self.first))
+        last = last or self.path.ends(values) or (ended and self.number + 1 == self.path.legs())
+        last = last or (self.stop_when is not None and self.stop_when.holds(values, self.first))
         require_sane(values, state)
         if self.options.guarded:
             require_balanced(state, snapshot)
-        if self.stopped and self.schedule.is_close_to_record(state.step):
+        if self.stopped and self.schedule.is_close_to_record(self.place):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
         kept = self.schedule.is_snapshot(self.recorder.records, last) or (turned and self.is_kept_turn())
         self.recorder.record(values, snapshot if kept else None)
+        self.require_followed(state, values["stress"])
+        if ended and not last:
+            self.end_leg(values["stress"])
         self.continue_from(state, snapshot)
-        self.progress(1.0 if last else state.step / self.schedule.steps, _status(values))
+        self.progress(1.0 if last else self.place / self.schedule.steps, _status(values))
         return last
+
+    def require_followed(self, state: State, stress: np.ndarray) -> None:
+        """Save and raise PhysicsError if a held stress no longer follows its target. stress: (3, 3), Pa."""
+        try:
+            self.leg.require_followed(stress, self.travelled)
+        except PhysicsError:
+            self.save(state, False)
+            raise
 
     def is_kept_turn(self) -> bool:
         """True if the record at a reversal triggered by stress is stored with all contacts.
@@ -214,6 +272,14 @@ class _Loop:
     def save(self, state: State, complete: bool) -> None:
         seconds = self.wall_before + time.monotonic() - self.started
         self.recorder.save(state, complete, seconds, self.threads, self.position)
+
+
+def _require_false_at_start(stop_when: Condition | None, first: Mapping[str, Any]) -> None:
+    """Raise InputError if the condition that ends a run is met before it starts."""
+    if stop_when is not None and stop_when.holds(first, first):
+        problem = "is already met at the start"
+        allowed = "a condition that is met later on the path"
+        raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
 
 
 def _status(values: dict[str, Any]) -> str:

@@ -1,0 +1,143 @@
+"""One step of mixed control: prescribed increments of strain and of stress, applied together.
+
+In a step, n pieces follow one another. In each piece the prescribed strains E and the targets of the held stresses
+change linearly with the accumulated strain t:
+
+    D = dE/dt + sum_j x_j P_j        M_i : sigma = M_i : sigma_0 + s_i(t)        i, j = 1 ... k, k <= 6
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.conditions import condition
+from labkit.dem.control import Control
+from labkit.errors import InputError
+from labkit.micro.tensors import symmetric, to_six
+
+LEAST = 1e-3  # accumulated strain of a step, at least: room for a hundred time steps and for the servo to settle
+STIFFNESS = 50.0  # times the mean stress: a step that prescribes stresses alone takes |ds|/(STIFFNESS p) of strain
+LARGEST_STRAIN, LARGEST_STRESS = 10.0, 1e12  # of a step; Pa
+MEAN = to_six(np.eye(3) / 3.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """One step of a path.
+
+    strain: prescribed increments of logarithmic strain, 9 numbers for each piece, tensors row by row, compression
+    positive; an antisymmetric part is a rotation. free, measured: tensors P_j and M_i, 6 numbers each: xx, yy, zz, yz,
+    xz, xy. stress: increments of the k held stresses, Pa, k numbers for each piece. over: accumulated strain of the
+    step, i.e. the rate of the path times its duration (default: the largest prescribed strain increment, or the one
+    that the stress increments may need). durations: of the pieces in the test that the step describes, s, for output.
+    until: condition (labkit.dem.conditions) that ends the step at a record. records: number of records. label: name of
+    the step in messages. Raises InputError for values that are not finite, shapes that do not match, and a control that
+    no material can follow.
+    """
+
+    strain: tuple[float, ...] = (0.0,) * 9
+    free: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
+    stress: tuple[float, ...] = ()
+    over: float | None = None
+    durations: tuple[float, ...] = ()
+    until: str | None = None
+    records: int | None = None
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        """Converts and checks the fields. Raises InputError."""
+        for name in ("strain", "free", "measured", "stress", "durations"):
+            array = np.asarray(getattr(self, name), dtype=float).ravel()
+            if not np.isfinite(array).all():
+                raise InputError("has a value that is not finite", field=name, allowed="finite numbers")
+            object.__setattr__(self, name, tuple(array.tolist()))
+        if len(self.strain) % 9 or not self.strain:
+            raise InputError(f"has {len(self.strain)} numbers", field="strain", allowed="9 numbers for each piece")
+        k, rest = divmod(len(self.measured), 6)
+        if rest or len(self.free) != 6 * k or len(self.stress) != self.pieces * k:
+            allowed = "6 numbers in `measured` and in `free` for each held stress, and one in `stress` for each piece"
+            raise InputError("does not match the held stresses", field="stress", allowed=allowed)
+        if len(self.durations) not in (0, self.pieces) or min(self.durations, default=0.0) < 0.0:
+            raise InputError(field="durations", value=self.durations, allowed="one for each piece, 0 or more")
+        self._require_moderate()
+        if self.until is not None:
+            condition(self.until, "until")
+        if k:
+            self.control(np.zeros(k)).require_possible()
+
+    def _require_moderate(self) -> None:
+        strain = np.abs(np.cumsum(self.strains, axis=0)).max()
+        stress = np.abs(np.cumsum(self.stresses, axis=0)).max(initial=0.0)
+        if strain > LARGEST_STRAIN or stress > LARGEST_STRESS:
+            what, most = ("strain", LARGEST_STRAIN) if strain > LARGEST_STRAIN else ("stress", LARGEST_STRESS)
+            raise InputError("has an increment that is too large", field=what, allowed=f"at most {most:g}")
+        if self.over is not None and not 0.0 < self.over <= 50.0:
+            raise InputError(field="over", value=self.over, allowed="a number above 0, at most 50")
+        if self.records is not None and not 0 < self.records <= 1_000_000:
+            raise InputError(field="records", value=self.records, allowed="1 to 1000000")
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return len(self.strain) // 9
+
+    @functools.cached_property
+    def strains(self) -> np.ndarray:
+        """Strain increments of the pieces, (n, 3, 3)."""
+        return np.reshape(self.strain, (-1, 3, 3))
+
+    @functools.cached_property
+    def stresses(self) -> np.ndarray:
+        """Increments of the held stresses in the pieces, (n, k), Pa."""
+        return np.reshape(self.stress, (self.pieces, -1))
+
+    @functools.cached_property
+    def targets(self) -> np.ndarray:
+        """Change of the held stresses since the start of the step, at the ends of the pieces, (n + 1, k), Pa."""
+        return np.concatenate([np.zeros((1, self.stresses.shape[1])), np.cumsum(self.stresses, axis=0)])
+
+    def target_at(self, completed: Any) -> np.ndarray:
+        """Change of the held stresses, (..., k), Pa, when a share `completed` (...) of the step is done."""
+        done = np.asarray(completed) * self.pieces
+        return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in self.targets.T], axis=-1)
+
+    @functools.cached_property
+    def measure(self) -> np.ndarray:
+        """The k tensors M_i in Mandel notation, (k, 6)."""
+        return to_six(_as_tensors(self.measured))
+
+    def control(self, target: Any) -> Control:
+        """The Control of the step, with these targets."""
+        return Control(_as_tensors(self.measured), _as_tensors(self.free), target)
+
+    def mean_change(self) -> float:
+        """Change of the mean stress in the step, Pa; 0 if the held stresses do not determine it."""
+        weights, *_ = np.linalg.lstsq(self.measure.T, MEAN, rcond=None)
+        determined = np.allclose(self.measure.T @ weights, MEAN, atol=1e-9)
+        return float(weights @ self.targets[-1]) if determined else 0.0
+
+    def lengths(self, pressure: float) -> np.ndarray:
+        """Accumulated strain of the pieces, (n,), for a mean stress in Pa: see `over`, and at least LEAST in all."""
+        rate = np.abs(symmetric(self.strains)).max(axis=2, initial=0.0)
+        shear = np.abs(symmetric(self.strains) * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
+        lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
+        lengths = np.maximum(lengths, np.abs(self.stresses).max(axis=1, initial=0.0) / (STIFFNESS * pressure))
+        total = self.over or max(float(lengths.sum()), LEAST)
+        share = lengths / lengths.sum() if lengths.sum() > 0.0 else np.full(self.pieces, 1.0 / self.pieces)
+        return total * share
+
+
+def _as_tensors(components: Sequence[float]) -> np.ndarray:
+    """6 numbers each -> tensors (k, 3, 3)."""
+    return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+
+
+def components_of(tensors: Any) -> tuple[float, ...]:
+    """Symmetric tensors (k, 3, 3) as 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    return tuple(np.asarray(tensors, dtype=float)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]].ravel().tolist())
