@@ -63,7 +63,7 @@ def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
 
 def _equivalent_steps(schedule: Schedule, path: Path, options: Options, speed: Speed) -> float:
     """Steps of a run, with its records and the servo's stress sums counted as steps."""
-    servo = speed.stress_steps / options.servo.interval if path.control() else 0.0
+    servo = speed.stress_steps / options.servo.interval if path.uses_servo else 0.0
     return schedule.steps * (1.0 + servo) + schedule.steps / schedule.steps_per_record * speed.record_steps
 
 

@@ -50,6 +50,9 @@ class Start:
     record_strain: float | None = parameter(
         None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
     )
+    stop_when: str | None = parameter(
+        None, kind=str, help="condition that ends the test at a record, e.g. 'q/p > 0.9'"
+    )
     tolerance: float = parameter(1e-6, above=0.0, high=1.0, help="relative error allowed in one integration step")
 
     def __post_init__(self) -> None:
@@ -110,8 +113,9 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     output = options.output or model_name(options, Start, name, [PATHS[name]] if name in PATHS else PATHS.values())
     require_output(output)
     begin = time.perf_counter()
-    result = drive(model, path, state, at.record_strain, Adaptive(at.tolerance))
-    write_result(output, result, history_of(argv), time.perf_counter() - begin, {"tolerance": at.tolerance})
+    result = drive(model, path, state, at.record_strain, Adaptive(at.tolerance), at.stop_when)
+    settings = {"tolerance": at.tolerance, **({} if at.stop_when is None else {"stop_when": at.stop_when})}
+    write_result(output, result, history_of(argv), time.perf_counter() - begin, settings)
     if result.failure:
         raise PhysicsError(
             f"{result.failure}; the {len(result)} records up to that point are in {output} (complete = 0)"

@@ -52,8 +52,13 @@ def run_name(options: argparse.Namespace, kind: type[Path]) -> str:
 
 
 def _read(options: argparse.Namespace, kind: type) -> dict[str, object]:
-    """Parameters of a dataclass given on the command line, in SI units."""
-    return {name: parameters_of(kind)[name].read(text) for name, text in given(options, kind).items()}
+    """Parameters of a dataclass given on the command line, in SI units, without conditions and other free text."""
+    known = parameters_of(kind)
+    return {
+        name: known[name].read(text)
+        for name, text in given(options, kind).items()
+        if known[name].choices is not None or known[name].kind in (int, float, bool, tuple)
+    }
 
 
 def _part(name: str, value: object) -> str:

@@ -79,10 +79,11 @@ def expected_inertial_number(path: Path, state: State, pressure: float) -> float
 
     Strain rates that the servo adjusts are assumed to keep the volume constant.
     """
-    rates = path.axial_rate * symmetric(path.flow(0.0))
-    control = path.control()
+    start = path.leg(0, 1.0, np.zeros((3, 3)))
+    rates = path.axial_rate * symmetric(start.flow(0.0))
+    control = start.control()
     if control is not None and rates.any():
-        adjusted = np.flatnonzero(control.free[:3].any(axis=1))
+        adjusted = np.flatnonzero(control.free[:3].any(axis=1) & (np.diag(rates) == 0.0))
         rates[adjusted, adjusted] = -np.trace(rates) / max(len(adjusted), 1)
     return float(inertial_number(rates, pressure, 2.0 * float(state.radius.mean()), state.scene.density))
 

@@ -263,6 +263,13 @@ class Leg:
     sign: float
     first: int = 0
 
+    restarts: ClassVar[bool] = False  # True if the accumulated strain is counted from the start of the leg
+
+    @property
+    def rests(self) -> bool:
+        """True if neither strains nor stresses change, so that a material without viscosity stays as it is."""
+        return False
+
     @property
     def name(self) -> str:
         """Name of the path."""
@@ -309,6 +316,11 @@ class Leg:
 
     def require_followed(self, stress: np.ndarray, travelled: float) -> None:
         """Raise PhysicsError if a held stress no longer follows its target. stress: (3, 3), Pa."""
+
+    @property
+    def label(self) -> str:
+        """Name of the leg at the start of a message, with a colon; empty if the path has no names for them."""
+        return ""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -184,6 +184,16 @@ class StepLeg(Leg):
     completed: np.ndarray
     least_pressure: float
 
+    restarts = True
+
+    @property
+    def rests(self) -> bool:
+        return not any(self.step.strain) and not any(self.step.stress)
+
+    @property
+    def label(self) -> str:
+        return f"{self.step.label or f'step {self.number + 1}'}: "
+
     @functools.cached_property
     def _flows(self) -> np.ndarray:
         """Prescribed velocity gradients between the knots, divided by the rate, (m, 3, 3)."""
@@ -237,9 +247,8 @@ class StepLeg(Leg):
         worst = int(np.abs(found - target).argmax())
         if abs(found[worst] - target[worst]) > limit:
             name = self.step.control(target).names[worst]
-            label = self.step.label or f"step {self.number + 1}"
             raise PhysicsError(
-                f"{label}: {name} is {found[worst]:.4g} Pa and cannot follow its target, {target[worst]:.4g} Pa: the "
+                f"{self.label}{name} is {found[worst]:.4g} Pa and cannot follow its target {target[worst]:.4g} Pa: the "
                 "target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
                 "stress, or reduce the rate"
             )

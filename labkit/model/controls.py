@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.element_tests import Mixed, Oedometer
-from labkit.dem.loading import Path
+from labkit.dem.loading import Leg, Path
 from labkit.dem.paths import PATHS, make_path
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
@@ -36,7 +36,7 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
     return make_path(name, parameters).starting_at(pressure)
 
 
-def control_of(path: Path, sign: float = 1.0, travelled: float = 0.0) -> Control:
+def control_of(path: Path | Leg, sign: float = 1.0, travelled: float = 0.0) -> Control:
     """Control of a path per unit of accumulated strain, at the strain `travelled`; reversed if `sign` is -1."""
     given = sign * to_six(path.flow(travelled) + path.flow(travelled).T) / 2.0
     held = path.control()

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 
+from labkit.dem.conditions import condition
 from labkit.dem.paths import Path
 from labkit.dem.scene import Scene
 from labkit.errors import InputError, PhysicsError
@@ -21,13 +23,26 @@ from labkit.model.state import ModelState, require_density
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # of a span between records, in which a varying control is constant
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
+RECORDED = (  # variables of a simulation that the model has too
+    "axial_strain",
+    "strain",
+    "stress",
+    "void_ratio",
+    "void_ratio_nominal",
+    "coordination_number",
+    "mean_normalised_force",
+    "contact_anisotropy",
+    "normal_force_anisotropy",
+    "mobilisation",
+)
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
     """A test of the model: `vector` (n, 27) as ModelState.vector but with the strain, `stress` (n, 3, 3) Pa.
 
-    `failure`: reason why the path ended early, or None. `calls`: number of evaluations of the equations.
+    `failure`: reason why the path ended early, or None. `calls`: number of evaluations of the equations. `travelled`:
+    accumulated strain (n,). `progress`: further variables that the path records (Path.recorded), name -> (n,).
     """
 
     model: Model
@@ -36,6 +51,8 @@ class Result:
     stress: np.ndarray
     failure: str | None
     calls: int
+    travelled: np.ndarray
+    progress: Mapping[str, np.ndarray]
 
     def __len__(self) -> int:
         return len(self.vector)
@@ -107,79 +124,133 @@ def drive(
     state: ModelState,
     record_strain: float | None = None,
     integrator: Integrator | None = None,
+    stop_when: str | None = None,
 ) -> Result:
     """Load `state` along `path` (labkit.dem.paths); returns a Result.
 
-    record_strain: axial strain between two records (default: that of the path). integrator: default Adaptive(). Each
-    piece between two reversals is integrated separately, because the rates are discontinuous at a reversal. If the
-    state leaves the domain of the equations, the result ends there and `failure` gives the reason. Raises InputError
-    for an invalid initial state.
+    record_strain: axial strain between two records (default: that of the path). integrator: default Adaptive().
+    stop_when: condition (labkit.dem.conditions) that ends the test at a record. Each piece between two reversals is
+    integrated separately, because the rates are discontinuous at a reversal. If the state leaves the domain of the
+    equations, the result ends there and `failure` gives the reason. Raises InputError for an invalid initial state, and
+    for a condition on a variable that the model does not have.
     """
     integrator = integrator or Adaptive()
-    path = path.for_scene(Scene())  # its rate only sets the time axis
+    path = path.for_scene(Scene()).starting_at(float(mean_stress(state.stress(model))))  # the rate only sets the time
     interval = path.record_strain if record_strain is None else record_strain
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
     _require_start(model, path, state)
-    y, travelled, failure, calls = state.vector(), 0.0, None, 0
-    ended = stopped = False
-    vectors = [y]
-    for leg, (sign, spans) in enumerate(_legs(path, interval)):
-        problem = Problem(model, control_of(path, sign))
+    return _Test(model, path, state.vector(), integrator, _stop_condition(stop_when)).result(record_strain)
+
+
+def _stop_condition(stop_when):
+    return None if stop_when is None else condition(stop_when, recorded=RECORDED)
+
+
+class _Test:
+    """A test in progress: the state vector y, the accumulated strain, and the records so far."""
+
+    def __init__(self, model, path, y, integrator, stop_when):
+        self.model, self.path, self.y, self.integrator, self.stop_when = model, path, y, integrator, stop_when
+        self.travelled, self.origin, self.failure, self.calls = 0.0, 0.0, None, 0
+        self.first = _record(model, y)
+        self.stress = self.first["stress"]  # at which the leg starts
+        self.vectors, self.distances, self.progress = [], [], []
+
+    def result(self, record_strain):
+        self.leg = self.path.leg(0, 1.0, self.stress)
+        self._keep()
+        for number, (sign, spans) in enumerate(_legs(self.path, record_strain)):
+            if self._ended_in(number, sign, spans):
+                break
+        vector = np.array(self.vectors)
+        stress = to_tensor(np.array([stress_of(row, self.model.constants) for row in vector]))
+        progress = {name: np.array([row[name] for row in self.progress]) for name in self.path.recorded()}
+        return Result(
+            self.model, self.path, vector, stress, self.failure, self.calls, np.array(self.distances), progress
+        )
+
+    def _ended_in(self, number, sign, spans):
+        """Carries out one leg; True if the path ends in it."""
+        self.leg = self.path.leg(number, sign, self.stress)
+        self.origin = self.travelled if self.leg.restarts else 0.0
+        problem = Problem(self.model, control_of(self.leg, self.leg.sign))
+        ended = stopped = False
         for span in spans:
             try:
-                new, covered, ended = _advance(integrator, problem, y, span, path, sign, leg, travelled)
+                ended = self._advance(problem, span, number)
             except Failure as error:
-                travelled += error.travelled
-                failure = f"{error}, after {travelled:.4%} strain"
+                self.travelled += error.travelled
+                self.failure = f"{self.leg.label}{error}, after {self.travelled:.4%} strain"
                 if error.travelled > 0.0:
-                    vectors.append(error.y)
+                    self.y = error.y
+                    self._keep()
                 break
-            y, travelled = new, travelled + covered
-            vectors.append(y)
-            stopped = _path_ends(path, problem, y, travelled)
-            if ended or stopped:
+            self._keep()
+            record = _record(self.model, self.y)
+            stopped = _path_ends(self.path, record, self.travelled) or (
+                self.stop_when is not None and self.stop_when.holds(record, self.first)
+            )
+            if ended or stopped or self.leg.stops(record, self.first):
                 break
-        calls += problem.calls
-        if failure or stopped or (ended and leg + 1 == path.legs()):
-            break
-    vector = np.array(vectors)
-    stress = to_tensor(np.array([stress_of(row, model.constants) for row in vector]))
-    return Result(model, path, vector, stress, failure, calls)
+        self.calls += problem.calls
+        self.stress = self.leg.settled(problem.stress(self.y), self.travelled - self.origin)
+        return bool(self.failure) or stopped or (ended and number + 1 == self.path.legs())
+
+    def _keep(self):
+        self.vectors.append(self.y)
+        self.distances.append(self.travelled)
+        self.progress.append(self.leg.progress(self.travelled - self.origin))
+
+    def _advance(self, problem, span, number):
+        """Advances by `span`, or to where the leg or the path ends because of a stress; True if it ends there."""
+        if self.leg.rests:
+            self.travelled += span
+            return False
+        if self.leg.varies:
+            self._follow(problem, span)
+            return False
+        new = self.integrator.advance(problem, self.y, span)
+        if not _leg_ends(self.path, problem, new, number):
+            self.y, self.travelled = new, self.travelled + span
+            return False
+        low, high = 0.0, span
+        while high - low > STOP_TOLERANCE:
+            middle = 0.5 * (low + high)
+            tried = self.integrator.advance(problem, self.y, middle)
+            if _leg_ends(self.path, problem, tried, number):
+                new, high = tried, middle
+            else:
+                low = middle
+        self.y, self.travelled = new, self.travelled + high
+        return True
+
+    def _follow(self, problem, span):
+        """Advances by `span` while the prescribed rates or the held stresses vary."""
+        end = self.travelled + span
+        while self.travelled < end:
+            at = self.travelled - self.origin
+            part = min(end - self.travelled, max(self.leg.next_change(at) - at, STOP_TOLERANCE))
+            last = end - self.travelled - part <= 1e-12 * end
+            self.y = _follow(self.integrator, problem, self.y, part, self.leg, self.leg.sign, at)
+            self.travelled = end if last else self.travelled + part
 
 
-def _legs(path, interval):
+def _legs(path, record_strain):
     """(sign, strains between records) of each leg, the piece between two reversals."""
-    axial = 0.0
+    interval = record_strain or path.record_strain
     if path.reverses_on_stress:
         for leg in range(path.legs()):
             yield (-1.0) ** leg, itertools.repeat(interval)
         return
-    for turn in path.turning_points():
-        length = abs(turn - axial)
+    axial, own = 0.0, path.record_lengths(record_strain)
+    for leg, turn in enumerate(path.turning_points()):
+        length, interval = abs(turn - axial), own[leg] if own is not None else interval
         records = max(1, int(np.ceil(length / interval * (1.0 - 1e-9))))
         spans = np.full(records, interval)
         spans[-1] = length - interval * (records - 1)
         yield (1.0 if turn > axial else -1.0), spans
         axial = turn
-
-
-def _advance(integrator, problem, y, span, path, sign, leg, travelled):
-    """(y after the span, strain covered, True if the leg or the path ends there)."""
-    if path.varies:
-        return _follow(integrator, problem, y, span, path, sign, travelled), span, False
-    new = integrator.advance(problem, y, span)
-    if not _leg_ends(path, problem, new, leg):
-        return new, span, False
-    low, high = 0.0, span
-    while high - low > STOP_TOLERANCE:
-        middle = 0.5 * (low + high)
-        tried = integrator.advance(problem, y, middle)
-        if _leg_ends(path, problem, tried, leg):
-            new, high = tried, middle
-        else:
-            low = middle
-    return new, high, True
 
 
 def _follow(integrator, problem, y, span, path, sign, travelled):
@@ -204,13 +275,25 @@ def _leg_ends(path, problem, y, leg):
     return path.stops(float(mean_stress(stress))) or path.leg_ends(stress, leg)
 
 
-def _path_ends(path, problem, y, travelled):
+def _path_ends(path, record, travelled):
     """True if the path ends at a record for a reason other than its last reversal."""
-    stress, strain = problem.stress(y), to_tensor(y[21:27])
-    if path.stops(float(mean_stress(stress))):
+    if path.stops(float(mean_stress(record["stress"]))):
         return True
     too_far = path.reverses_on_stress and travelled >= abs(path.turning_points()[-1]) * (1.0 - 1e-9)
-    return too_far or path.ends({"axial_strain": strain[2, 2], "strain": strain, "stress": stress})
+    return too_far or path.ends(record)
+
+
+def _record(model, y):
+    """The variables RECORDED of a state vector, name -> value."""
+    strain = to_tensor(y[21:27])
+    values = (
+        strain[2, 2],
+        strain,
+        to_tensor(np.array(stress_of(y, model.constants))),
+        *(y[0], y[0], y[1], y[2]),
+        *(to_tensor(y[3:9]), to_tensor(y[9:15]), to_tensor(y[15:21])),
+    )
+    return dict(zip(RECORDED, values, strict=True))
 
 
 def _require_start(model, path, state):

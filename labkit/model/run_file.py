@@ -33,11 +33,12 @@ ENGINE = "model"
 
 
 def records(result: Result) -> dict[str, np.ndarray]:
-    """Variables of labkit.io.schema.RECORD of a Result: name -> array along time."""
+    """Variables of labkit.io.schema.RECORD and of Path.recorded for a Result: name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
+    distance = result.travelled if result.progress else travelled(result.axial_strain)
     known = {
-        "time": travelled(result.axial_strain) / result.path.axial_rate,
+        "time": distance / result.path.axial_rate,
         "axial_strain": result.axial_strain,
         "strain": result.strain,
         "cell": cell,
@@ -58,15 +59,16 @@ def records(result: Result) -> dict[str, np.ndarray]:
         for name, variable in RECORD.items()
         if name not in known
     }
-    return {**known, **absent}
+    return {**known, **absent, **result.progress}
 
 
 def as_run(result: Result) -> xr.Dataset:
     """The Result as the Dataset that labkit.open_run would return for its run file, without a file."""
     values = records(result)
-    attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in RECORD.items()}
+    table = {**RECORD, **result.path.recorded()}
+    attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in table.items()}
     run = xr.Dataset(
-        {name: (v.dimensions, values[name], attributes[name]) for name, v in RECORD.items()},
+        {name: (v.dimensions, values[name], attributes[name]) for name, v in table.items()},
         attrs={"engine": ENGINE, "path": result.path.name, "complete": int(result.failure is None)},
     )
     return with_axes(run.set_coords(["time", "axial_strain"]))
@@ -98,7 +100,7 @@ def write_result(
         dataset.steps = np.int64(result.calls)
         dataset.history = history
         dataset.provenance = provenance(history or None, output=file)
-        create_variables(dataset, RECORD, {})
+        create_variables(dataset, {**RECORD, **result.path.recorded()}, {})
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
         dataset["contacts"]["row_size"].sample_dimension = "contact"

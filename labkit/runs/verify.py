@@ -13,7 +13,7 @@ import xarray
 
 from labkit.dem.energy import BALANCE_LIMIT
 from labkit.dem.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
-from labkit.dem.loading import Held
+from labkit.dem.loading import Held, Path
 from labkit.dem.paths import path_of
 from labkit.dem.recorded import recorded
 from labkit.dem.specimen import mean_grain_volume
@@ -137,6 +137,7 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
             yield _below(f"held: {held.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
         else:
             yield from _held_stress(run, held, path.for_scene(run.lab.scene).axial_rate)
+    yield from _followed(run, path)
 
 
 def _held_stress(run: xarray.Dataset, held: Held, rate: float) -> Iterator[Finding]:
@@ -154,6 +155,17 @@ def _held_stress(run: xarray.Dataset, held: Held, rate: float) -> Iterator[Findi
     else:
         yield _below(f"held: {held.name}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS)
         yield _below(f"held: {held.name}, largest error", np.abs(error).max(), HELD_WORST)
+
+
+def _followed(run: xarray.Dataset, path: Path) -> Iterator[Finding]:
+    """Errors of the stresses that the steps of a path prescribe, relative to the mean stress or a tenth of its start."""
+    pressure = run.lab.mean_stress().values
+    pressure = np.maximum(pressure, 0.1 * pressure[0])
+    names = ("stress", *path.recorded())
+    for name, error in path.stress_errors({one: run[one].values for one in names}).items():
+        relative = (error / pressure)[np.isfinite(error)]
+        yield _below(f"prescribed: {name}, error RMS", np.sqrt(np.mean(relative**2)), HELD_RMS)
+        yield _below(f"prescribed: {name}, largest error", np.abs(relative).max(), HELD_WORST)
 
 
 def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
