@@ -50,9 +50,7 @@ class Start:
     record_strain: float | None = parameter(
         None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
     )
-    stop_when: str | None = parameter(
-        None, kind=str, help="condition that ends the test at a record, e.g. 'q/p > 0.9'"
-    )
+    stop_when: str | None = parameter(None, kind=str, help="condition that ends the test at a record, e.g. 'q/p > 0.9'")
     tolerance: float = parameter(1e-6, above=0.0, high=1.0, help="relative error allowed in one integration step")
 
     def __post_init__(self) -> None:

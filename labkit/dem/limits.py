@@ -61,8 +61,7 @@ def pressure_limit(scene: Scene) -> float:
 def require_pressure(path: Path, scene: Scene) -> None:
     """Raise InputError if the path holds or approaches a pressure at which grains of this scene overlap too much."""
     limit = pressure_limit(scene)
-    for name in ("pressure", "pressures", "stresses"):
-        pressure = np.max(path.parameters().get(name) or 0.0)
+    for name, pressure in path.prescribed_stresses().items():
         if pressure <= limit * (1.0 + 1e-12):
             continue
         raise InputError(

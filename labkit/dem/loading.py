@@ -229,6 +229,11 @@ class Path(abc.ABC):
         """The path for a specimen with this mean stress, Pa, which becomes the stress to hold if none was given."""
         return self
 
+    def prescribed_stresses(self) -> dict[str, float]:
+        """The largest stress that each field of the path prescribes, name -> Pa."""
+        fields = ("pressure", "pressures", "stresses")
+        return {name: float(np.max(getattr(self, name, None) or 0.0)) for name in fields}
+
     def parameters(self) -> dict[str, Any]:
         """All fields, name -> value in SI units, for files."""
         return dataclasses.asdict(self)

@@ -60,15 +60,14 @@ class Steps(Path):
     def __post_init__(self) -> None:
         """Checks the steps and their order. Raises InputError."""
         super().__post_init__()
-        if not self.steps:
-            raise InputError("is empty", field="steps", allowed="at least one step")
         order = self.order or tuple(range(len(self.steps)))
         if any(number != int(number) or not 0 <= number < len(self.steps) for number in order):
             raise InputError(field="order", allowed=f"whole numbers from 0 to {len(self.steps) - 1}")
         if len(order) > MOST_STEPS:
             raise InputError(f"has {len(order)} steps", field="order", allowed=f"at most {MOST_STEPS}")
         object.__setattr__(self, "order", tuple(int(number) for number in order))
-        object.__setattr__(self, "strain", float(sum(self._lengths)))
+        if order:
+            object.__setattr__(self, "strain", float(sum(self._lengths)))
 
     def starting_at(self, pressure: float) -> Path:
         if self.mean_stress is not None or pressure <= 0.0:
@@ -77,6 +76,10 @@ class Steps(Path):
 
     def start_pressure(self) -> float | None:
         return self.pressure
+
+    def prescribed_stresses(self) -> dict[str, float]:
+        largest = max((float(np.abs(step.targets).max(initial=0.0)) for step in self.steps), default=0.0)
+        return {**super().prescribed_stresses(), "steps": largest}
 
     def step(self, leg: int) -> Step:
         """The step that is carried out as number `leg`, from 0."""
@@ -102,7 +105,7 @@ class Steps(Path):
         )
 
     def turning_points(self) -> tuple[float, ...]:
-        return tuple(np.cumsum(self._lengths).tolist())
+        return tuple(np.cumsum(self._lengths).tolist()) or (self.strain,)
 
     def record_lengths(self, record_strain: float | None) -> tuple[float, ...]:
         interval = record_strain or self.record_strain
@@ -118,6 +121,7 @@ class Steps(Path):
     def leg(
         self, number: int, sign: float, stress: np.ndarray, first: int = 0, steps: int = 0, step_strain: float = 0.0
     ) -> Leg:
+        self.require_consistent()
         step = self.step(number)
         lengths = step.lengths(self._pressures[number])
         knots = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -142,7 +146,9 @@ class Steps(Path):
         return any(step.measured for step in self.steps)
 
     def require_consistent(self) -> None:
-        """Does nothing: each step was checked when it was made, and may adjust a component that it also prescribes."""
+        """Raise InputError if there are no steps. Each step was checked when it was made."""
+        if not self.steps:
+            raise InputError("is empty", field="steps", allowed="at least one step, best in a path file")
 
     def stress_errors(self, record: Record) -> Mapping[str, np.ndarray]:
         """Held stresses minus their targets at each record of a run, name -> (time,), Pa; NaN where not held.

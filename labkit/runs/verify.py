@@ -158,7 +158,7 @@ def _held_stress(run: xarray.Dataset, held: Held, rate: float) -> Iterator[Findi
 
 
 def _followed(run: xarray.Dataset, path: Path) -> Iterator[Finding]:
-    """Errors of the stresses that the steps of a path prescribe, relative to the mean stress or a tenth of its start."""
+    """Errors of the stresses that steps prescribe, relative to the mean stress, or to a tenth of that at the start."""
     pressure = run.lab.mean_stress().values
     pressure = np.maximum(pressure, 0.1 * pressure[0])
     names = ("stress", *path.recorded())

@@ -1,0 +1,64 @@
+"""The output file of the Incremental Driver: time, strain, stress and state variables, one row for each record.
+
+The state variables are e, Z, Lambda, A, F and F^t, 21 numbers; tensors have the driver's order of components and keep
+labkit's sign (compression positive).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray
+
+from labkit.dem.steps import PROGRESS, Steps
+from labkit.incremental.conventions import STRESS_UNITS, components
+from labkit.micro.tensors import symmetric
+
+STATE = ("void_ratio_nominal", "coordination_number", "mean_normalised_force")
+TENSORS = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
+VARIABLES = 21
+NAMES = (
+    "time(1)",
+    "time(2)",
+    *(f"stran({k})" for k in range(1, 7)),
+    *(f"stress({k})" for k in range(1, 7)),
+    *(f"statev({k})" for k in range(1, VARIABLES + 1)),
+)
+
+
+def columns(run: xarray.Dataset, path: Steps, stress_unit: str = "kPa") -> np.ndarray:
+    """The rows of the output file, (n, 35). run: of labkit.open_run, along `path`; stress_unit: Pa, kPa or MPa."""
+    time = test_time({name: run[name].values for name in PROGRESS}, path)
+    strain = components(symmetric(run["strain"].values), shear=0.5)
+    stress = components(symmetric(run["stress"].values)) / STRESS_UNITS[stress_unit]
+    state = [run[name].values for name in STATE]
+    tensors = [-components(symmetric(run[name].values)) for name in TENSORS]
+    return np.column_stack([time, time, strain, stress, *state, *tensors])
+
+
+def test_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
+    """Time of the test at each record, (n,), s: the durations that the test file gives to its steps.
+
+    progress: the variables PROGRESS of the run. A step that ended early took as much time as the part of it that was
+    carried out.
+    """
+    number, share = (np.asarray(progress[name]) for name in PROGRESS)
+    time, before = np.zeros(len(number)), 0.0
+    for leg in range(path.legs()):
+        at = np.flatnonzero(number == leg + 1)
+        if len(at):
+            durations = path.step(leg).durations or (0.0,)
+            ends = np.concatenate([[0.0], np.cumsum(durations)])
+            time[at] = before + np.interp(share[at] * len(durations), np.arange(len(ends)), ends)
+            before = time[at[-1]]
+    return time
+
+
+def text_of(rows: np.ndarray, heading: str = "") -> str:
+    """The output file as text: the names of the columns, the heading if there is one, and the rows."""
+    lines = ["".join(f"{name:>20}" for name in NAMES)]
+    lines += [heading] if heading else []
+    rows = np.where(np.abs(rows) < 1e-99, 0.0, rows)
+    lines += ["".join(f"{value:20.10E}" for value in row) for row in rows]
+    return "\n".join(lines) + "\n"

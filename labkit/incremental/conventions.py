@@ -1,0 +1,57 @@
+"""The driver's conventions and labkit's: axes, signs, units and the order of components.
+
+The driver counts tension positive, numbers the axes, 1 being the axis of symmetry, orders the components 11, 22, 33,
+12, 13, 23, and uses engineering shear strains. labkit counts compression positive, and z is the axis of symmetry: the
+axes 1, 2, 3 are z, x, y. The driver has no units; those of its stresses are chosen by the user.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.dem.variables import VARIABLES, Variables
+
+AXES = (2, 0, 1)  # labkit's axis, 0 to 2 for x, y, z, of the driver's axes 1, 2, 3
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of the driver's axes, in the order of its components
+NAMES = tuple("".join(sorted("xyz"[AXES[k]] for k in pair)) for pair in PAIRS)  # zz, xx, yy, xz, yz, xy
+SYSTEMS = {  # keyword -> labkit's variables, and the sign of the driver's variables relative to labkit's
+    "*cartesian": ("cartesian", (-1.0,) * 6),
+    "*roscoe": ("roscoe", (1.0, 1.0, 1.0, -1.0, -1.0, -1.0)),
+    "*roscoeisomorph": ("roscoe_isomorph", (1.0, 1.0, 1.0, -1.0, -1.0, -1.0)),
+    "*rendulic": ("rendulic", (1.0, 1.0, 1.0, -1.0, -1.0, -1.0)),
+}
+STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
+
+
+def system(keyword: str) -> tuple[Variables, np.ndarray]:
+    """labkit's Variables for one of the driver's keywords, e.g. `*Roscoe`, and the sign (6,) of the driver's."""
+    name, signs = SYSTEMS[keyword.lower()]
+    return VARIABLES[name], np.array(signs)
+
+
+def tensor(components: np.ndarray, shear: float = 1.0) -> np.ndarray:
+    """labkit's tensor (..., 3, 3) for the driver's components (..., 6), tension positive.
+
+    shear: factor on the shear components, 0.5 for engineering shear strains.
+    """
+    components = np.asarray(components, dtype=float)
+    result = np.empty((*components.shape[:-1], 3, 3))
+    for k, (a, b) in enumerate(PAIRS):
+        i, j = AXES[a], AXES[b]
+        result[..., i, j] = result[..., j, i] = -components[..., k] * (1.0 if a == b else shear)
+    return result
+
+
+def components(tensors: np.ndarray, shear: float = 1.0) -> np.ndarray:
+    """The driver's components (..., 6), tension positive, of labkit's tensors (..., 3, 3); the inverse of `tensor`."""
+    columns = [-tensors[..., AXES[a], AXES[b]] / (1.0 if a == b else shear) for a, b in PAIRS]
+    return np.stack(columns, axis=-1)
+
+
+def rotated(matrix: np.ndarray) -> np.ndarray:
+    """A matrix (3, 3) on the driver's axes as one on labkit's axes, without a change of sign."""
+    result = np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            result[AXES[a], AXES[b]] = matrix[a, b]
+    return result

@@ -1,0 +1,94 @@
+"""*ObeyRestrictions: six linear equations in the stress and strain increments of a step.
+
+    mt . dT + me . d(eps) = m
+
+Equations in stresses alone become held stresses, those in strains alone are solved for the strain rates: one solution
+is prescribed, and the servo adjusts the strain rates along which the equations in strains stay satisfied.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from labkit.incremental.conventions import tensor
+from labkit.incremental.source import REAL, Line, Source, shortened
+
+_TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([se])d([1-6])\s*")
+SINGULAR = 1e-9
+
+
+def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """mt (6, 6), me (6, 6) and m (6,) of the next six lines, in the driver's components. Raises InputError."""
+    mt, me, m = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+    for row in range(6):
+        line = source.data(f"restriction {row + 1} of 6")
+        sides = line.text.split("=")
+        if len(sides) != 2:
+            raise source.error(line.number, f"{shortened(line.text)} is not a restriction: write e.g. sd1 + sd2 = 0")
+        for sign, factor, kind, number in _terms(source, line, sides[0]):
+            matrix = mt if kind == "s" else me
+            if matrix[row, number] != 0.0:
+                raise source.error(line.number, f"{kind}d{number + 1} appears twice: write each component once")
+            matrix[row, number] = sign * factor
+        m[row] = source.real(line, re.sub(r"^([+-])\s+", r"\1", sides[1].strip()).split(" ")[0])
+        if mt[row].any() and me[row].any():
+            problem = "a restriction on both stresses and strains is not supported: write it for one of them"
+            raise source.error(line.number, problem)
+        if not mt[row].any() and not me[row].any():
+            raise source.error(
+                line.number, f"{shortened(line.text)} restricts no stress or strain: name one, e.g. ed1 = 0"
+            )
+    return mt, me, m
+
+
+def _terms(source: Source, line: Line, text: str) -> list[tuple[float, float, str, int]]:
+    """(sign, factor, s or e, number of the component from 0) of each term of a left side."""
+    terms, at = [], 0
+    while at < len(text):
+        match = _TERM.match(text, at)
+        if not match or (at > 0 and not match[1]):
+            problem = f"{shortened(text[at:].strip())} is not understood: write a sum such as sd1 + 2.0*sd2 - sd3"
+            raise source.error(line.number, problem)
+        factor = source.real(line, match[2]) if match[2] else 1.0
+        terms.append((-1.0 if match[1] == "-" else 1.0, factor, match[3], int(match[4]) - 1))
+        at = match.end()
+    return terms
+
+
+def solved(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """A solution (6,) of the equations in strains me (r, 6) . e = m (r,), and a basis (6 - r, 6) of those with m = 0.
+
+    None if the equations contradict or repeat one another. Gauss-Jordan elimination keeps round numbers exact.
+    """
+    rows, pivots = np.column_stack([me, m]).astype(float), []
+    for k in range(len(rows)):
+        size = np.abs(rows[k:, :6]).max(initial=0.0)
+        if size < SINGULAR:
+            return None
+        row, column = np.unravel_index(np.abs(rows[k:, :6]).argmax(), (len(rows) - k, 6))
+        rows[[k, k + row]] = rows[[k + row, k]]
+        rows[k] /= rows[k, column]
+        for other in range(len(rows)):
+            if other != k:
+                rows[other] -= rows[other, column] * rows[k]
+        pivots.append(int(column))
+    solution, free = np.zeros(6), [column for column in range(6) if column not in pivots]
+    solution[pivots] = rows[:, 6]
+    basis = np.zeros((len(free), 6))
+    for k, column in enumerate(free):
+        basis[k, column] = 1.0
+        basis[k, pivots] = -rows[:, column]
+    return solution, basis
+
+
+def strain_tensors(strains: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """labkit's strain tensors (..., 3, 3) of the driver's strain components (..., 6)."""
+    return tensor(np.asarray(strains), shear=0.5)
+
+
+def stress_measures(rows: np.ndarray) -> np.ndarray:
+    """Tensors M (k, 3, 3) with M : sigma = -(rows . T), for equations in the driver's stresses T, rows (k, 6)."""
+    return -tensor(rows, shear=0.5)

@@ -1,0 +1,77 @@
+"""Starts of a test: labkit's model and its initial state from the driver's files, and the way to an initial stress."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.dem.steps import Steps
+from labkit.dem.variables import VARIABLES, mixed_step
+from labkit.errors import InputError
+from labkit.incremental.columns import VARIABLES as STATE_VARIABLES
+from labkit.incremental.conventions import STRESS_UNITS, tensor
+from labkit.incremental.initial import InitialConditions, Material
+from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import to_six
+from labkit.model.parameters import Model, Parameters
+from labkit.model.state import ModelState, isotropic_state
+
+SAME = 0.01  # of the mean stress: a state whose stress differs more from the given one contradicts it
+
+
+def way_to(stress: np.ndarray) -> Steps:
+    """The path from an isotropic stress to a stress (3, 3), Pa, with the same mean; it prescribes all components."""
+    pressure = float(mean_stress(stress))
+    variables = VARIABLES["cartesian"]
+    changes = np.einsum("aij,ij->a", variables.tensors, stress - pressure * np.eye(3))
+    label = "the way to the initial stress"
+    return Steps(steps=(mixed_step(variables, (True,) * 6, changes, label=label),), pressure=f"{pressure!r} Pa")  # type: ignore[arg-type]
+
+
+def model_of(material: Material, stress_unit: str = "kPa") -> Model:
+    """The model with the constants of parameters.inp: Young's modulus, then the parameters of Table 2 in their order.
+
+    Raises InputError for another number of constants, or for values that are not valid.
+    """
+    names = [field.name for field in dataclasses.fields(Parameters)]
+    if len(material.constants) != 1 + len(names):
+        raise InputError(
+            f"{material.file} has {len(material.constants)} constants, and labkit's model has {1 + len(names)}: give "
+            f"Young's modulus of the grains, {', '.join(names)}, or leave --parameters out for Table 2"
+        )
+    modulus, *values = material.constants
+    try:
+        parameters = Parameters(**dict(zip(names, values, strict=True)))
+        return Model(parameters, young_modulus=modulus * STRESS_UNITS[stress_unit])
+    except InputError as error:
+        raise InputError(f"{material.file}: {error}") from None
+
+
+def model_state(initial: InitialConditions, model: Model) -> ModelState:
+    """The initial state of the model. Its stress is that of the file if that is isotropic, and its mean otherwise.
+
+    The first state variable is the void ratio; Z is then on the compression line and Lambda follows from the mean
+    stress. With 21 state variables they are the whole state, as in the output file. Raises InputError.
+    """
+    try:
+        if len(initial.state) == STATE_VARIABLES:
+            return _whole_state(initial, model)
+        if not initial.state:
+            raise InputError("the model needs a void ratio: give it as the first state variable")
+        return isotropic_state(model, initial.state[0], initial.pressure)
+    except InputError as error:
+        raise InputError(f"{initial.file}: {error}") from None
+
+
+def _whole_state(initial: InitialConditions, model: Model) -> ModelState:
+    e, Z, Lam, *rest = initial.state
+    A, F, Ft = -tensor(np.reshape(rest, (3, 6)))
+    state = ModelState(e, Z, Lam, A, F, Ft)
+    found = state.stress(model)
+    if np.linalg.norm(to_six(found - initial.stress)) > SAME * np.linalg.norm(to_six(initial.stress)):
+        raise InputError(
+            f"the stress contradicts the {STATE_VARIABLES} state variables, for which C0 gives a mean stress of "
+            f"{mean_stress(found):g} Pa: give the void ratio alone, or that stress"
+        )
+    return state
