@@ -20,6 +20,12 @@ DESCRIPTIONS = {
         "labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused\n"
         "labkit run cp --help                  # only the options of this path",
     ),
+    "driver": (
+        "Carries out a test of the Incremental Driver of A. Niemunis, on grains or on labkit's constitutive model. "
+        "Writes a run file, and the driver's output file with time, strains, stresses and state variables.",
+        "labkit driver test.inp --on s.state.nc --initial initialconditions.inp --engine fused\n"
+        "labkit driver test.inp --on model --initial initialconditions.inp --parameters parameters.inp",
+    ),
     "stratified": (
         "Makes the layer of Fig. 3, a stratum of coarse discs over one of fine discs, and loads it biaxially. Writes "
         "a state file and a figure, and prints a table of the strata.",

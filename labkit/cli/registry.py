@@ -12,6 +12,7 @@ LABKITS = {
     "specimen": ("simulate", "make a specimen"),
     "consolidate": ("simulate", "consolidate a specimen isotropically to a pressure"),
     "run": ("simulate", "load a specimen along a path"),
+    "driver": ("driver", "carry out a test file of the Incremental Driver"),
     "stratified": ("look", "make the stratified layer of Fig. 3, coarse over fine discs"),
     "verify": ("look", "compare C0 with Love's stress and check what the path holds"),
     "critical": ("look", "tabulate the critical states of shear tests"),

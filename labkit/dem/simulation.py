@@ -192,13 +192,14 @@ class _Loop:
         while self.step < end and not self.stopped and not turned and not signals.caught:
             if self.control and stress is None:
                 stress = self.engine.stress()
+            starting = self.leg.restarts and self.place == self.leg.first  # other stresses may be held from now on
             self.gradient = velocity_gradient(
                 self.leg,
                 self.leg.sign,
                 self.time_step,
                 stress,
                 self.stiffness,
-                self.gradient,
+                np.zeros((3, 3)) if starting else self.gradient,
                 self.options.servo,
                 self.travelled,
                 self.control,

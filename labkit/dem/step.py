@@ -32,18 +32,19 @@ class Step:
 
     strain: prescribed increments of logarithmic strain, 9 numbers for each piece, tensors row by row, compression
     positive; an antisymmetric part is a rotation. free, measured: tensors P_j and M_i, 6 numbers each: xx, yy, zz, yz,
-    xz, xy. stress: increments of the k held stresses, Pa, k numbers for each piece. over: accumulated strain of the
-    step, i.e. the rate of the path times its duration (default: the largest prescribed strain increment, or the one
-    that the stress increments may need). durations: of the pieces in the test that the step describes, s, for output.
-    until: condition (labkit.dem.conditions) that ends the step at a record. records: number of records. label: name of
-    the step in messages. Raises InputError for values that are not finite, shapes that do not match, and a control that
-    no material can follow.
+    xz, xy. stress: increments of the k held stresses, Pa, k numbers for each piece; if `absolute`, the values to reach
+    at the ends of the pieces. over: accumulated strain of the step, i.e. the rate of the path times its duration
+    (default: the largest prescribed strain increment, or the one that the stress increments may need). durations: of
+    the pieces in the test that the step describes, s, for output. until: condition (labkit.dem.conditions) that ends
+    the step at a record. records: number of records. label: name of the step in messages. Raises InputError for values
+    that are not finite, shapes that do not match, and a control that no material can follow.
     """
 
     strain: tuple[float, ...] = (0.0,) * 9
     free: tuple[float, ...] = ()
     measured: tuple[float, ...] = ()
     stress: tuple[float, ...] = ()
+    absolute: bool = False
     over: float | None = None
     durations: tuple[float, ...] = ()
     until: str | None = None
@@ -73,7 +74,7 @@ class Step:
 
     def _require_moderate(self) -> None:
         strain = np.abs(np.cumsum(self.strains, axis=0)).max()
-        stress = np.abs(np.cumsum(self.stresses, axis=0)).max(initial=0.0)
+        stress = self.largest_stress
         if strain > LARGEST_STRAIN or stress > LARGEST_STRESS:
             what, most = ("strain", LARGEST_STRAIN) if strain > LARGEST_STRAIN else ("stress", LARGEST_STRESS)
             raise InputError("has an increment that is too large", field=what, allowed=f"at most {most:g}")
@@ -94,18 +95,24 @@ class Step:
 
     @functools.cached_property
     def stresses(self) -> np.ndarray:
-        """Increments of the held stresses in the pieces, (n, k), Pa."""
+        """The field `stress` as an array (n, k), Pa."""
         return np.reshape(self.stress, (self.pieces, -1))
 
-    @functools.cached_property
-    def targets(self) -> np.ndarray:
-        """Change of the held stresses since the start of the step, at the ends of the pieces, (n + 1, k), Pa."""
-        return np.concatenate([np.zeros((1, self.stresses.shape[1])), np.cumsum(self.stresses, axis=0)])
+    @property
+    def largest_stress(self) -> float:
+        """The largest increment or value of a held stress, Pa."""
+        values = self.stresses if self.absolute else np.cumsum(self.stresses, axis=0)
+        return float(np.abs(values).max(initial=0.0))
 
-    def target_at(self, completed: Any) -> np.ndarray:
-        """Change of the held stresses, (..., k), Pa, when a share `completed` (...) of the step is done."""
-        done = np.asarray(completed) * self.pieces
-        return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in self.targets.T], axis=-1)
+    def targets(self, start: np.ndarray) -> np.ndarray:
+        """The held stresses at the start, (k,), Pa, and their targets at the ends of the pieces: (n + 1, k)."""
+        start = np.reshape(start, (1, -1))
+        return np.concatenate([start, self.stresses if self.absolute else start + np.cumsum(self.stresses, axis=0)])
+
+    def target_at(self, completed: Any, start: np.ndarray) -> np.ndarray:
+        """The targets (..., k), Pa, when a share `completed` (...) of the step is done; start: (k,), Pa."""
+        done, targets = np.asarray(completed) * self.pieces, self.targets(start)
+        return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in targets.T], axis=-1)
 
     @functools.cached_property
     def measure(self) -> np.ndarray:
@@ -116,18 +123,32 @@ class Step:
         """The Control of the step, with these targets."""
         return Control(_as_tensors(self.measured), _as_tensors(self.free), target)
 
-    def mean_change(self) -> float:
-        """Change of the mean stress in the step, Pa; 0 if the held stresses do not determine it."""
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the held stresses."""
+        known = {"p": MEAN, "q": to_six(np.diag([-0.5, -0.5, 1.0]))}
+        names = self.control(np.zeros(len(self.measure))).names if self.measured else ()
+        rows = zip(names, self.measure, strict=True)
+        return tuple(next((name for name, row in known.items() if np.allclose(row, one)), text) for text, one in rows)
+
+    def mean_after(self, pressure: float) -> float:
+        """Mean stress at the end of the step, Pa, if the held stresses determine it, else that at the start."""
         weights, *_ = np.linalg.lstsq(self.measure.T, MEAN, rcond=None)
         determined = np.allclose(self.measure.T @ weights, MEAN, atol=1e-9)
-        return float(weights @ self.targets[-1]) if determined else 0.0
+        return float(weights @ self._targets_from(pressure)[-1]) if determined else pressure
+
+    def _targets_from(self, pressure: float) -> np.ndarray:
+        """The targets after an isotropic stress, Pa, (n + 1, k)."""
+        return self.targets(pressure * self.measure[:, :3].sum(axis=1))
 
     def lengths(self, pressure: float) -> np.ndarray:
-        """Accumulated strain of the pieces, (n,), for a mean stress in Pa: see `over`, and at least LEAST in all."""
+        """Accumulated strain of the pieces, (n,), after a mean stress in Pa: see `over`, and at least LEAST in all."""
         rate = np.abs(symmetric(self.strains)).max(axis=2, initial=0.0)
         shear = np.abs(symmetric(self.strains) * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
         lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
-        lengths = np.maximum(lengths, np.abs(self.stresses).max(axis=1, initial=0.0) / (STIFFNESS * pressure))
+        changes = np.abs(np.diff(self._targets_from(pressure), axis=0)).max(axis=1, initial=0.0)
+        stiffness = STIFFNESS * max(pressure, self.mean_after(pressure))
+        lengths = np.maximum(lengths, changes / stiffness)
         total = self.over or max(float(lengths.sum()), LEAST)
         share = lengths / lengths.sum() if lengths.sum() > 0.0 else np.full(self.pieces, 1.0 / self.pieces)
         return total * share

@@ -78,7 +78,7 @@ class Steps(Path):
         return self.pressure
 
     def prescribed_stresses(self) -> dict[str, float]:
-        largest = max((float(np.abs(step.targets).max(initial=0.0)) for step in self.steps), default=0.0)
+        largest = max((step.largest_stress for step in self.steps), default=0.0)
         return {**super().prescribed_stresses(), "steps": largest}
 
     def step(self, leg: int) -> Step:
@@ -87,14 +87,13 @@ class Steps(Path):
 
     @functools.cached_property
     def _pressures(self) -> tuple[float, ...]:
-        """For each leg, the larger of the mean stresses expected at its start and at its end, Pa."""
+        """The mean stress expected at the start of each leg, Pa."""
         start = pressure = self.mean_stress or self.pressure or TYPICAL_PRESSURE
-        largest = []
+        expected = []
         for number in self.order:
-            after = max(pressure + self.steps[number].mean_change(), 0.1 * start)
-            largest.append(max(pressure, after))
-            pressure = after
-        return tuple(largest)
+            expected.append(pressure)
+            pressure = max(self.steps[number].mean_after(pressure), 0.1 * start)
+        return tuple(expected)
 
     @functools.cached_property
     def _lengths(self) -> tuple[float, ...]:
@@ -166,9 +165,9 @@ class Steps(Path):
             if not len(at) or not step.measured:
                 start = stress[at[-1]] if len(at) else start
                 continue
-            targets = start @ step.measure.T + step.target_at(progress[at])
+            targets = step.target_at(progress[at], step.measure @ start)
             found = stress[at] @ step.measure.T - targets
-            for name, values in zip(step.control(np.zeros(len(targets.T))).names, found.T, strict=True):
+            for name, values in zip(step.names, found.T, strict=True):
                 errors.setdefault(name, np.full(len(stress), np.nan))[at] = values
             start = _corrected(stress[at[-1]], step.measure, -found[-1])
         return errors
@@ -194,7 +193,7 @@ class StepLeg(Leg):
 
     @property
     def rests(self) -> bool:
-        return not any(self.step.strain) and not any(self.step.stress)
+        return not any(self.step.strain) and not any(self.step.stress) and not self.step.absolute
 
     @property
     def label(self) -> str:
@@ -226,7 +225,7 @@ class StepLeg(Leg):
 
     def target(self, travelled: float) -> np.ndarray:
         """The targets of the held stresses (k,), Pa, at the accumulated strain `travelled` of the step."""
-        return self.step.measure @ self.start + self.step.target_at(self._completed(travelled))
+        return self.step.target_at(self._completed(travelled), self.step.measure @ self.start)
 
     def next_change(self, travelled: float) -> float:
         return float(self.knots[self._piece(travelled) + 1])
@@ -250,12 +249,11 @@ class StepLeg(Leg):
         target = self.target(travelled)
         found = self.step.measure @ to_six(symmetric(stress))
         limit = max(LOST * float(mean_stress(stress)), self.least_pressure)
-        worst = int(np.abs(found - target).argmax())
-        if abs(found[worst] - target[worst]) > limit:
-            name = self.step.control(target).names[worst]
+        k = int(np.abs(found - target).argmax())
+        if abs(found[k] - target[k]) > limit:
             raise PhysicsError(
-                f"{self.label}{name} is {found[worst]:.4g} Pa and cannot follow its target {target[worst]:.4g} Pa: the "
-                "target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
+                f"{self.label}{self.step.names[k]} is {found[k]:.4g} Pa and cannot follow its target {target[k]:.4g} Pa: "
+                "the target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
                 "stress, or reduce the rate"
             )
 

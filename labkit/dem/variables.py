@@ -69,6 +69,7 @@ def mixed_step(
     on_stress: tuple[bool, ...],
     changes: np.ndarray,
     *,
+    absolute: bool = False,
     over: float | None = None,
     durations: tuple[float, ...] = (),
     until: str | None = None,
@@ -88,6 +89,7 @@ def mixed_step(
         free=held,
         measured=held,
         stress=tuple(changes[:, chosen].ravel()),
+        absolute=absolute,
         over=over,
         durations=durations,
         until=until,
@@ -100,6 +102,7 @@ def increments(
     stress: Mapping[str, float] | None = None,
     strain: Mapping[str, float] | None = None,
     variables: str = "cartesian",
+    absolute: bool = False,
     over: float | None = None,
     until: str | None = None,
     records: int | None = None,
@@ -110,8 +113,8 @@ def increments(
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
 
-    over, until, records, label: as for Step. Raises InputError for a name that `variables` does not have, and for a
-    variable whose stress and strain are both given.
+    absolute: True if stresses are values to reach. over, until, records, label: as for Step. Raises InputError for a
+    name that `variables` does not have, and for a variable whose stress and strain are both given.
     """
     if variables not in VARIABLES:
         raise InputError("is unknown", field="variables", value=variables, allowed=f"one of {', '.join(VARIABLES)}")
@@ -127,4 +130,13 @@ def increments(
             raise InputError(f"{s} and strain {e} are both given: give one of them", field="stress")
         changes.append(stress.get(s, strain.get(e, 0.0)))
     on_stress = tuple(name in stress for name in known.stress)
-    return mixed_step(known, on_stress, np.array([changes]), over=over, until=until, records=records, label=label)
+    return mixed_step(
+        known,
+        on_stress,
+        np.array([changes]),
+        absolute=absolute,
+        over=over,
+        until=until,
+        records=records,
+        label=label,
+    )

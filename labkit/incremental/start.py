@@ -24,9 +24,9 @@ def way_to(stress: np.ndarray) -> Steps:
     """The path from an isotropic stress to a stress (3, 3), Pa, with the same mean; it prescribes all components."""
     pressure = float(mean_stress(stress))
     variables = VARIABLES["cartesian"]
-    changes = np.einsum("aij,ij->a", variables.tensors, stress - pressure * np.eye(3))
-    label = "the way to the initial stress"
-    return Steps(steps=(mixed_step(variables, (True,) * 6, changes, label=label),), pressure=f"{pressure!r} Pa")  # type: ignore[arg-type]
+    values = np.einsum("aij,ij->a", variables.tensors, stress)
+    step = mixed_step(variables, (True,) * 6, values, absolute=True, label="the way to the initial stress")
+    return Steps(steps=(step,), pressure=f"{pressure!r} Pa")  # type: ignore[arg-type]
 
 
 def model_of(material: Material, stress_unit: str = "kPa") -> Model:

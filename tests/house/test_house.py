@@ -25,6 +25,7 @@ LAYERS = (
     ("engines",),
     ("runs",),
     ("model",),
+    ("incremental",),
     ("campaign",),
     ("visuals",),
     ("bench",),
