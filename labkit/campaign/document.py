@@ -44,22 +44,35 @@ class Errors:
         return "\n".join(lines + ["  ..."] * (self.count > MOST_ERRORS))
 
 
-def read_text(file: Path) -> str:
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """A kind of YAML file, for messages: its name, what it needs, what it holds, and the page that describes it."""
+
+    name: str
+    needs: str
+    holds: str
+    page: str
+
+
+CAMPAIGN = Kind("campaign", "PyYAML and Snakemake", "`specimens:` and `runs:`", "docs/campaigns.md")
+
+
+def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
     """Text of a file. Raises InputError if it cannot be read."""
     try:
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise InputError(f"{file} is not UTF-8 text: give a campaign file, see docs/campaigns.md") from None
+        raise InputError(f"{file} is not UTF-8 text: give a {kind.name} file, see {kind.page}") from None
     except OSError as error:
-        raise InputError(f"{file} cannot be read ({error.strerror}): give a campaign file") from None
+        raise InputError(f"{file} cannot be read ({error.strerror}): give a {kind.name} file") from None
 
 
-def compose(text: str, errors: Errors) -> MappingNode | None:
+def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> MappingNode | None:
     """The YAML mapping in a text, or None after a syntax error. Raises InputError if PyYAML is not installed."""
     try:
         import yaml
     except ImportError:
-        raise InputError(f"a campaign needs PyYAML and Snakemake: {install_command('campaign')}") from None
+        raise InputError(f"a {kind.name} needs {kind.needs}: {install_command('campaign')}") from None
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:
@@ -67,13 +80,13 @@ def compose(text: str, errors: Errors) -> MappingNode | None:
         errors.add(1 if mark is None else mark.line + 1, f"this is not YAML: {error.problem}")
         return None
     except RecursionError:
-        errors.add(1, "nested too deep: a campaign file holds names, and values of these names")
+        errors.add(1, f"nested too deep: a {kind.name} file holds names, and values of these names")
         return None
     except yaml.YAMLError as error:
         errors.add(1, f"this is not YAML: {str(error).splitlines()[0]}")
         return None
     if root is None or not is_mapping(root):
-        errors.add(1, "a campaign file holds `specimens:` and `runs:`, see docs/campaigns.md")
+        errors.add(1, f"a {kind.name} file holds {kind.holds}, see {kind.page}")
         return None
     return root
 
@@ -199,7 +212,7 @@ def read_fields(
         if name in known:
             _read(fields, known[name], value, name in several and known[name].kind is not tuple)
         else:
-            fields.error(f"{name!r} is unknown{similar(name, (*known, *sections))}", name)
+            fields.error(f"{name!r} is unknown{similar(name, list(dict.fromkeys((*known, *sections))))}", name)
     return fields
 
 

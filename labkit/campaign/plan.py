@@ -162,6 +162,8 @@ def _options(known: Mapping[str, Parameter], values: Mapping[str, Any], defaults
 
 def _text(value: Any, unit: str) -> str:
     """A value as the text of an option, to the last digit; a pressure has its unit."""
+    if isinstance(value, tuple) and value and isinstance(value[0], dict):
+        return json.dumps(value)
     if isinstance(value, tuple):
         return ",".join(_text(one, unit) for one in value)
     if unit == "Pa" and isinstance(value, float):

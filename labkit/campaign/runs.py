@@ -8,13 +8,15 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from labkit.campaign.document import Entry, Errors, Fields, is_mapping, read_fields, similar
+from labkit.campaign.document import Entry, Errors, Fields, entries, is_mapping, read_fields, similar
 from labkit.campaign.items import Campaign, Run, schedule_of
 from labkit.campaign.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, changes_of_runs, given, options_of, run_keys
 from labkit.campaign.specimens import Specimens, chosen_settings, require_unique, worked
+from labkit.campaign.steps import STEPS, read_steps
 from labkit.dem.limits import require_pressure
 from labkit.dem.paths import PATHS, Path
 from labkit.dem.schedule import Options
+from labkit.dem.steps import Steps
 from labkit.engines import require_engine
 from labkit.parameters import restored
 
@@ -31,14 +33,33 @@ def read_runs(
     """Reads the section: every run, with the fields of its entry. `top`: the defaults at the top of the file."""
     runs: list[tuple[Run, Fields]] = []
     for name, line, node in section:
-        kind = _path_of(node)
-        fields = read_fields(node, run_keys(kind), f"run {name}", errors, MULTIPLIED["runs"], line=line)
+        kind, where = _path_of(node), f"run {name}"
+        sections = (STEPS,) if kind is Steps else ()
+        fields = read_fields(node, run_keys(kind), where, errors, MULTIPLIED["runs"], sections, line)
+        if kind is Steps:
+            _read_steps(fields, node)
         runs += [(run, fields) for run in _runs(name, kind, fields, top, specimens)]
     if len(runs) > MOST_RUNS:
         errors.add(runs[-1][1].line, f"there are {len(runs)} runs: give at most {MOST_RUNS} in one campaign")
         return []
     require_unique([(run.name, fields.line) for run, fields in runs], "run", errors)
     return runs
+
+
+def _read_steps(fields: Fields, node: Node) -> None:
+    """Adds the list `steps` of a run to its fields."""
+    nodes = {entry.name: entry for entry in entries(node, fields.where, Errors())}
+    if STEPS not in nodes:
+        fields.error(f"{STEPS} is missing: give a list of steps, see docs/paths.md")
+        fields.broken.add(STEPS)
+        return
+    before = fields.errors.count
+    fields.lines[STEPS] = nodes[STEPS].line
+    found = read_steps(nodes[STEPS].value, f"{fields.where}: {STEPS}", fields.errors)
+    if fields.errors.count > before:
+        fields.broken.add(STEPS)
+    else:
+        fields.values[STEPS], fields.values["order"] = found
 
 
 def _path_of(node: Node) -> type[Path] | None:

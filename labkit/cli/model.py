@@ -12,8 +12,9 @@ from labkit.cli.arguments import add_parameters, add_path_parameters, given, req
 from labkit.cli.naming import model_name
 from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
-from labkit.cli.simulate import history_of
+from labkit.cli.simulate import history_of, named_path
 from labkit.dem.paths import PATHS
+from labkit.dem.paths import Path as PathKind
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import labkit_kind, open_netcdf, require_writable
 from labkit.parameters import check_parameters, parameter, parameters_of
@@ -63,7 +64,9 @@ def model_options(parser: argparse.ArgumentParser) -> None:
     words = parser.command_line if isinstance(parser, Parser) else ()
     named = [PATHS[word] for word in words if word in PATHS][:1] if {"-h", "--help"} & set(words) else []
     kinds = named or list(PATHS.values())
-    parser.add_argument("path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join(PATHS)}")
+    parser.add_argument(
+        "path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join(PATHS)}, or a path file, FILE.yaml"
+    )
     add_parameters(parser.add_argument_group("initial state and integration"), Start)
     group = parser.add_argument_group("loading path")
     add_path_parameters(group, PATHS.values(), leave_out=("pressure",), shown=kinds)
@@ -99,16 +102,20 @@ def do_model(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.model.run_file import read_model, records, write_result
     from labkit.model.state import isotropic_state, with_inherent_anisotropy
 
-    name = require(options.path, "path", f"one of {', '.join(PATHS)}")
+    name = require(options.path, "path", f"one of {', '.join(PATHS)}, or a path file")
+    kind, written = named_path(name)
     for field, example in (("void_ratio", "one, e.g. 0.67"), ("pressure", "one, e.g. 500kPa")):
         require(getattr(options, field), field, example)
     at = Start(**given(options, Start))
     model = read_model(options.parameters).reading(beyond_e_cmax=options.beyond_e_cmax)
     known = {field for kind in PATHS.values() for field in parameters_of(kind)} - {"pressure"}
-    path = model_path(name, at.pressure, at.stop_pressure, **{field: getattr(options, field) for field in known})
+    values = {field: value for field in known if (value := getattr(options, field)) is not None}
+    file_pressure = written.pop("pressure", None)
+    stop = at.stop_pressure or (file_pressure if kind.stops is not PathKind.stops else None)
+    path = model_path(kind.name, at.pressure, stop, **{**written, **values})
     state = isotropic_state(model, at.void_ratio, at.pressure, at.coordination_number, at.mean_normalised_force)
     state = with_inherent_anisotropy(model, state, at.inherent_anisotropy, math.radians(at.angle))
-    output = options.output or model_name(options, Start, name, [PATHS[name]] if name in PATHS else PATHS.values())
+    output = options.output or model_name(options, Start, Path(name).stem, [kind])
     require_output(output)
     begin = time.perf_counter()
     result = drive(model, path, state, at.record_strain, Adaptive(at.tolerance), at.stop_when)

@@ -44,7 +44,8 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
 def run_name(options: argparse.Namespace, kind: type[Path]) -> str:
     """Name of a run file, built from the specimen, the path and the parameters that were given."""
     of_path = {name: _part(name, value) for name, value in _read(options, kind).items()}
-    parts = [stem(options.specimen), kind.name]
+    written = File(options.path).suffix != ""  # a path file
+    parts = [stem(options.specimen), File(options.path).stem if written else kind.name]
     parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
     parts += [options.settings] if options.settings is not None else []
     parts += [_part(name, value) for name, value in _read(options, Scene).items()]

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from labkit.errors import InputError, option_name
 
-POSITIONAL = ("path", "specimen", "figure", "file")
+POSITIONAL = ("path", "specimen", "figure", "file", "test")
 Options = argparse.ArgumentParser | argparse._ArgumentGroup  # anything to which options can be added
 
 

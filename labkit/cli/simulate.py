@@ -11,6 +11,7 @@ import dataclasses
 import json
 import shlex
 import sys
+from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
@@ -176,7 +177,9 @@ def run_options(parser: argparse.ArgumentParser) -> None:
     words = parser.command_line if isinstance(parser, Parser) else ()
     named = [PATHS[word] for word in words if word in PATHS][:1] if {"-h", "--help"} & set(words) else []
     kinds = named or list(PATHS.values())
-    parser.add_argument("path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join(PATHS)}")
+    parser.add_argument(
+        "path", metavar="PATH", nargs="?", help=f"loading path, one of {', '.join(PATHS)}, or a path file, FILE.yaml"
+    )
     parser.add_argument("specimen", metavar="SPECIMEN", nargs="?", help="state file to start from")
     add_path_parameters(parser.add_argument_group("loading path"), PATHS.values(), shown=kinds)
     add_parameters(parser.add_argument_group("recording"), Options)
@@ -189,12 +192,12 @@ def run_options(parser: argparse.ArgumentParser) -> None:
 
 def run_task(options: argparse.Namespace, history: str) -> RunTask:
     """The task described by the options. Raises InputError for invalid input."""
-    kind = PATHS.require(require(options.path, "path", f"one of {', '.join(PATHS)}"))
+    kind, written = named_path(require(options.path, "path", f"one of {', '.join(PATHS)}, or a path file"))
     state = read_state(require(options.specimen, "specimen", "a state file"))
     chosen = settings(options.settings) if options.settings is not None else None
     state = state.replace(scene=run_scene(options, state.scene, chosen))
     require_engine(options.engine, state.scene)
-    path = run_path(options, kind, state.scene, chosen)
+    path = run_path(options, kind, state.scene, chosen, written)
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
     recording = Options(**given(options, Options))
@@ -219,10 +222,27 @@ def run_scene(options: argparse.Namespace, scene: Scene, chosen: Settings | None
     return dataclasses.replace(scene, **{**changes, **given(options, Scene)})
 
 
-def run_path(options: argparse.Namespace, kind: type[Path], scene: Scene, chosen: Settings | None) -> Path:
-    """The path described by the options; the settings scale its default rate for the grains of the scene."""
+def named_path(word: str) -> tuple[type[Path], dict[str, Any]]:
+    """The path of that name, or the path of a path file and the parameters that the file gives. Raises InputError."""
+    from labkit.campaign.path_file import is_path_file, path_values
+
+    return path_values(word) if is_path_file(word) else (PATHS.require(word), {})
+
+
+def run_path(
+    options: argparse.Namespace,
+    kind: type[Path],
+    scene: Scene,
+    chosen: Settings | None,
+    written: Mapping[str, Any] | None = None,
+) -> Path:
+    """The path described by the options; the settings scale its default rate for the grains of the scene.
+
+    written: parameters from a path file, which those of the command line replace.
+    """
     known = {name for one in PATHS.values() for name in parameters_of(one)}
-    values = {name: getattr(options, name, None) for name in known}
+    given_here = {name: getattr(options, name, None) for name in known}
+    values = {**(written or {}), **{name: value for name, value in given_here.items() if value is not None}}
     if chosen is not None and values.get("rate") is None:
         values["rate"] = kind.default_rate(scene) * chosen.rate_factor
     return make_path(kind.name, values)

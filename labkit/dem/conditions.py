@@ -149,7 +149,7 @@ class _Reader:
         raise InputError(f"`{ast.unparse(node)}` is neither a quantity nor a number")
 
     def name(self, name: str) -> _Part:
-        if name[0] == "_" and name[1:].isdecimal():
+        if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
             return self.numbers[int(name[1:])]
         known = quantity(name)
         self.needs.update(known.needs)

@@ -128,9 +128,13 @@ def _servoed(
     response = measure @ stiffness @ free
     rates = free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
     limit = path.rate_limit * path.axial_rate
-    wanted = -np.clip(rates, -limit, limit)
+    if control.isochoric:  # limit all components by the same factor, which keeps the volume
+        wanted = -rates * min(1.0, limit / max(np.abs(rates).max(), limit))
+    else:
+        wanted = -np.clip(rates, -limit, limit)
     kept = to_six(symmetric(before))[:n]
-    if (to_six(symmetric(given))[:n][free.any(axis=1)] != 0.0).any():  # prescribed and free rates share components
+    shared = (to_six(symmetric(given))[:n][free.any(axis=1)] != 0.0).any()  # components prescribed and free
+    if shared or control.isochoric:  # a part of `kept` outside the free rates would change the volume
         kept = free @ np.linalg.lstsq(free, kept + to_six(symmetric(given))[:n], rcond=None)[0]
     held = free.any(axis=1)
     found = np.zeros(6)

@@ -147,6 +147,8 @@ class Step:
         shear = np.abs(symmetric(self.strains) * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
         lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
         changes = np.abs(np.diff(self._targets_from(pressure), axis=0)).max(axis=1, initial=0.0)
+        if self.absolute:  # the stress at the start is not known
+            changes = np.maximum(changes, 0.5 * pressure / self.pieces)
         stiffness = STIFFNESS * max(pressure, self.mean_after(pressure))
         lengths = np.maximum(lengths, changes / stiffness)
         total = self.over or max(float(lengths.sum()), LEAST)

@@ -251,8 +251,9 @@ class StepLeg(Leg):
         limit = max(LOST * float(mean_stress(stress)), self.least_pressure)
         k = int(np.abs(found - target).argmax())
         if abs(found[k] - target[k]) > limit:
+            name = self.step.names[k]
             raise PhysicsError(
-                f"{self.label}{self.step.names[k]} is {found[k]:.4g} Pa and cannot follow its target {target[k]:.4g} Pa: "
+                f"{self.label}{name} is {found[k]:.4g} Pa and cannot follow its target, {target[k]:.4g} Pa: "
                 "the target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
                 "stress, or reduce the rate"
             )

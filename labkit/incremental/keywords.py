@@ -12,7 +12,6 @@ import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import scipy.linalg
 
 from labkit.dem.step import Step, components_of
 from labkit.dem.variables import mixed_step
@@ -45,8 +44,8 @@ class Common:
 
     @property
     def records(self) -> int:
-        """Rows of the step in the output."""
-        return min(-(-self.increments // self.every), MOST_RECORDS)
+        """Rows of the step in the output: an exit condition is evaluated after each increment, so each has its row."""
+        return min(-(-self.increments // (1 if self.until else self.every)), MOST_RECORDS)
 
 
 class Reader:
@@ -174,16 +173,15 @@ def _circulating(reader: Reader, common: Common) -> Step:
 
 def _deformation_gradient(reader: Reader, common: Common) -> Step:
     """F(t) = 1 + (F - 1) t/T, in pieces with constant velocity gradients, whose exponentials give F exactly."""
+    from scipy.linalg import logm  # takes a second to import
+
     one = [reader.source.reals(1, f"component {k + 1} of 9 of the deformation gradient")[0] for k in range(9)]
     F = np.array([[one[0], one[3], one[5]], [one[4], one[1], one[7]], [one[6], one[8], one[2]]])
-    pieces = min(max(common.increments, 20), SMOOTH)
+    pieces = min(max(common.increments, 20), SMOOTH // 2)
     gradients = [np.eye(3) + (F - np.eye(3)) * k / pieces for k in range(pieces + 1)]
     if not all(1e-3 < np.linalg.det(one) < 1e3 for one in gradients):
         raise InputError("the deformation gradient is not a possible deformation: give one with a determinant near 1")
-    steps = [
-        -rotated(np.real(scipy.linalg.logm(after @ np.linalg.inv(before))))
-        for before, after in itertools.pairwise(gradients)
-    ]
+    steps = [-rotated(np.real(logm(after @ np.linalg.inv(before)))) for before, after in itertools.pairwise(gradients)]
     return Step(
         strain=tuple(np.ravel(steps)),
         durations=(common.duration / pieces,) * pieces,

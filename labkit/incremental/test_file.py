@@ -59,12 +59,12 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> TestFil
             number, times = _repetition(source, line)
             repeated = range(len(steps), len(steps) + number)
             steps += [reader.step(_inner(source, line, k, number)) for k in range(number)]
-            order += list(repeated) * min(times, MOST_STEPS)
+            if len(order) + number * times > MOST_STEPS:
+                raise source.error(line.number, f"this makes more than {MOST_STEPS} steps: give fewer repetitions")
+            order += list(repeated) * times
         else:
             order.append(len(steps))
             steps.append(reader.step(line))
-        if len(order) > MOST_STEPS:
-            raise source.error(line.number, f"this makes more than {MOST_STEPS} steps: give fewer repetitions")
     if not steps:
         raise source.error(max(source.number, 1), "there are no steps: give at least one, e.g. *TriaxialE1")
     return TestFile(source.file, output, heading, tuple(steps), tuple(order), _notes(steps))

@@ -53,6 +53,8 @@ def number(value: Any) -> str:
     """A value as text: integers in full, other numbers with six significant digits, lists with commas."""
     if isinstance(value, (bool, str, np.bool_)) or value is None:
         return str(value)
+    if isinstance(value, Mapping):  # a step of a path
+        return str(value.get("label") or "step")
     if isinstance(value, Iterable):
         return ", ".join(number(each) for each in value)
     if isinstance(value, (int, np.integer)):
