@@ -44,6 +44,7 @@ _NAMES = {
     "open_run": "runs.dataset",
     "open_state": "runs.dataset",
     "open_campaign": "campaign.collection",
+    "read_path": "campaign.path_file",
     "statistics": "micro.fabric",
     "love_stress": "micro.stress",
     "sff_stress": "sff.c0",
