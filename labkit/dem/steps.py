@@ -78,8 +78,11 @@ class Steps(Path):
         return self.pressure
 
     def prescribed_stresses(self) -> dict[str, float]:
-        largest = max((step.largest_stress for step in self.steps), default=0.0)
-        return {**super().prescribed_stresses(), "steps": largest}
+        names = (step.label or f"step {number}" for number, step in enumerate(self.steps, start=1))
+        return {
+            **super().prescribed_stresses(),
+            **{n: s.largest_stress for n, s in zip(names, self.steps, strict=True)},
+        }
 
     def step(self, leg: int) -> Step:
         """The step that is carried out as number `leg`, from 0."""

@@ -9,9 +9,9 @@ import labkit
 from labkit.cli import main
 from labkit.errors import InputError
 from labkit.incremental.columns import NAMES, columns, text_of
+from labkit.incremental.driver_file import read_test
 from labkit.incremental.initial import read_initial, read_material
 from labkit.incremental.start import model_of, model_state, way_to
-from labkit.incremental.test_file import read_test
 from labkit.model import Model, drive
 from labkit.model.run_file import as_run
 from tests.conftest import ROOT
