@@ -78,11 +78,11 @@ class Steps(Path):
         return self.pressure
 
     def prescribed_stresses(self) -> dict[str, float]:
-        names = (step.label or f"step {number}" for number, step in enumerate(self.steps, start=1))
-        return {
-            **super().prescribed_stresses(),
-            **{n: s.largest_stress for n, s in zip(names, self.steps, strict=True)},
-        }
+        largest = super().prescribed_stresses()
+        for number, step in enumerate(self.steps, start=1):
+            name = step.label or f"step {number}"
+            largest[name] = max(largest.get(name, 0.0), step.largest_stress)
+        return largest
 
     def step(self, leg: int) -> Step:
         """The step that is carried out as number `leg`, from 0."""
