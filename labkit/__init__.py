@@ -48,6 +48,7 @@ _NAMES = {
     "Probes": "runs.probe_set",
     "open_probes": "runs.probe_set",
     "open_campaign": "campaign.collection",
+    "read_path": "campaign.path_file",
     "statistics": "micro.fabric",
     "love_stress": "micro.stress",
     "sff_stress": "sff.c0",

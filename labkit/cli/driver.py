@@ -27,7 +27,7 @@ from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import help_of, parameters_of
 
 if TYPE_CHECKING:
-    from labkit.incremental.test_file import TestFile
+    from labkit.incremental.driver_file import DriverFile
 
 MODEL = "model"
 UNITS = ("Pa", "kPa", "MPa")
@@ -56,7 +56,7 @@ def driver_options(parser: argparse.ArgumentParser) -> None:
 @command("driver", driver_options)
 def do_driver(options: argparse.Namespace, argv: list[str]) -> None:
     """Carries out the test and writes the run file and the driver's output file. Raises InputError, PhysicsError."""
-    from labkit.incremental.test_file import read_test
+    from labkit.incremental.driver_file import read_test
 
     test = read_test(require(options.test, "test", "a test file, e.g. test.inp"), options.stress_unit)
     on = require(options.on, "on", f"a state file, or {MODEL}")
@@ -92,7 +92,7 @@ def _require_table(file: File, others: Sequence[str]) -> None:
                 raise InputError(f"{file} is not an output file of the driver, and would be overwritten: use --columns")
 
 
-def _write_table(options: argparse.Namespace, test: TestFile, table: File, files: Sequence[str]) -> None:
+def _write_table(options: argparse.Namespace, test: DriverFile, table: File, files: Sequence[str]) -> None:
     """Writes the records of the run file as the driver's output file."""
     from labkit.incremental.columns import columns, text_of
     from labkit.io.provenance import write_with_provenance
@@ -105,7 +105,7 @@ def _write_table(options: argparse.Namespace, test: TestFile, table: File, files
             write_with_provenance(table, text, [*files, options.output])
 
 
-def _on_grains(options: argparse.Namespace, test: TestFile, argv: list[str]) -> None:
+def _on_grains(options: argparse.Namespace, test: DriverFile, argv: list[str]) -> None:
     """Loads a specimen along the path of the test, after it was brought to the initial stress."""
     from labkit.incremental.initial import read_initial
     from labkit.incremental.start import way_to
@@ -144,7 +144,7 @@ def _run(task: RunTask) -> None:
     execute(task, announcing(task, File(output).name))
 
 
-def _on_model(options: argparse.Namespace, test: TestFile, argv: list[str]) -> None:
+def _on_model(options: argparse.Namespace, test: DriverFile, argv: list[str]) -> None:
     """Integrates the model along the path of the test, from its initial stress."""
     from labkit.cli.model import require_output
     from labkit.incremental.columns import VARIABLES

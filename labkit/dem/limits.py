@@ -17,6 +17,7 @@ from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric
+from labkit.parameters import parameters_of
 
 STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap then reaches its limit
 OVERLAP_LIMIT = 0.02  # mean delta/D
@@ -64,13 +65,14 @@ def require_pressure(path: Path, scene: Scene) -> None:
     for name, pressure in path.prescribed_stresses().items():
         if pressure <= limit * (1.0 + 1e-12):
             continue
-        raise InputError(
-            f"Pa is too high for grains with E = {scene.young_modulus:g} Pa",
-            field=name,
-            value=float(pressure),
-            allowed=f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %, "
-            f"or use grains with E of at least {pressure / STRESS_LIMIT:g} Pa",
+        problem = f"Pa is too high for grains with E = {scene.young_modulus:g} Pa"
+        allowed = (
+            f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %, "
+            f"or use grains with E of at least {pressure / STRESS_LIMIT:g} Pa"
         )
+        if name not in parameters_of(type(path)):  # a step of the path
+            raise InputError(f"{name}: {pressure:g} {problem}: give {allowed}")
+        raise InputError(problem, field=name, value=float(pressure), allowed=allowed)
 
 
 def expected_inertial_number(path: Path, state: State, pressure: float) -> float:

@@ -269,7 +269,7 @@ class Path(abc.ABC):
         return self
 
     def prescribed_stresses(self) -> dict[str, float]:
-        """The largest stress that each field of the path prescribes, name -> Pa."""
+        """The largest stress that each field, or each step, of the path prescribes, name -> Pa."""
         fields = ("pressure", "pressures", "stresses")
         return {name: float(np.max(getattr(self, name, None) or 0.0)) for name in fields}
 

@@ -78,8 +78,11 @@ class Steps(Path):
         return self.pressure
 
     def prescribed_stresses(self) -> dict[str, float]:
-        largest = max((step.largest_stress for step in self.steps), default=0.0)
-        return {**super().prescribed_stresses(), "steps": largest}
+        largest = super().prescribed_stresses()
+        for number, step in enumerate(self.steps, start=1):
+            name = step.label or f"step {number}"
+            largest[name] = max(largest.get(name, 0.0), step.largest_stress)
+        return largest
 
     def step(self, leg: int) -> Step:
         """The step that is carried out as number `leg`, from 0."""

@@ -29,7 +29,7 @@ NAMES = (
 
 def columns(run: xarray.Dataset, path: Steps, stress_unit: str = "kPa") -> np.ndarray:
     """The rows of the output file, (n, 35). run: of labkit.open_run, along `path`; stress_unit: Pa, kPa or MPa."""
-    time = test_time({name: run[name].values for name in PROGRESS}, path)
+    time = elapsed_time({name: run[name].values for name in PROGRESS}, path)
     strain = components(symmetric(run["strain"].values), shear=0.5)
     stress = components(symmetric(run["stress"].values)) / STRESS_UNITS[stress_unit]
     state = [run[name].values for name in STATE]
@@ -37,7 +37,7 @@ def columns(run: xarray.Dataset, path: Steps, stress_unit: str = "kPa") -> np.nd
     return np.column_stack([time, time, strain, stress, *state, *tensors])
 
 
-def test_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
+def elapsed_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
     """Time of the test at each record, (n,), s: the durations that the test file gives to its steps.
 
     progress: the variables PROGRESS of the run. A step that ended early took as much time as the part of it that was

@@ -188,7 +188,7 @@ def test_a_target_beyond_the_strength_stops_the_run_and_names_the_component(spec
 
 def test_servo_errors_do_not_add_up_over_many_steps(specimen):
     swing = tuple(increments(stress={"q": q, "p": 0.0, "d": 0.0}, variables="roscoe", records=1) for q in (1e4, -1e4))
-    run = lk.run(specimen, Steps(steps=swing, order=(0, 1) * 10, pressure=P, rate=40.0), **FAST)
+    run = lk.run(specimen, Steps(steps=swing, order=(0, 1) * 6, pressure=P, rate=60.0), **FAST)
     q = run.data.lab.deviatoric_stress().values
     assert np.abs(q[2::2] - q[0]).max() < 0.005 * P and np.abs(q[1::2] - q[0] - 1e4).max() < 0.005 * P
 

@@ -6,8 +6,8 @@ import pytest
 
 from labkit.cli import main
 from labkit.errors import InputError
+from labkit.incremental.driver_file import read_test
 from labkit.incremental.initial import read_initial, read_material
-from labkit.incremental.test_file import read_test
 from tests.conftest import ROOT
 
 EXAMPLE = ROOT / "examples/incremental_driver"

@@ -7,7 +7,7 @@ import scipy.linalg
 from labkit.dem.control import Control
 from labkit.errors import InputError
 from labkit.incremental.conventions import components, tensor
-from labkit.incremental.test_file import read_test
+from labkit.incremental.driver_file import read_test
 from labkit.micro.tensors import to_tensor
 
 SIX_STRAINS = "0 0\n" * 6

@@ -17,7 +17,7 @@ MOST_REPETITIONS = 1_000_000
 
 
 @dataclasses.dataclass(frozen=True)
-class TestFile:
+class DriverFile:
     """The contents of a test file.
 
     output: name of the driver's output file, as written; heading: its heading, or ""; steps: the steps as written;
@@ -38,7 +38,7 @@ class TestFile:
         return Steps(rate=rate, steps=self.steps, order=self.order, **given)  # type: ignore[arg-type]
 
 
-def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> TestFile:
+def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverFile:
     """Reads a test file. Raises InputError with the line and the word that is not valid.
 
     stress_unit: of the stresses in the file, one of Pa, kPa, MPa.
@@ -67,7 +67,7 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> TestFil
             steps.append(reader.step(line))
     if not steps:
         raise source.error(max(source.number, 1), "there are no steps: give at least one, e.g. *TriaxialE1")
-    return TestFile(source.file, output, heading, tuple(steps), tuple(order), _notes(steps))
+    return DriverFile(source.file, output, heading, tuple(steps), tuple(order), _notes(steps))
 
 
 def _output(source: Source) -> tuple[str, str]:
