@@ -10,6 +10,7 @@
     observation  the data of a run that are used in calibration
     calibration  parameters from run files
     run_file     a result as a run file
+    strength     sections of the critical state and of strength criteria in the deviatoric plane
 
 `from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.
 Compression is positive, z axial, SI units.
@@ -46,6 +47,9 @@ _NAMES = {
     "critical_force": "equations",
     "read_model": "run_file",
     "as_run": "run_file",
+    "critical_section": "strength",
+    "matsuoka_nakai": "strength",
+    "mohr_coulomb": "strength",
     "records": "run_file",
     "write_result": "run_file",
     "MODEL_ENGINE": "run_file:ENGINE",

@@ -20,6 +20,7 @@ _NAMES = {
     "open_state": "dataset",
     "snapshots": "dataset",
     "FIGURES": "figures",
+    "Liquefaction": "undrained",
     "Run": "run",
     "Snapshots": "run",
     "consolidate": "laboratory",
