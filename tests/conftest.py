@@ -64,3 +64,34 @@ def run_file(tmp_path_factory, specimen_file):
     done = run_labkit("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", path)
     assert done.returncode == 0, done.stderr
     return path
+
+
+@pytest.fixture(scope="session")
+def soft_specimen():
+    """About 200 grains of medium density at 100 kPa."""
+    import labkit as lk
+
+    recipe = lk.Recipe(void_ratio=0.66, grains=200)
+    return lk.consolidate(lk.make_specimen(recipe, lk.Scene(), progress=False), 1e5, progress=False)
+
+
+@pytest.fixture(scope="session")
+def liquefied_file(tmp_path_factory, soft_specimen):
+    """An undrained cyclic triaxial test of the soft specimen, which liquefies."""
+    import labkit as lk
+
+    file = tmp_path_factory.mktemp("liquefied") / "cycles.run.nc"
+    path = lk.paths.UndrainedCycles(amplitude=40e3, cycles=40, rate=100.0)
+    lk.run(soft_specimen, path, file=file, progress=False, snapshots=4, record_strain=4e-4)
+    return file
+
+
+@pytest.fixture(scope="session")
+def shear_file(tmp_path_factory, soft_specimen):
+    """A simple shear test of the soft specimen to gamma_xz = 0.2."""
+    import labkit as lk
+
+    file = tmp_path_factory.mktemp("sheared") / "shear.run.nc"
+    path = lk.paths.SimpleShear(strain=0.2, rate=300.0)
+    lk.run(soft_specimen, path, file=file, progress=False, snapshots=4, record_strain=4e-3)
+    return file

@@ -14,12 +14,13 @@ import numpy as np
 
 @dataclasses.dataclass(frozen=True)
 class StrainMeasure:
-    """A scalar strain. `name`: for labels; `at`: function of the strain (..., 3, 3) that returns it, shape (...).
+    """A scalar strain. `name` and `short`: for labels; `at`: function of the strain (..., 3, 3), shape (...).
 
     `signed`: False for a norm, which does not distinguish loading from unloading.
     """
 
     name: str
+    short: str
     at: Callable[[np.ndarray], np.ndarray]
     signed: bool = True
 
@@ -49,8 +50,8 @@ def _shear_strain(strain: np.ndarray) -> np.ndarray:
     return 0.0 - B[..., 0, 2] / B[..., 2, 2]
 
 
-AXIAL = StrainMeasure("axial strain", lambda strain: strain[..., 2, 2])
-VOLUMETRIC = StrainMeasure("volumetric strain", lambda strain: np.trace(strain, axis1=-2, axis2=-1))
-SHEAR = StrainMeasure("shear strain gamma_xz", _shear_strain)
-PURE_SHEAR = StrainMeasure("shear strain gamma_xz", lambda strain: 2.0 * strain[..., 0, 2])
-NORM = StrainMeasure("strain |eps|", lambda strain: np.linalg.norm(strain, axis=(-2, -1)), signed=False)
+AXIAL = StrainMeasure("axial strain", "axial strain", lambda strain: strain[..., 2, 2])
+VOLUMETRIC = StrainMeasure("volumetric strain", "vol. strain", lambda strain: np.trace(strain, axis1=-2, axis2=-1))
+SHEAR = StrainMeasure("shear strain gamma_xz", "gamma_xz", _shear_strain)
+PURE_SHEAR = StrainMeasure("shear strain gamma_xz", "gamma_xz", lambda strain: 2.0 * strain[..., 0, 2])
+NORM = StrainMeasure("strain |eps|", "|eps|", lambda strain: np.linalg.norm(strain, axis=(-2, -1)), signed=False)

@@ -47,7 +47,16 @@ _NAMES = {
     ),
     "size_groups": ("GroupStresses", "diameter_edges", "group_stresses", "groups_by_diameter"),
     "snapshot": ("Law", "Material", "Snapshot", "contact_arms", "contacts_per_grain"),
-    "stress": ("deviatoric_stress", "love_stress", "mean_stress", "relative_error"),
+    "stress": (
+        "along_deviator",
+        "deviatoric_stress",
+        "deviator",
+        "equivalent_stress",
+        "lode_angle",
+        "love_stress",
+        "mean_stress",
+        "relative_error",
+    ),
     "void_ratio": ("grain_volume", "lens_volume", "void_ratio", "void_ratio_nominal"),
 }
 

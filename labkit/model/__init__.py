@@ -11,6 +11,7 @@
     probes       small increments of strain or stress in many directions
     calibration  parameters from run files
     run_file     a result as a run file
+    strength     sections of the critical state and of strength criteria in the deviatoric plane
 
 `from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.
 Compression is positive, z axial, SI units.
@@ -49,6 +50,9 @@ _NAMES = {
     "critical_force": "equations",
     "read_model": "run_file",
     "as_run": "run_file",
+    "critical_section": "strength",
+    "matsuoka_nakai": "strength",
+    "mohr_coulomb": "strength",
     "records": "run_file",
     "write_result": "run_file",
     "MODEL_ENGINE": "run_file:ENGINE",

@@ -23,6 +23,7 @@ _NAMES = {
     "FIGURES": "figures",
     "Probes": "probe_set",
     "open_probes": "probe_set",
+    "Liquefaction": "undrained",
     "Run": "run",
     "Snapshots": "run",
     "consolidate": "laboratory",

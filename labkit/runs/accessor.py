@@ -60,7 +60,7 @@ class Lab(OfRecords):
         column name, e.g. `p [Pa]`. Use this method instead of `run.to_dataframe()`, which is a method of xarray: it
         builds a row for every combination of record, contact and grain and runs out of memory.
         """
-        derived = {"p": self.mean_stress(), "q": self.deviatoric_stress(), "q_over_p": self.stress_ratio()}
+        derived = {"p": self.mean_stress(), "q": self.q(), "q_over_p": self.stress_ratio()}
         first = {name: self._run[name] for name in ("time", "axial_strain")}
         recorded = {str(name): self._run[name] for name, v in self._run.variables.items() if v.dims[:1] == ("time",)}
         return tables.table({**first, **derived, **recorded}, units)

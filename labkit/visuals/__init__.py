@@ -5,6 +5,7 @@ from labkit.lazy import attach
 _NAMES = {
     "plots": "plots:",
     "micro_figures": "micro_figures:",
+    "path_figures": "path_figures:",
     "sff_figures": "sff_figures:",
     "direction_figure": "direction_figure:",
     "layer_figure": "layer_figure:",

@@ -38,7 +38,8 @@ Given = xarray.Dataset | Runs
 Drawn = tuple[Figure, pandas.DataFrame]
 
 SECTION_STYLES = ("-", "--", ":")
-SMALLEST_P = 1e-3  # of the largest p: q/p and F are not drawn below it, where hardly any contacts are left
+SMALLEST_P = 1e-3  # of the largest p: q/p is not drawn below it
+SMALLEST_Z = 1.0  # F is not drawn below it: it has no meaning for a few contacts
 
 
 def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
@@ -163,7 +164,7 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
             names.append(name)
         p = one.lab.mean_stress().values
         first = one.lab.pore_pressure_ratio().values if undrained else 100 * _volumetric(one)
-        force = np.where(p > SMALLEST_P * p.max(), one.lab.component("normal_force_anisotropy").values, np.nan)
+        force = one.lab.component("normal_force_anisotropy").where(one["coordination_number"] >= SMALLEST_Z)
         series = ((x, first), (x, strain), (x, one["coordination_number"]), (strain, loop), (p / 1e6, loop), (x, force))
         for axes, (along, values) in zip(panels.flat, series, strict=True):
             axes.plot(along, values, color=color, lw=1.0, label=label)

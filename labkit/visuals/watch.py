@@ -95,7 +95,8 @@ def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
     plotext.theme("clear")
     plotext.subplots(1, 3)
     plotext.plot_size(width, height)
-    strain = " or ".join(dict.fromkeys(f"{run.lab.strain().long_name} (%)" for run in runs.values()))
+    names = {run.lab.strain_measure.short for run in runs.values()}
+    strain = f"{names.pop() if len(names) == 1 else 'strain'} (%)"
     panels = (
         ("q (MPa)", strain, lambda r: (r.lab.strain() * 100, r.lab.q() / 1e6)),
         ("void ratio e", "p (MPa)", lambda r: (r.lab.mean_stress() / 1e6, r["void_ratio"])),

@@ -2,7 +2,15 @@ import numpy as np
 
 from labkit.dem.scene import Scene
 from labkit.dem.state import grains_in_cell
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress, relative_error
+from labkit.micro.stress import (
+    along_deviator,
+    deviatoric_stress,
+    equivalent_stress,
+    lode_angle,
+    love_stress,
+    mean_stress,
+    relative_error,
+)
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from tests.contact_sets import snapshot_of
 
@@ -62,3 +70,25 @@ def test_p_and_q_of_a_triaxial_stress():
     assert deviatoric_stress(stress) == 3.0
     assert np.isclose(relative_error(stress * 1.01, stress), 0.01)
     assert np.isnan(relative_error(np.zeros((3, 3)), np.zeros((3, 3))))
+
+
+def test_invariants_do_not_change_under_rotation_and_match_triaxial_states():
+    compression, extension = np.diag([1.0, 1.0, 4.0]), np.diag([4.0, 4.0, 1.0])
+    between = np.diag([1.0, 2.5, 4.0])  # b = 0.5
+    rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    for stress, q, angle in ((compression, 3.0, 0.0), (extension, 3.0, 60.0), (between, 1.5 * np.sqrt(3.0), 30.0)):
+        for turned in (stress, rotation @ stress @ rotation.T):
+            np.testing.assert_allclose(equivalent_stress(turned), q, rtol=1e-12)
+            np.testing.assert_allclose(lode_angle(turned), angle, atol=1e-5)
+    assert np.isnan(lode_angle(np.eye(3)))
+    shear = np.eye(3) + 0.2 * np.array([[0.0, 0, 1], [0, 0, 0], [1, 0, 0]])
+    np.testing.assert_allclose(equivalent_stress(shear), 0.2 * np.sqrt(3.0))
+
+
+def test_the_component_along_the_deviator_is_q_of_the_stress_itself():
+    stress = np.array([np.diag([1.0, 1.0, 4.0]), [[2.0, 0.3, 0.4], [0.3, 1.0, 0.1], [0.4, 0.1, 1.5]]])
+    np.testing.assert_allclose(along_deviator(stress, stress), equivalent_stress(stress), rtol=1e-12)
+    tensor = np.diag([0.2, 0.4, -0.6])
+    np.testing.assert_allclose(along_deviator(tensor, stress[0]), deviatoric_stress(tensor))
+    parts = np.array([stress[1] * 0.3, stress[1] * 0.7])
+    np.testing.assert_allclose(along_deviator(parts, stress[1]).sum(), equivalent_stress(stress[1]))

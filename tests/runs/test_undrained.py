@@ -1,0 +1,88 @@
+"""Cycles, pore pressure and liquefaction: their definitions, and `labkit info`."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.errors import InputError
+from labkit.runs.info import describe_file
+from labkit.runs.undrained import double_amplitude, number_of_cycles
+
+
+@pytest.fixture(scope="module")
+def run(liquefied_file):
+    return lk.open_run(liquefied_file)
+
+
+def test_legs_are_half_cycles_and_the_stress_counts_within_them():
+    path = lk.paths.UndrainedCycles(amplitude=10.0e3, cycles=2)
+    q = 1e3 * np.array([0.0, 5, 10, 0, -10, 0, 10, 4, 6, -2])  # the last leg is not complete and has a setback
+    axial = np.array([0.0, 1, 2, 1, -1, 0, 1, 0.5, 0.2, -0.5]) * 1e-3
+    stress, strain = np.zeros((10, 3, 3)), np.zeros((10, 3, 3))
+    stress[:, 2, 2], strain[:, 2, 2] = q, axial
+    reversals = path.strain_measure().reversals(strain)
+    assert list(reversals) == [2, 4, 6]
+    cycles = number_of_cycles(path, strain, stress, reversals)
+    np.testing.assert_allclose(cycles, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.65, 1.65, 1.8])
+    assert number_of_cycles(None, strain, stress, reversals)[[2, 4, 6]] == pytest.approx([0.5, 1.0, 1.5])
+    np.testing.assert_allclose(double_amplitude(axial, reversals)[[2, 4, 5, 6]], [2e-3, 3e-3, 1e-3, 2e-3])
+
+
+def test_pore_pressure_is_total_minus_effective_stress(run):
+    p, stress = run.lab.mean_stress().values, run["stress"].values
+    np.testing.assert_allclose(run.lab.pore_pressure(), p[0] - p)
+    np.testing.assert_allclose(run.lab.pore_pressure_ratio(), 1.0 - p / p[0])
+    cell = 0.5 * (stress[:, 0, 0] + stress[:, 1, 1])
+    np.testing.assert_allclose(run.lab.pore_pressure("radial"), cell[0] - cell)  # constant cell pressure
+    q = run.lab.deviatoric_stress().values
+    np.testing.assert_allclose(run.lab.pore_pressure("radial"), run.lab.pore_pressure() + (q - q[0]) / 3.0)
+    with pytest.raises(InputError, match=r"total 'back' is unknown: give one of mean, axial, radial"):
+        run.lab.pore_pressure("back")
+
+
+def test_liquefaction_is_found_by_both_criteria(run):
+    found, cycles = run.lab.liquefaction(), run.lab.cycles().values
+    assert 0.5 < found.cycles_to_ratio <= found.cycles == cycles[-1]
+    before = cycles < found.cycles_to_ratio
+    assert (run.lab.pore_pressure_ratio().values[before] <= 0.95).all() and found.largest_ratio > 0.99
+    assert (run.lab.double_amplitude().values[cycles < found.cycles_to_double_amplitude] < 0.05).all()
+    assert found.largest_double_amplitude >= 0.05 and (np.diff(cycles) >= 0.0).all()
+
+
+def test_a_test_that_does_not_liquefy_has_no_number_of_cycles(run):
+    early = run.isel(time=run.lab.cycles().values < 1.0)
+    found = early.lab.liquefaction()
+    assert np.isnan(found.cycles_to_ratio) and np.isnan(found.cycles_to_double_amplitude) and found.largest_ratio < 0.95
+
+
+def test_a_drained_test_has_no_pore_pressure(shear_file):
+    drained = lk.open_run(shear_file)
+    assert not drained.lab.is_undrained
+    with pytest.raises(InputError, match="simple_shear is drained"):
+        drained.lab.pore_pressure()
+
+
+def test_info_gives_the_end_of_a_run(run, liquefied_file, shear_file, run_file):
+    text = describe_file(liquefied_file)
+    for name in ("cycles to r_u > 0.95", "largest double amplitude", "ended_because"):
+        assert name in text
+    assert f"{run.lab.liquefaction().cycles_to_ratio:.6g}" in text
+    assert re.search(r"shear strain gamma_xz +(19|20)\.", describe_file(shear_file))
+    assert "axial strain             2.0000%" in describe_file(run_file)
+    assert dataclasses.is_dataclass(run.lab.liquefaction())
+
+
+def test_quantities_of_simple_shear(shear_file):
+    run = lk.open_run(shear_file)
+    stress = run["stress"].values
+    assert run.lab.strain().long_name == "shear strain gamma_xz" and not run.lab.axisymmetric
+    assert float(run.lab.strain()[-1]) == pytest.approx(0.2, rel=0.03)  # rate times time, but for the change of height
+    np.testing.assert_allclose(run.lab.q(), lk.micro.equivalent_stress(stress))
+    assert float(run.lab.q()[-1]) > 2.0 * abs(float(run.lab.deviatoric_stress()[-1]))
+    terms = run.lab.strength_shares().sum("term").values[1:]
+    np.testing.assert_allclose(terms, run.lab.stress_ratio("stress_sff").values[1:], rtol=0.02)
+    assert float(run.lab.component("contact_anisotropy")[-1]) > 0.1
+    assert run.lab.abscissa().name == "strain" and float(run.lab.contact_changes()["travelled"][-1]) > 0.19
