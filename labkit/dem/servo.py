@@ -25,7 +25,8 @@ from typing import cast
 import numpy as np
 
 from labkit.dem.control import Control
-from labkit.dem.loading import Leg, Path
+from labkit.dem.leg import Leg
+from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.micro.snapshot import Snapshot

@@ -14,7 +14,8 @@ import numpy as np
 
 from labkit.dem.conditions import condition
 from labkit.dem.control import Control
-from labkit.dem.loading import Leg, Path, rate_parameter
+from labkit.dem.leg import Leg
+from labkit.dem.loading import Path, rate_parameter
 from labkit.dem.quantities import Record
 from labkit.dem.step import Step
 from labkit.errors import InputError

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.element_tests import Mixed, Oedometer
-from labkit.dem.loading import Leg, Path
+from labkit.dem.leg import Leg
+from labkit.dem.loading import Path
 from labkit.dem.paths import PATHS, make_path
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
