@@ -37,6 +37,11 @@ class Scene:
     act in parallel, so that a separating pair may be in tension for an instant. Records and stresses contain the spring
     forces, which follow from a State; the work done on the cell includes the dashpots.
 
+    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available only
+    in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
+    `hertz_mindlin_dashpot` has YADE's dashpots instead. `young_modulus` and `poisson_ratio` are then those of the
+    grains. labkit.dem.laws.hertz_mindlin derives their energies.
+
     The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: kn is that of two
     grains of mean diameter whatever their size, so that coarse and fine layers differ only in scale.
 
@@ -49,14 +54,16 @@ class Scene:
     )
     density: float = parameter(2650.0, unit="kg/m3", low=1e-3, high=1e9, help="density rho of the grains")
     young_modulus: float = parameter(0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus E of the contacts")
-    stiffness_ratio: float = parameter(2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt")
+    stiffness_ratio: float = parameter(
+        2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt of the laws with linear springs"
+    )
     friction: float = parameter(0.4, low=0.0, high=10.0, help="friction coefficient mu")
     rolling_friction: float = parameter(0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r")
     rolling_limit_scale: float = parameter(
         1.0, low=0.0, high=10.0, help="factor on the rolling limit of the rolling_resistance law"
     )
     local_damping: float = parameter(
-        0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the rolling_resistance law"
+        0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the laws of YADE without dashpots"
     )
     time_step_factor: float = parameter(
         0.2, low=1e-6, high=10.0, help="time step divided by sqrt(m/kn) of the mean grain"
@@ -64,10 +71,13 @@ class Scene:
     law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
     planar: bool = parameter(False, option=False, help="discs in a plane instead of spheres")
     beta_n: float = parameter(
-        0.2, low=0.0, high=10.0, help="damping ratio of the normal dashpot, with the spring_dashpot law"
+        0.2, low=0.0, high=10.0, help="damping ratio of the normal dashpot, with the laws that have dashpots"
     )
     beta_t: float = parameter(
-        0.2, low=0.0, high=10.0, help="damping ratio of the tangential dashpot, with the spring_dashpot law"
+        0.2, low=0.0, high=10.0, help="damping ratio of the tangential dashpot, with the laws that have dashpots"
+    )
+    poisson_ratio: float = parameter(
+        0.3, low=0.0, high=0.5, help="Poisson's ratio nu of the grains, with the Hertz-Mindlin laws"
     )
 
     def __post_init__(self) -> None:
@@ -112,9 +122,15 @@ class Scene:
 
     @property
     def time_unit(self) -> float:
-        """sqrt(m/kn) of two grains of mean diameter, s."""
+        """sqrt(m/kn) of two grains of mean diameter, s. A nonlinear law counts with its tangent at REFERENCE_OVERLAP."""
         radius = self.mean_diameter / 2
-        return float(np.sqrt(self.mass(radius) / self.normal_stiffness(radius, radius)))
+        return self._period(radius, radius)
+
+    def _period(self, radius: float, other: float) -> float:
+        """sqrt(m/kn) of a grain in contact with another, s."""
+        overlap = 4.0 * REFERENCE_OVERLAP * radius * other / (radius + other)
+        kn = self.contact_law.tangents(self, *np.array([radius, other, overlap])).normal
+        return float(np.sqrt(self.mass(radius) / kn))
 
     @property
     def time_step(self) -> float:
@@ -134,6 +150,11 @@ class Scene:
         """The scene as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
 
+    def identity(self) -> dict[str, object]:
+        """Values that identify the scene, without later parameters at their defaults, which older files lack."""
+        values = dataclasses.asdict(self)
+        return {name: value for name, value in values.items() if name not in LATER or value != getattr(Scene, name)}
+
     @classmethod
     def from_json(cls, text: str) -> Scene:
         """The scene from the JSON of a file. Raises InputError if the text is not a scene."""
@@ -147,6 +168,9 @@ class Scene:
         except (TypeError, ValueError) as error:
             raise InputError(f"not a labkit scene: {error}") from None
 
+
+LATER = ("poisson_ratio",)  # parameters added after version 0.1.0
+REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
 
 MADE_WITH = ("mean_diameter", "diameter_spread")  # fixed when the specimen is made; a run cannot change them
 
