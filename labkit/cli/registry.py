@@ -18,6 +18,7 @@ LABKITS = {
     "figure": ("look", "draw a figure of a run"),
     "picture": ("look", "draw the grains and the force chains in 3D"),
     "paraview": ("look", "write grains, contacts and cell for ParaView"),
+    "grading": ("grading", "compare the size distribution of the grains with the grading of the scene"),
     "watch": ("look", "plot runs in the terminal while they are computed"),
     "export": ("export", "write records or contacts of a run as CSV"),
     "info": ("look", "show the contents and the origin of a file"),

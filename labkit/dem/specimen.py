@@ -103,17 +103,21 @@ def side_for(grains: int, void_ratio: float, scene: Scene) -> float:
 
 
 def mean_grain_volume(scene: Scene) -> float:
-    """Mean of pi D^3/6 over the uniform distribution of diameters, m3."""
+    """Mean of pi D^3/6 over the distribution of diameters by number, m3."""
+    if scene.grading is not None:
+        return scene.sizes.mean_volume
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
 
 
 def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii from the uniform distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
+    """Radii from the distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
 
-    Grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
+    See labkit.dem.grading for a scene with a grading. For the uniform distribution about the mean diameter, grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
     up the remainder exactly. These two lie within the distribution for any spread below 0.22; otherwise they are no
     larger than its mean.
     """
+    if scene.grading is not None:
+        return scene.sizes.draw(solid_volume, rng)
     low, high = (0.5 * scene.mean_diameter * (1.0 + s * scene.diameter_spread) for s in (-1.0, 1.0))
     two_largest = 2.0 * 4.0 / 3.0 * np.pi * high**3
     radii, missing = [], solid_volume
@@ -237,6 +241,7 @@ def summary(state: State) -> dict[str, tuple[float, str]]:
     return {
         "grains": (grains, ""),
         "contacts": (contacts, ""),
+        "mean diameter by number": (2.0 * float(state.radius.mean()), "m"),
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
         "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),
