@@ -35,6 +35,10 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         size,
         f"s{recipe.seed}",
     ]
+    for name in ("aspect", "preparation", "pressure"):
+        value = getattr(recipe, name)
+        if value != getattr(Recipe, name):
+            parts.append(str(value) if name == "preparation" else _part(name, value))
     for name in parameters_of(Scene):
         value = getattr(scene, name)
         if value != getattr(Scene, name) and not (name == "mean_diameter" and scene.grading):

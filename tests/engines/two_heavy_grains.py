@@ -45,13 +45,13 @@ def slip_cycles(engine, law, cycles=2, steps=300):
     return losses[-1] - losses[-5], increment
 
 
-def collision(engine, scene, speed, steps=4000):
+def collision(engine, scene, speed, steps=6000):
     """(largest overlap, restitution) of a head-on collision."""
-    state = pair(scene, -1e-10, -speed * NORMAL, time_step=2e-9)
+    state = pair(scene, -1e-10, -speed * NORMAL, time_step=5e-9)
     run = engine(state)
     deepest = 0.0
-    for _ in range(steps // 20):
-        run.advance(20, STILL)
+    for _ in range(steps // 10):
+        run.advance(10, STILL)
         x = run.state()
         gap = np.linalg.norm(x.position[1] - x.position[0])
         deepest = max(deepest, RADIUS.sum() - gap)
