@@ -11,6 +11,8 @@ from collections.abc import Callable
 LABKITS = {
     "specimen": ("simulate", "make a specimen"),
     "consolidate": ("simulate", "consolidate a specimen isotropically to a pressure"),
+    "density": ("density", "measure e_min and e_max of a material, and relative densities"),
+    "twins": ("density", "make a specimen with the same e and p as another, and fewer contacts"),
     "run": ("simulate", "load a specimen along a path"),
     "stratified": ("look", "make the stratified layer of Fig. 3, coarse over fine discs"),
     "verify": ("look", "compare C0 with Love's stress and check what the path holds"),

@@ -90,9 +90,12 @@ def test_the_restitution_of_the_dashpots_does_not_depend_on_the_speed(two_grains
         assert min(slow, fast) > 0.99  # no dashpots
         return
     assert np.isclose(slow, fast, atol=0.01)
-    if law == "hertz_mindlin_dashpot":  # cn = 2 beta sqrt(m* kn): exp(-pi b/sqrt(1 - b^2)) with b = sqrt(5)/2 beta
-        damping = np.sqrt(1.25) * 0.1
-        assert np.isclose(slow, np.exp(-np.pi * damping / np.sqrt(1 - damping**2)), atol=0.01)
+    if law == "hertz_mindlin_dashpot":
+        # cn = 2 beta sqrt(m* kn) is a linear oscillator in delta^(5/4) with the damping ratio sqrt(5)/2 beta (Antypov and
+        # Elliott 2011); without tension the grains part before delta is 0 (Schwager and Poeschel 2007)
+        b = np.sqrt(1.25) * 0.1
+        angle = np.pi - np.arctan(2 * b * np.sqrt(1 - b**2) / (1 - 2 * b**2))
+        assert np.isclose(slow, np.exp(-b / np.sqrt(1 - b**2) * angle), atol=0.01)
     else:
         assert np.isclose(slow, np.exp(-np.pi * 0.1 / np.sqrt(0.99)), atol=0.01)
 
@@ -144,7 +147,7 @@ def test_hertz_mindlin_forces_are_yades(hertzian, in_yade, tmp_path):
     numbers = ",".join(repr(float(x)) for x in gradient.ravel())
     result = in_yade("advance.py", tmp_path / "h.state.nc", "1,200", numbers)
     engine = FusedEngine(hertzian)
-    for steps, file, tolerance in zip((1, 199), result["files"], (1e-12, 1e-9), strict=True):
+    for steps, file, tolerance in zip((1, 199), result["files"], (1e-10, 1e-8), strict=True):
         engine.advance(steps, gradient)
         ours, yades = engine.state(), read_state(file)
         np.testing.assert_array_equal(ours.contact_grain, yades.contact_grain)
