@@ -2,8 +2,8 @@
 
 The grains are inserted at random in a large cell and moved apart until they form a gas without contacts. The cell is
 then compressed at a constant isotropic rate with the friction of step 1, which decides the density at a pressure: 0
-gives the densest and best connected specimens, a high one the loosest. At the target the grains come to rest, first with
-the friction of step 1 and then with that of the scene.
+gives the densest and best connected specimens, a high one the loosest. At the target the grains come to rest, first
+with the friction of step 1 and then with that of the scene.
 """
 
 from __future__ import annotations
@@ -54,14 +54,13 @@ def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress 
     require_stable(state)
     if recipe.pressure is None:
         settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, "step 1: " + text))
-        engine.load(opened(engine.state().at_rest().replace(scene=scene)))
+        engine.load(opened(_with_scene(engine.state(), scene, start)))
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, "step 2: " + text))
         made = engine.reload().at_rest()
     else:
         soft_state = consolidate(state, recipe.pressure, start, lambda f, text: progress(0.5 + 0.3 * f, text))
-        made = consolidate(
-            soft_state.replace(scene=scene), recipe.pressure, start, lambda f, text: progress(0.8 + 0.2 * f, text)
-        )
+        switched = _with_scene(soft_state, scene, start)
+        made = consolidate(switched, recipe.pressure, start, lambda f, text: progress(0.8 + 0.2 * f, text))
     return made.replace(recipe=recipe.to_json())
 
 
@@ -70,6 +69,11 @@ def _gas(scene: Scene, recipe: Recipe) -> State:
     inserted = insert_grains(scene, recipe)
     stretch = ((1.0 + GAS) / (1.0 + recipe.void_ratio)) ** (1.0 / 3.0)
     return inserted.replace(position=inserted.position * stretch, cell=inserted.cell * stretch)
+
+
+def _with_scene(state: State, scene: Scene, start: Start) -> State:
+    """The state at rest with another friction: forces above the new limit are reduced before a ledger is opened."""
+    return start(state.at_rest().replace(scene=scene)).state()
 
 
 def _limit(state: State) -> float:

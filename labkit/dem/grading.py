@@ -6,13 +6,13 @@
     sieve diameters=0.1mm,0.2mm,0.4mm passing=0%,45%,100%
     curve.csv
 
-All are cut at the smallest and the largest diameter. `by` says whether `passing` counts grains or their mass (the
+All are cut at the smallest and the largest diameter. `by` says whether the curve counts grains or their mass (the
 default, except for `uniform`). A CSV file has two columns with the headings `diameter_mm` (or _um, _m) and
 `passing_percent` (or passing_fraction), and makes a `sieve` by mass.
 
-A distribution by mass, dM, and by number, dN, of the same grading obey dM ~ D^3 dN. Grains are drawn by number, one from
-each of N intervals of equal probability, so that a few hundred grains follow the curve; a common factor close to 1 then
-makes the volume exact.
+A distribution by mass, dM, and by number, dN, of the same grading obey dM ~ D^3 dN. Grains are drawn by number, one
+from each of N intervals of equal probability, so that a few hundred grains follow the curve; a common factor close to 1
+then makes the volume exact.
 """
 
 from __future__ import annotations
@@ -227,9 +227,13 @@ def read_grading(text: str) -> Grading:
         key, equals, value = word.partition("=")
         if key not in known or not equals:
             allowed = f"{name} with {', '.join(f'{one}=...' for one in known)}"
-            raise InputError("is not a value of this grading", field="grading", value=word, allowed=allowed, quoted=True)
+            raise InputError(
+                "is not a value of this grading", field="grading", value=word, allowed=allowed, quoted=True
+            )
         values[key] = value
-    missing = [one for one, parameter in known.items() if parameter.default is dataclasses.MISSING and one not in values]
+    missing = [
+        one for one, parameter in known.items() if parameter.default is dataclasses.MISSING and one not in values
+    ]
     if missing:
         raise InputError("is not complete", field="grading", value=text, allowed=f"{missing[0]}=... too", quoted=True)
     return GRADINGS[name](**values)

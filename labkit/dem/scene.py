@@ -38,8 +38,8 @@ class Scene:
     act in parallel, so that a separating pair may be in tension for an instant. Records and stresses contain the spring
     forces, which follow from a State; the work done on the cell includes the dashpots.
 
-    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available only
-    in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
+    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available
+    only in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
     `hertz_mindlin_dashpot` has YADE's dashpots instead. `young_modulus` and `poisson_ratio` are then those of the
     grains. labkit.dem.laws.hertz_mindlin derives their energies.
 
@@ -148,7 +148,7 @@ class Scene:
 
     @property
     def time_unit(self) -> float:
-        """sqrt(m/kn) of two grains of mean diameter, s. A nonlinear law counts with its tangent at REFERENCE_OVERLAP."""
+        """sqrt(m/kn) of two grains of mean diameter, s. Of a nonlinear law, the tangent at REFERENCE_OVERLAP."""
         radius = self.mean_diameter / 2
         return self._period(radius, radius)
 
@@ -163,8 +163,9 @@ class Scene:
         """Time step of a test, s: `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
 
         T is sqrt(m/kn) of the mean grain, or, in a grading wider than that of Table 1, sqrt(m/kn)/STIFFEST of the
-        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0 without dashpots. With the default factor this is 0.55 to 0.6
-        of the stability limit of a dense specimen (labkit.dem.time_step) for both of labkit's laws.
+        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0
+        without dashpots. With the default factor this is 0.5 to 0.7 of the stability limit of a dense specimen
+        (labkit.dem.time_step).
         """
         zeta = self.contact_law.damping_ratio(self)
         period = self.time_unit

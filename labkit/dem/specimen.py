@@ -73,9 +73,7 @@ class Recipe:
         side = SIDE if self.side is None else self.side
         grains = side**3 * self.aspect / (1.0 + self.void_ratio) / mean_grain_volume(scene)
         if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
-            low, high = (
-                side_for(n / self.aspect, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS)
-            )
+            low, high = (side_for(n / self.aspect, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
             raise InputError(
                 f"m would hold {grains:.3g} grains",
                 field="side",
@@ -130,7 +128,8 @@ def mean_grain_volume(scene: Scene) -> float:
 def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
     """Radii from the distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
 
-    See labkit.dem.grading for a scene with a grading. For the uniform distribution about the mean diameter, grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
+    See labkit.dem.grading for a scene with a grading. For the uniform distribution about the mean diameter,
+    grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
     up the remainder exactly. These two lie within the distribution for any spread below 0.22; otherwise they are no
     larger than its mean.
     """

@@ -1,9 +1,9 @@
 """Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
 
-Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.dem.compression), for e_min
-without friction, for e_max with friction coefficients of 10, with which contacts neither slide nor roll. The grains then
-come to rest with the friction of the scene. Void ratios are nominal. The limits depend on the protocol: state it with
-every relative density.
+Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.dem.compression), for
+e_min without friction, for e_max with friction coefficients of 10, with which contacts neither slide nor roll. The
+grains then come to rest with the friction of the scene. Void ratios are nominal. The limits depend on the protocol:
+state it with every relative density.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ def specimen_at(
 ) -> State:
     """A specimen with this nominal void ratio at this pressure, Pa: finds the friction of step 1 by bisection.
 
-    The friction and rolling friction are equal during the compression. Raises PhysicsError if no friction gives the void
-    ratio within TOLERANCE.
+    The friction and rolling friction are equal during the compression. Raises PhysicsError if no friction gives the
+    void ratio within TOLERANCE.
     """
     low, high = 0.0, 1.0
     friction = 0.15
@@ -105,14 +105,14 @@ def specimen_at(
         low, high = (friction, high) if reached < void_ratio else (low, friction)
         friction = 0.5 * (low + high)
     raise PhysicsError(
-        f"no friction gives a void ratio of {void_ratio:.4f} at {pressure:.3g} Pa (the last gave {reached:.4f}): choose "
-        "one between e_min and e_max"
+        f"no friction gives a void ratio of {void_ratio:.4f} at {pressure:.3g} Pa (the last gave {reached:.4f}): "
+        "choose one between e_min and e_max"
     )
 
 
 @dataclasses.dataclass(frozen=True)
 class Twins:
-    """Two specimens with the same e and p and different Z; amplitude: axial strain of the cycle that made the second."""
+    """Two specimens with the same e and p and different Z; amplitude: of the strain cycle that made the second."""
 
     first: State
     second: State

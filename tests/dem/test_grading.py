@@ -115,4 +115,6 @@ def test_the_time_step_is_stable_in_a_wide_grading():
     assert inserted.radius.max() / inserted.radius.min() > 5.5
     volume = recipe.side_of(scene) ** 3
     assert np.isclose(volume / grain_volume(inserted.radius) - 1, 0.8, rtol=1e-9)
-    assert scene.time_step < critical_time_step(FusedEngine(inserted).state())  # deep overlaps: more contacts than later
+    assert scene.time_step < critical_time_step(
+        FusedEngine(inserted).state()
+    )  # deep overlaps: more contacts than later

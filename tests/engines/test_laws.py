@@ -13,8 +13,8 @@ from labkit.dem.state import read_state, write_state
 from labkit.dem.time_step import critical_time_step
 from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
-from labkit.errors import InputError
 from labkit.engines.yade import YadeEngine
+from labkit.errors import InputError
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured
 
 ON_YADE = ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot")
@@ -91,7 +91,7 @@ def test_the_restitution_of_the_dashpots_does_not_depend_on_the_speed(two_grains
         return
     assert np.isclose(slow, fast, atol=0.01)
     if law == "hertz_mindlin_dashpot":
-        # cn = 2 beta sqrt(m* kn) is a linear oscillator in delta^(5/4) with the damping ratio sqrt(5)/2 beta (Antypov and
+        # cn = 2 beta sqrt(m* kn) is a linear oscillator in delta^(5/4) with a damping ratio of sqrt(5)/2 beta (Antypov,
         # Elliott 2011); without tension the grains part before delta is 0 (Schwager and Poeschel 2007)
         b = np.sqrt(1.25) * 0.1
         angle = np.pi - np.arctan(2 * b * np.sqrt(1 - b**2) / (1 - 2 * b**2))
@@ -135,7 +135,9 @@ def test_a_sheared_specimen_conserves_energy(law, hertzian):
     assert 0.3 < state.time_step / critical_time_step(state) < 0.8
     state = opened(state)
     engine = FusedEngine(state)
-    engine.advance(round(0.05 / 100.0 / state.time_step), velocity_gradient(ConstantVolume(100.0), 1.0, state.time_step))
+    engine.advance(
+        round(0.05 / 100.0 / state.time_step), velocity_gradient(ConstantVolume(100.0), 1.0, state.time_step)
+    )
     end = engine.state()
     assert end.ledger.friction_loss > 0.1 * end.ledger.start
     assert abs(balance_error(end)) < 1e-3

@@ -16,7 +16,13 @@ STILL = np.zeros((3, 3))
 
 
 def scene_of(law, **changes):
-    return Scene(**{**dict.fromkeys(("rolling_friction", "local_damping", "beta_n", "beta_t"), NEARLY_NONE), "law": law, **changes})
+    return Scene(
+        **{
+            **dict.fromkeys(("rolling_friction", "local_damping", "beta_n", "beta_t"), NEARLY_NONE),
+            "law": law,
+            **changes,
+        }
+    )
 
 
 def pair(scene, overlap, velocity=(0.0, 0.0, 0.0), time_step=1e-9):
@@ -37,7 +43,9 @@ def slip_cycles(engine, law, cycles=2, steps=300):
     losses = []
     for leg in range(1 + 4 * cycles):  # SLIP forward, then twice SLIP back and forth
         sign = 1.0 if leg in (0,) or (leg - 1) // 2 % 2 else -1.0
-        state = state.replace(velocity=np.array([np.zeros(3), sign * speed * TANGENT]), angular_velocity=np.zeros((2, 3)))
+        state = state.replace(
+            velocity=np.array([np.zeros(3), sign * speed * TANGENT]), angular_velocity=np.zeros((2, 3))
+        )
         run = engine(state)
         run.advance(steps, STILL)
         state = run.state()

@@ -9,8 +9,8 @@ For grains of Young's modulus E and Poisson's ratio nu, with R* = Ra Rb/(Ra + Rb
 so that kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters have no effect. This is Mindlin's
 stiffness without microslip. There is no rolling resistance. Local non-viscous damping as in `rolling_resistance`.
 
-f~ and Lambda = f~/E, and with them C0, need only forces; E in them is that of the grains. A stress p gives an overlap of
-the order delta/D = (p/E)^(2/3).
+f~ and Lambda = f~/E, and with them C0, need only forces; E in them is that of the grains. A stress p gives an overlap
+of the order delta/D = (p/E)^(2/3).
 
 Energy. The normal spring stores 2/5 kno delta^(5/2). A tangential spring whose stiffness depends on delta has no
 potential: the work of ft depends on the order of normal and tangential loading. We take W = ft^2/(2 kt) for the stored
@@ -141,9 +141,7 @@ class HertzMindlin(ContactLaw):
             torque_a, torque_b = times(arm_a, turn), times(arm_b, turn)
             if energy is not None:
                 friction_loss += (1.0 - scale) * scale * squared / kt if kt > 0.0 else 0.0
-        return Response(
-            force, torque_a, torque_b, tangential_force, rolling_moment, friction_loss, 0.0, dashpot_loss
-        )
+        return Response(force, torque_a, torque_b, tangential_force, rolling_moment, friction_loss, 0.0, dashpot_loss)
 
     def yade(self, scene: Scene) -> YadeLaw:
         """Law2_ScGeom_MindlinPhys_Mindlin without adhesion and moments."""

@@ -3,9 +3,9 @@
     cn = 2 beta_n sqrt(m* kn)        ct = 2 beta_t sqrt(m* kt)        m* = ma mb/(ma + mb)
 
 with the tangent stiffnesses kn and kt of labkit.dem.laws.hertz_mindlin, so that the restitution does not depend on the
-speed. As in YADE, the total normal force is never tensile, friction is limited by mu times the total normal force, and a
-sliding contact has no tangential dashpot. Records and stresses contain the springs only, as for `spring_dashpot`; YADE
-includes the dashpots in the stress that the servo uses.
+speed. As in YADE, the total normal force is never tensile, friction is limited by mu times the total normal force, and
+a sliding contact has no tangential dashpot. Records and stresses contain the springs only, as for `spring_dashpot`;
+YADE includes the dashpots in the stress that the servo uses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The spring-dashpot law with the linear stiffness of PFC, that of two elastic bars in series:
+"""The spring-dashpot law with the linear stiffness of PFC, that of two elastic bars in series.
 
     kn = E area/length = pi E min(Ra, Rb)^2/(Ra + Rb)        kt = kn/kappa        kr = kt r*^2
 
