@@ -177,8 +177,8 @@ _ALL = (
     ),
     HardScene(
         name="size_ratio_5",
-        should="grain sizes from 1 to 5: the usual time step is refused if it exceeds the limit of the small grains;"
-        " with a time step below the limit the results match those with half that step; `labkit verify` "
+        should="grain sizes from 1 to 5: the time step of the mean grain is refused if it exceeds the limit of the"
+        " small grains; with the usual time step the results match those with half that step; `labkit verify` "
         "reports that C0, which assumes equal stress in grains of all sizes, differs from Love's stress",
         verdict=LIMIT_REPORTED,
         void_ratio=0.6,

@@ -27,18 +27,20 @@ def variants(scene: Scene) -> dict[str, Variant]:
     Contains the engines that are installed on this computer and support the contact law of the scene.
     """
     result: dict[str, Variant] = {}
-    if shutil.which("yade") and scene.law == "rolling_resistance":
-        result["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
+    if shutil.which("yade") and scene.contact_law.on_yade:
+        if scene.law == "rolling_resistance":
+            result["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
         result["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)
         result["labkit on YADE, 2 threads"] = lambda file, steps: speed("yade", file, steps, 2)
     lammps = shutil.which("lmp")
-    if lammps:
+    if lammps and scene.law in HOOKEAN:
         result["LAMMPS, 1 process"] = lambda file, steps: _in_lammps(lammps, file, steps)
     result["fused, 1 thread"] = lambda file, steps: speed("fused", file, FASTER * steps, 1)
     result["fused, 2 threads"] = lambda file, steps: speed("fused", file, FASTER * steps, 2)
     return result
 
 
+HOOKEAN = ("rolling_resistance", "spring_dashpot", "springs_in_series")  # LAMMPS runs them with linear springs
 FASTER = 10  # factor on the number of steps of the fused engine, so that its measurements last long enough
 
 

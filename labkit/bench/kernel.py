@@ -54,10 +54,10 @@ def copies(state: State, times: Sequence[int]) -> State:
 
 def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
     """Tabulate the time per step with individual features switched off; medians of alternating rounds."""
-    engines: dict[str, tuple[_TimedEngine, bool]] = {}
+    engines: dict[str, tuple[TimedEngine, bool]] = {}
 
     def add(name: str, scene: Scene, energy: bool = True, sampled: bool = False) -> None:
-        engine = _TimedEngine(state.replace(scene=scene))
+        engine = TimedEngine(state.replace(scene=scene))
         engine.energy = energy
         engines[name] = engine, sampled
 
@@ -78,7 +78,7 @@ def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
             # every round starts from the same state, because a specimen without friction collapses
             engine.load(state.replace(scene=engine.state().scene))
             engine.searches.clear()
-            seconds = _seconds_per_step(engine, state, steps, sampled)
+            seconds = seconds_per_step(engine, state, steps, sampled)
             measured[name].append(seconds - sum(engine.searches) / steps)
     progress(1.0, "done")
     lines = [
@@ -95,10 +95,11 @@ def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
     return "\n".join(lines)
 
 
-class _TimedEngine(FusedEngine):
+class TimedEngine(FusedEngine):
     """A FusedEngine that lists the seconds of each neighbour search in `searches`."""
 
     def __init__(self, state: State) -> None:
+        """Load the state."""
         self.searches: list[float] = []
         super().__init__(state)
 
@@ -108,7 +109,8 @@ class _TimedEngine(FusedEngine):
         self.searches.append(time.perf_counter() - begin)
 
 
-def _seconds_per_step(engine: FusedEngine, state: State, steps: int, sampled: bool = False) -> float:
+def seconds_per_step(engine: FusedEngine, state: State, steps: int, sampled: bool = False) -> float:
+    """Measure the seconds per step under shear; `sampled`: with the stress sums of a servo."""
     gradient = velocity_gradient(ConstantVolume().for_scene(state.scene), 1.0, state.time_step)
     begin = time.perf_counter()
     if sampled:
@@ -121,8 +123,8 @@ def _seconds_per_step(engine: FusedEngine, state: State, steps: int, sampled: bo
 
 
 def _search_share(state: State, steps: int) -> Iterator[str]:
-    engine = _TimedEngine(state)
-    total, searches = steps * _seconds_per_step(engine, state, steps), engine.searches
+    engine = TimedEngine(state)
+    total, searches = steps * seconds_per_step(engine, state, steps), engine.searches
     pairs, images = len(engine.packing.slot), len(engine.packing.arrays.owner)
     yield f"neighbour searches: {len(searches)} in {steps} steps, {100 * sum(searches) / total:.1f} % of the time"
     yield f"stored pairs: {pairs} for {len(state.contact_grain)} contacts; images: {images}"
@@ -192,8 +194,8 @@ def sizes(state: State, steps: int, progress: Progress) -> str:
         many = copies(state, times)
         engine = FusedEngine(many)
         count = max(20, round(steps * 10_000 / many.number_of_grains))
-        _seconds_per_step(engine, many, count // 5)
-        seconds = min(_seconds_per_step(engine, many, count) for _ in range(5))
+        seconds_per_step(engine, many, count // 5)
+        seconds = min(seconds_per_step(engine, many, count) for _ in range(5))
         each = 1e9 * seconds / many.number_of_grains
         first = first or each
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

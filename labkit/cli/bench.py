@@ -14,10 +14,10 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("specimen", metavar="SPECIMEN", help="state file")
     parser.add_argument(
         "--what",
-        choices=("engines", "features", "sizes", "threads"),
+        choices=("engines", "features", "laws", "sizes", "threads"),
         default="engines",
-        help="compare engines (default), features of the fused engine by their cost, specimens of several sizes, or "
-        "threads of the fused engine on free and busy cores",
+        help="compare engines (default), features of the fused engine by their cost, contact laws, specimens "
+        "of several sizes, or threads of the fused engine on free and busy cores",
     )
     parser.add_argument(
         "--steps", type=positive_int, default=500, metavar="N", help="steps per measurement (default: 500)"
@@ -49,6 +49,11 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
         from labkit.bench.threads import threads
 
         print(threads(options.specimen, 10 * options.steps, options.rounds, progress))
+        return
+    if options.what == "laws":
+        from labkit.bench.laws import laws
+
+        print(laws(state, options.steps, options.rounds, progress))
         return
     from labkit.bench import kernel
 

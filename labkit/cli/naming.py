@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 from collections.abc import Iterable
 from pathlib import Path as File
 
@@ -34,9 +35,13 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         size,
         f"s{recipe.seed}",
     ]
+    for name in ("aspect", "preparation", "pressure"):
+        value = getattr(recipe, name)
+        if value != getattr(Recipe, name):
+            parts.append(str(value) if name == "preparation" else _part(name, value))
     for name in parameters_of(Scene):
         value = getattr(scene, name)
-        if value != getattr(Scene, name):
+        if value != getattr(Scene, name) and not (name == "mean_diameter" and scene.grading):
             parts.append(_part(name, value))
     return "_".join(parts) + ".state.nc"
 
@@ -66,6 +71,9 @@ def _part(name: str, value: object) -> str:
     """A parameter as part of a file name."""
     if name == "law":
         return str(value)
+    if name == "grading":
+        text = str(value)
+        return f"{text.split()[0]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
     if name == "pressure":
         return f"p{value / 1e3:g}kPa"  # type: ignore[operator]
     return SHORT.get(name, name) + (shown(value).replace(",", "_") if isinstance(value, tuple) else shown(value))

@@ -11,6 +11,8 @@ from collections.abc import Callable
 LABKITS = {
     "specimen": ("simulate", "make a specimen"),
     "consolidate": ("simulate", "consolidate a specimen isotropically to a pressure"),
+    "density": ("density", "measure e_min and e_max of a material, and relative densities"),
+    "twins": ("density", "make a specimen with the same e and p as another, and fewer contacts"),
     "run": ("simulate", "load a specimen along a path"),
     "probe": ("probe", "probe a state with small increments of strain or stress in many directions"),
     "driver": ("driver", "carry out a test file of the Incremental Driver"),
@@ -20,6 +22,7 @@ LABKITS = {
     "figure": ("look", "draw a figure of a run"),
     "picture": ("look", "draw the grains and the force chains in 3D"),
     "paraview": ("look", "write grains, contacts and cell for ParaView"),
+    "grading": ("grading", "compare the size distribution of the grains with the grading of the scene"),
     "watch": ("look", "plot runs in the terminal while they are computed"),
     "export": ("export", "write records or contacts of a run as CSV"),
     "info": ("look", "show the contents and the origin of a file"),

@@ -9,6 +9,7 @@ from typing import cast, overload
 
 import numpy as np
 
+from labkit.dem.grading import Grading, Uniform, read_grading
 from labkit.dem.laws import LAWS, ContactLaw
 from labkit.errors import InputError
 from labkit.parameters import check_parameters, parameter, restored
@@ -37,8 +38,16 @@ class Scene:
     act in parallel, so that a separating pair may be in tension for an instant. Records and stresses contain the spring
     forces, which follow from a State; the work done on the cell includes the dashpots.
 
+    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available
+    only in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
+    `hertz_mindlin_dashpot` has YADE's dashpots instead. `young_modulus` and `poisson_ratio` are then those of the
+    grains. labkit.dem.laws.hertz_mindlin derives their energies.
+
     The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: kn is that of two
     grains of mean diameter whatever their size, so that coarse and fine layers differ only in scale.
+
+    `grading` is a text or a CSV file that describes another size distribution (labkit.dem.grading). `mean_diameter` is
+    then its mean by number, and `diameter_spread` has no effect.
 
     `law` may also be user-defined, see labkit.ContactLaw. Raises InputError for a value outside its physical range.
     """
@@ -49,14 +58,16 @@ class Scene:
     )
     density: float = parameter(2650.0, unit="kg/m3", low=1e-3, high=1e9, help="density rho of the grains")
     young_modulus: float = parameter(0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus E of the contacts")
-    stiffness_ratio: float = parameter(2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt")
+    stiffness_ratio: float = parameter(
+        2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt of the laws with linear springs"
+    )
     friction: float = parameter(0.4, low=0.0, high=10.0, help="friction coefficient mu")
     rolling_friction: float = parameter(0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r")
     rolling_limit_scale: float = parameter(
         1.0, low=0.0, high=10.0, help="factor on the rolling limit of the rolling_resistance law"
     )
     local_damping: float = parameter(
-        0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the rolling_resistance law"
+        0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the laws of YADE without dashpots"
     )
     time_step_factor: float = parameter(
         0.2, low=1e-6, high=10.0, help="time step divided by sqrt(m/kn) of the mean grain"
@@ -64,15 +75,40 @@ class Scene:
     law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
     planar: bool = parameter(False, option=False, help="discs in a plane instead of spheres")
     beta_n: float = parameter(
-        0.2, low=0.0, high=10.0, help="damping ratio of the normal dashpot, with the spring_dashpot law"
+        0.2, low=0.0, high=10.0, help="damping ratio of the normal dashpot, with the laws that have dashpots"
     )
     beta_t: float = parameter(
-        0.2, low=0.0, high=10.0, help="damping ratio of the tangential dashpot, with the spring_dashpot law"
+        0.2, low=0.0, high=10.0, help="damping ratio of the tangential dashpot, with the laws that have dashpots"
+    )
+    poisson_ratio: float = parameter(
+        0.3, low=0.0, high=0.5, help="Poisson's ratio nu of the grains, with the Hertz-Mindlin laws"
+    )
+    grading: str | None = parameter(
+        None,
+        kind=str,
+        help="size distribution, e.g. `lognormal median=0.2mm sigma=0.3 smallest=0.1mm largest=0.5mm`, or uniform, "
+        "rosin_rammler, sieve, or a CSV file of a sieve curve (default: uniform about mean_diameter)",
     )
 
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_parameters(self)
+        if self.grading is None:
+            return
+        grading = read_grading(self.grading)
+        if self.mean_diameter not in (Scene.mean_diameter, grading.mean_diameter):
+            allowed = f"no mean diameter with a grading, which has {grading.mean_diameter:.6g} m"
+            raise InputError(field="mean_diameter", value=self.mean_diameter, allowed=allowed)
+        object.__setattr__(self, "grading", grading.to_text())
+        object.__setattr__(self, "mean_diameter", grading.mean_diameter)
+
+    @property
+    def sizes(self) -> Grading:
+        """The distribution of diameters; for a spread of 0 its width is 1e-9 of the mean."""
+        if self.grading is not None:
+            return read_grading(self.grading)
+        low, high = ((1.0 + s * max(self.diameter_spread, 1e-9)) * self.mean_diameter for s in (-1.0, 1.0))
+        return Uniform(low, high)
 
     @property
     def contact_law(self) -> ContactLaw:
@@ -112,19 +148,38 @@ class Scene:
 
     @property
     def time_unit(self) -> float:
-        """sqrt(m/kn) of two grains of mean diameter, s."""
+        """sqrt(m/kn) of two grains of mean diameter, s. Of a nonlinear law, the tangent at REFERENCE_OVERLAP."""
         radius = self.mean_diameter / 2
-        return float(np.sqrt(self.mass(radius) / self.normal_stiffness(radius, radius)))
+        return self._period(radius, radius)
+
+    def _period(self, radius: float, other: float) -> float:
+        """sqrt(m/kn) of a grain in contact with another, s."""
+        overlap = 4.0 * REFERENCE_OVERLAP * radius * other / (radius + other)
+        kn = self.contact_law.tangents(self, *np.array([radius, other, overlap])).normal
+        return float(np.sqrt(self.mass(radius) / kn))
 
     @property
     def time_step(self) -> float:
-        """Time step of a test, s: `time_step_factor` sqrt(m/kn) (sqrt(1 + zeta^2) - zeta).
+        """Time step of a test, s: `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
 
-        zeta is the damping ratio of the stiffest mode, 0 without dashpots. With the default factor this is 0.55 to 0.6
-        of the stability limit of a dense specimen (labkit.dem.time_step) for both of labkit's laws.
+        T is sqrt(m/kn) of the mean grain, or, in a grading wider than that of Table 1, sqrt(m/kn)/STIFFEST of the
+        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0
+        without dashpots. With the default factor this is 0.5 to 0.7 of the stability limit of a dense specimen
+        (labkit.dem.time_step).
         """
         zeta = self.contact_law.damping_ratio(self)
-        return self.time_step_factor * self.time_unit * (math.sqrt(1.0 + zeta**2) - zeta)
+        period = self.time_unit
+        if not self.planar and self._width > PAPER_RATIO:
+            radii = 0.5 * self.sizes.smallest, 0.5 * self.sizes.largest
+            period = min(period, self._period(*radii) / STIFFEST)
+        return self.time_step_factor * period * (math.sqrt(1.0 + zeta**2) - zeta)
+
+    @property
+    def _width(self) -> float:
+        """Largest divided by smallest diameter."""
+        if self.grading is None:
+            return (1.0 + self.diameter_spread) / (1.0 - self.diameter_spread)
+        return self.sizes.largest / self.sizes.smallest
 
     def with_friction(self, friction: float, rolling_friction: float) -> Scene:
         """A copy of the scene with another (mu, mu_r)."""
@@ -133,6 +188,11 @@ class Scene:
     def to_json(self) -> str:
         """The scene as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
+
+    def identity(self) -> dict[str, object]:
+        """Values that identify the scene, without later parameters at their defaults, which older files lack."""
+        values = dataclasses.asdict(self)
+        return {name: value for name, value in values.items() if name not in LATER or value != getattr(Scene, name)}
 
     @classmethod
     def from_json(cls, text: str) -> Scene:
@@ -148,7 +208,12 @@ class Scene:
             raise InputError(f"not a labkit scene: {error}") from None
 
 
-MADE_WITH = ("mean_diameter", "diameter_spread")  # fixed when the specimen is made; a run cannot change them
+LATER = ("poisson_ratio", "grading")  # parameters added after version 0.1.0
+STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest, over that of the mean, in Table 1's grading
+PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # of the largest to the smallest diameter in Table 1
+REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
+
+MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed when the specimen is made; a run cannot change them
 
 _INSTANCES: dict[type, ContactLaw] = {}
 

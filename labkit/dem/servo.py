@@ -62,7 +62,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     """
     scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
-    kn, kt = scene.normal_stiffness(a, b), scene.tangential_stiffness(a, b)
+    kn, kt, *_ = scene.contact_law.tangents(scene, a, b, contacts.overlap)
     n, length2 = contacts.normal, contacts.branch_length(radius) ** 2
     squared = n**2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared

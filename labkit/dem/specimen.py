@@ -26,9 +26,12 @@ SIDE = 4e-3  # m, of the cube in the paper
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """How to make a specimen in a cube: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
+    """How to make a specimen: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
 
-    The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm.
+    The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A
+    cell with another `aspect` has the base `side` x `side`. `preparation = "insertion"` is that of the paper.
+    `preparation = "compression"` compresses a gas isotropically (labkit.dem.compression), with the friction of step 1,
+    to the void ratio, or to `pressure` if that is given: `void_ratio` then only determines the size.
     Raises InputError for values outside their ranges.
     """
 
@@ -43,6 +46,15 @@ class Recipe:
     grains: int | None = parameter(
         None, low=MINIMUM_GRAINS, high=MAXIMUM_GRAINS, kind=int, help="approximate number of grains, instead of a side"
     )
+    aspect: float = parameter(1.0, low=0.2, high=10.0, help="height of the cell divided by its side")
+    preparation: str = parameter(
+        "insertion",
+        choices=("insertion", "compression"),
+        help="insertion with overlap, or compression of a gas with the friction of step 1",
+    )
+    pressure: float | None = parameter(
+        None, unit="Pa", above=0.0, high=1e12, help="with compression: pressure to reach, instead of the void ratio"
+    )
     seed: int = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
 
     def __post_init__(self) -> None:
@@ -50,15 +62,18 @@ class Recipe:
         check_parameters(self)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
+        if self.pressure is not None and self.preparation != "compression":
+            allowed = "preparation = compression, or no pressure and labkit consolidate afterwards"
+            raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
 
     def side_of(self, scene: Scene) -> float:
-        """Side of the cube for grains of this scene, m. Raises InputError if it would hold too few or too many."""
+        """Side of the base for grains of this scene, m. Raises InputError if it would hold too few or too many."""
         if self.grains is not None:
-            return side_for(self.grains, self.void_ratio, scene)
+            return side_for(self.grains / self.aspect, self.void_ratio, scene)
         side = SIDE if self.side is None else self.side
-        grains = side**3 / (1.0 + self.void_ratio) / mean_grain_volume(scene)
+        grains = side**3 * self.aspect / (1.0 + self.void_ratio) / mean_grain_volume(scene)
         if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
-            low, high = (side_for(n, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
+            low, high = (side_for(n / self.aspect, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
             raise InputError(
                 f"m would hold {grains:.3g} grains",
                 field="side",
@@ -69,7 +84,8 @@ class Recipe:
 
     def expected_grains(self, scene: Scene) -> int:
         """Approximate number of grains."""
-        return self.grains or round(self.side_of(scene) ** 3 / (1.0 + self.void_ratio) / mean_grain_volume(scene))
+        solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.void_ratio)
+        return self.grains or round(solid / mean_grain_volume(scene))
 
     def to_json(self) -> str:
         """The recipe as JSON, for files."""
@@ -98,23 +114,28 @@ RELEASE_UNBALANCED = 0.03
 RELEASE_LIMIT = 500  # stops
 
 
-def side_for(grains: int, void_ratio: float, scene: Scene) -> float:
+def side_for(grains: float, void_ratio: float, scene: Scene) -> float:
     """Side of a cube that holds approximately the given number of grains, m."""
     return float((grains * mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
 
 
 def mean_grain_volume(scene: Scene) -> float:
-    """Mean of pi D^3/6 over the uniform distribution of diameters, m3."""
+    """Mean of pi D^3/6 over the distribution of diameters by number, m3."""
+    if scene.grading is not None:
+        return scene.sizes.mean_volume
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
 
 
 def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii from the uniform distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
+    """Radii from the distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
 
-    Grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
+    See labkit.dem.grading for a scene with a grading. For the uniform distribution about the mean diameter,
+    grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
     up the remainder exactly. These two lie within the distribution for any spread below 0.22; otherwise they are no
     larger than its mean.
     """
+    if scene.grading is not None:
+        return scene.sizes.draw(solid_volume, rng)
     low, high = (0.5 * scene.mean_diameter * (1.0 + s * scene.diameter_spread) for s in (-1.0, 1.0))
     two_largest = 2.0 * 4.0 / 3.0 * np.pi * high**3
     radii, missing = [], solid_volume
@@ -134,10 +155,11 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
     """A State of grains inserted at random with overlap, at exactly the nominal void ratio."""
     side = recipe.side_of(scene)
     rng = np.random.default_rng(recipe.seed)
-    radius = draw_radii(scene, side**3 / (1.0 + recipe.void_ratio), rng)
-    position = rng.random((len(radius), 3)) * side
+    lengths = side * np.array([1.0, 1.0, recipe.aspect])
+    radius = draw_radii(scene, side**3 * recipe.aspect / (1.0 + recipe.void_ratio), rng)
+    position = rng.random((len(radius), 3)) * lengths
     order = spatial_order(position, side, scene.mean_diameter)
-    return grains_in_cell(scene, radius[order], position[order], np.eye(3) * side, recipe.seed)
+    return grains_in_cell(scene, radius[order], position[order], np.diag(lengths), recipe.seed)
 
 
 def make_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
@@ -245,6 +267,7 @@ def summary(state: State) -> dict[str, tuple[float, str]]:
     return {
         "grains": (grains, ""),
         "contacts": (contacts, ""),
+        "mean diameter by number": (2.0 * float(state.radius.mean()), "m"),
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
         "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),

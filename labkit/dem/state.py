@@ -112,7 +112,7 @@ class State:
 
         law: a former name of its contact law, for comparison with files of earlier versions.
         """
-        scene = dataclasses.asdict(self.scene) | ({} if law is None else {"law": law})
+        scene = self.scene.identity() | ({} if law is None else {"law": law})
         digest = hashlib.sha256(json.dumps(scene).encode())
         for name in STATE:
             digest.update(np.ascontiguousarray(getattr(self, name)).tobytes())

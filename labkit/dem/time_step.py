@@ -28,11 +28,10 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
         return np.inf
     scene = state.scene
     a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
-    kn, kt = scene.normal_stiffness(a, b), scene.tangential_stiffness(a, b)
+    kn, kt, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
     kr = scene.rolling_stiffness(a, b) if scene.rolling_friction > 0 else np.zeros_like(kt)
     K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr)
     C = np.zeros_like(K)
-    cn, ct = scene.contact_law.dashpots(scene, a, b)
     if cn.any() or ct.any():
         C = 2.0 * largest_eigenvalues(snapshot, cn, ct, np.zeros_like(kt))
     with np.errstate(divide="ignore"):  # a grain without contacts has no limit

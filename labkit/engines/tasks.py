@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any, ClassVar
 
-from labkit.dem import consolidation, simulation, specimen, stratified
+from labkit.dem import compression, consolidation, simulation, specimen, stratified
 from labkit.dem.engine import Progress, silent
 from labkit.dem.limits import require_pressure
 from labkit.dem.paths import Path, path_of
@@ -90,9 +90,8 @@ class SpecimenTask(Task):
         return self.material
 
     def do(self, progress: Progress) -> State:
-        return self.finished(
-            specimen.make_specimen(self.material, self.recipe, starter(self.engine, self.threads), progress)
-        )
+        make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.make_specimen
+        return self.finished(make(self.material, self.recipe, starter(self.engine, self.threads), progress))
 
     def values(self, folder: File) -> dict[str, Any]:
         return {"recipe": dataclasses.asdict(self.recipe), "scene": dataclasses.asdict(self.material)}

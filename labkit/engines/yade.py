@@ -1,4 +1,4 @@
-"""The reference engine: YADE's rolling-resistance law in a periodic cell. It runs only inside YADE.
+"""The reference engine: YADE's contact laws in a periodic cell. It runs only inside YADE.
 
 The cycle of YADE's engines is rotated so that a time step starts with the motion: Newton, reset, collider, forces.
 Positions, cell, overlaps and forces between two steps then belong to the same instant, and a velocity gradient set
@@ -83,7 +83,8 @@ class YadeEngine(Engine):
         self._add_grains(state)
         gradient = _matrix(state.velocity_gradient)
         omega.cell.updateAttrs({"velGrad": gradient, "prevVelGrad": gradient})
-        newton = NewtonIntegrator(damping=state.scene.local_damping, prevVelGrad=gradient, warnNoForceReset=False)
+        damping = state.scene.contact_law.features(state.scene).damping or 0.0
+        newton = NewtonIntegrator(damping=damping, prevVelGrad=gradient, warnNoForceReset=False)
         forces = [
             ForceResetter(),
             InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-VERLET_DISTANCE),
@@ -91,7 +92,7 @@ class YadeEngine(Engine):
         ]
         omega.engines = [newton, *forces]
         newton.dead = True
-        omega.dt = 0.0  # finds the contacts without motion and without an increment of their history
+        omega.dt = law.loading_step  # finds the contacts without motion and without an increment of their history
         omega.step()
         self._set_history(state)
         omega.forces.f(0, True)  # sums the forces as Newton would: YADE resets only summed forces
@@ -170,7 +171,8 @@ class YadeEngine(Engine):
         """Return the ledger of the loaded state plus the work and losses that YADE has summed since."""
         energies = dict(self._omega.energy.items())
         losses = (energies.get(name, 0.0) for name in (*self._law.losses, "nonviscDamp"))
-        return self._ledger.plus(self._cell_work, *losses)
+        both = (a + b for a, b in zip(losses, self._law.dissipated(), strict=True))
+        return self._ledger.plus(self._cell_work, *both)
 
     def state(self) -> State:
         collecting = gc.isenabled()

@@ -4,9 +4,11 @@ base                interface of a contact law
 vectors             three-component vectors as tuples, for the formulas
 rolling_resistance  rolling-resistance law of YADE
 spring_dashpot      spring-dashpot law of He et al. (Eqs. 1-3)
+springs_in_series   the same with the stiffness of PFC
+hertz_mindlin       Hertz-Mindlin law of YADE; hertz_mindlin_dashpot: with its dashpots
 """
 
-from labkit.dem.laws.base import Contact, ContactLaw, Features, Response
+from labkit.dem.laws.base import Contact, ContactLaw, Features, Response, Tangents
 from labkit.extensions import Registry
 
 LAWS: Registry = Registry(
@@ -14,6 +16,9 @@ LAWS: Registry = Registry(
     {
         "rolling_resistance": "labkit.dem.laws.rolling_resistance:RollingResistance",
         "spring_dashpot": "labkit.dem.laws.spring_dashpot:SpringDashpot",
+        "springs_in_series": "labkit.dem.laws.springs_in_series:SpringsInSeries",
+        "hertz_mindlin": "labkit.dem.laws.hertz_mindlin:HertzMindlin",
+        "hertz_mindlin_dashpot": "labkit.dem.laws.hertz_mindlin_dashpot:HertzMindlinDashpot",
     },
     aliases={"yade": "rolling_resistance", "paper": "spring_dashpot"},  # names of version 0.1.0
 )
@@ -24,4 +29,4 @@ def register_law(kind: type[ContactLaw]) -> type[ContactLaw]:
     return LAWS.register(kind)
 
 
-__all__ = ["LAWS", "Contact", "ContactLaw", "Features", "Response", "register_law"]
+__all__ = ["LAWS", "Contact", "ContactLaw", "Features", "Response", "Tangents", "register_law"]

@@ -71,12 +71,22 @@ class Features(NamedTuple):
     turning: bool | None
 
 
+class Tangents(NamedTuple):
+    """Tangent stiffnesses, N/m, and coefficients of the dashpots, N s/m, of contacts at given overlaps; any shape."""
+
+    normal: np.ndarray
+    tangential: np.ndarray
+    normal_dashpot: np.ndarray
+    tangential_dashpot: np.ndarray
+
+
 class YadeLaw(NamedTuple):
     """A contact law in YADE.
 
     material: function of a radius in m; geometry, physics, law: functors of an InteractionLoop; tangential_force,
     rolling_moment: names of the history variables in the interaction physics; losses: names of the friction and rolling
-    dissipation in YADE's energy tracker.
+    dissipation in YADE's energy tracker; loading_step: time step in s of the two steps that find the contacts of a
+    loaded state; dissipated: friction, rolling and dashpot losses that a functor sums itself, J.
     """
 
     material: Callable[[float], Any]
@@ -85,7 +95,9 @@ class YadeLaw(NamedTuple):
     law: list[Any]
     tangential_force: str
     rolling_moment: str
-    losses: tuple[str, str]
+    losses: tuple[str, str] = ("", "")
+    loading_step: float = 0.0
+    dissipated: Callable[[], tuple[float, float, float]] = lambda: (0.0, 0.0, 0.0)
 
 
 class ContactLaw(abc.ABC):
@@ -101,7 +113,8 @@ class ContactLaw(abc.ABC):
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Normal stiffness kn = (pi/2) E D*, D* = Da Db/(Da + Db) (below Eq. 3), N/m.
 
-        In a planar scene it is that of two grains of mean diameter.
+        In a planar scene it is that of two grains of mean diameter. A law with a nonlinear `spring` returns its
+        coefficient, in the unit that `spring` needs.
         """
         if scene.planar:
             return np.pi / 4 * scene.young_modulus * scene.mean_diameter * np.ones_like(radius_a + radius_b)
@@ -110,6 +123,12 @@ class ContactLaw(abc.ABC):
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Tangential stiffness kt = kn/kappa (below Eq. 3), N/m."""
         return self.normal_stiffness(scene, radius_a, radius_b) / scene.stiffness_ratio
+
+    def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
+        """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo."""
+        kn = self.normal_stiffness(scene, radius_a, radius_b)
+        kt = self.tangential_stiffness(scene, radius_a, radius_b)
+        return Tangents(kn, kt, *self.dashpots(scene, radius_a, radius_b))
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Rolling stiffness kr, N m; zero without a rolling spring."""

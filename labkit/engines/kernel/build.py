@@ -32,9 +32,17 @@ class Kernel(NamedTuple):
     branch_force: Callable[..., Any]
 
 
-@functools.cache
 def kernel_of(law: ContactLaw) -> Kernel:
-    """Return the Kernel of a contact law: compiled at its first call, or read from disk if no source has changed."""
+    """Return the Kernel of a contact law: compiled at its first call, or read from disk if no source has changed.
+
+    Laws that inherit both `pair` and `spring` share the kernel of the law that defines them.
+    """
+    return _compiled_kernel(next(kind for kind in type(law).__mro__ if {"pair", "spring"} & set(vars(kind))))
+
+
+@functools.cache
+def _compiled_kernel(kind: type[ContactLaw]) -> Kernel:
+    law = kind()
     if not law.labkits:
         try_out(law)
     known: dict[Any, Any] = {}

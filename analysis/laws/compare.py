@@ -1,0 +1,84 @@
+"""Hertz-Mindlin against linear contacts: critical values and the error of C0, from the runs of campaign.yaml.
+
+python -m analysis.laws.compare CAMPAIGN_FOLDER writes results/laws/values.csv and comparison.csv.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas
+
+import labkit as lk
+from analysis.intervals import student, welch
+
+RESULTS = Path(__file__).resolve().parents[2] / "results" / "laws"
+WINDOW = 0.2  # axial strain from which values are averaged, to the end
+VALUES = ("M", "Z", "e", "A_zz", "F_zz", "Ft_zz", "Lambda", "p_C0/p - 1", "q_C0/q - 1", "C0 error", "overlap")
+
+
+def axial_deviator(stress: np.ndarray) -> np.ndarray:
+    """q = sigma_zz - (sigma_xx + sigma_yy)/2 of tensors (time, 3, 3)."""
+    return stress[:, 2, 2] - 0.5 * (stress[:, 0, 0] + stress[:, 1, 1])
+
+
+def values(file: Path) -> dict[str, float]:
+    """Means over the records beyond WINDOW of a run."""
+    run = lk.open_run(file)
+    late = run.sel(time=run["axial_strain"].values >= WINDOW)
+    love, c0 = late["stress"].values, late["stress_sff"].values
+    p, p0 = (np.trace(s, axis1=1, axis2=2) / 3.0 for s in (love, c0))
+    q, q0 = axial_deviator(love), axial_deviator(c0)
+    error = np.linalg.norm(c0 - love, axis=(1, 2)) / np.linalg.norm(love, axis=(1, 2))
+    tensors = {"A_zz": "contact_anisotropy", "F_zz": "normal_force_anisotropy", "Ft_zz": "mobilisation"}
+    scalars = {
+        "Z": "coordination_number",
+        "e": "void_ratio",
+        "Lambda": "mean_normalised_force",
+        "overlap": "overlap_ratio",
+    }
+    found = {"M": q / p, "p_C0/p - 1": p0 / p - 1.0, "q_C0/q - 1": q0 / q - 1.0, "C0 error": error}
+    found |= {name: late[variable].values[:, 2, 2] for name, variable in tensors.items()}
+    found |= {name: late[variable].values for name, variable in scalars.items()}
+    return {name: float(np.mean(found[name])) for name in VALUES}
+
+
+def all_values(folder: Path) -> pandas.DataFrame:
+    """One row per complete run: law, density, seed and the values."""
+    rows = []
+    for file in sorted((folder / "runs").glob("cp-*.run.nc")):
+        law, density, seed = file.name.removeprefix("cp-").removesuffix(".run.nc").split("-")
+        if lk.open_run(file).attrs["complete"]:
+            rows.append({"law": law, "density": density, "seed": seed, **values(file)})
+    return pandas.DataFrame(rows)
+
+
+def comparison(table: pandas.DataFrame) -> pandas.DataFrame:
+    """Means with 95 % intervals by law and density, and the differences Hertz-Mindlin minus linear."""
+    rows = []
+    groups = [(density, rows_of) for density, rows_of in table.groupby("density")] + [("all", table)]
+    for density, part in groups:
+        for name in VALUES:
+            a, b = (part.loc[part["law"] == law, name].to_numpy() for law in ("linear", "hertz"))
+            row: dict[str, object] = {"density": density, "value": name}
+            for law, sample in (("linear", a), ("hertz", b)):
+                error = sample.std(ddof=1) / np.sqrt(len(sample)) if len(sample) > 1 else np.nan
+                row |= {law: sample.mean(), f"{law} +-": student(error, len(sample) - 1), f"{law} runs": len(sample)}
+            rows.append({**row, "difference": b.mean() - a.mean(), "difference +-": welch(a, b)})
+    return pandas.DataFrame(rows)
+
+
+def main(folder: str) -> None:
+    """Write both tables."""
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    table = all_values(Path(folder))
+    table.to_csv(RESULTS / "values.csv", index=False, float_format="%.5g")
+    compared = comparison(table)
+    compared.to_csv(RESULTS / "comparison.csv", index=False, float_format="%.4g")
+    print(compared.to_string(index=False, float_format="%.4g"))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,45 @@
+"""Cost of a time step of the fused engine for each contact law, on the same grains."""
+
+from __future__ import annotations
+
+import dataclasses
+import statistics
+
+from labkit.bench.kernel import TimedEngine, seconds_per_step
+from labkit.dem.engine import Progress
+from labkit.dem.laws import LAWS
+from labkit.dem.state import State
+
+HERTZIAN_MODULUS = 32.0  # times that of the linear laws, for about the same overlap at 500 kPa
+
+
+def laws(state: State, steps: int, rounds: int, progress: Progress) -> str:
+    """Tabulate the time per step of every registered law; medians of alternating rounds, without neighbour searches."""
+    engines = {}
+    for name in LAWS:
+        scene = dataclasses.replace(state.scene, law=name)
+        if name.startswith("hertz_mindlin"):
+            scene = dataclasses.replace(scene, young_modulus=HERTZIAN_MODULUS * scene.young_modulus)
+        engines[name] = TimedEngine(state.replace(scene=scene, time_step=min(state.time_step, scene.time_step)))
+    measured: dict[str, list[float]] = {name: [] for name in engines}
+    starts = {name: engine.state() for name, engine in engines.items()}
+    for turn in range(rounds + 1):  # the first round compiles
+        for number, (name, engine) in enumerate(engines.items()):
+            progress((turn * len(engines) + number) / ((rounds + 1) * len(engines)), name)
+            engine.load(starts[name])
+            engine.searches.clear()
+            seconds = seconds_per_step(engine, starts[name], steps)
+            measured[name].append(seconds - sum(engine.searches) / steps)
+    progress(1.0, "done")
+    contacts = len(state.contact_grain)
+    lines = [f"{state.number_of_grains} grains, {contacts} contacts; one thread; medians of {rounds} rounds"]
+    lines.append(f"{'law':<24} {'us/step':>9} {'ns/contact':>11} {'ratio':>7} {'range':>13} {'time step, ns':>14}")
+    base = measured[next(iter(engines))][1:]
+    for name, turns in measured.items():
+        seconds = statistics.median(turns[1:])
+        ratios = [a / b for a, b in zip(turns[1:], base, strict=True)]
+        lines.append(
+            f"{name:<24} {1e6 * seconds:9.1f} {1e9 * seconds / contacts:11.2f} {statistics.median(ratios):7.2f} "
+            f"{min(ratios):6.2f}-{max(ratios):<6.2f} {1e9 * starts[name].scene.time_step:14.1f}"
+        )
+    return "\n".join(lines)

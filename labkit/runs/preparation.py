@@ -1,0 +1,170 @@
+"""Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
+
+Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.dem.compression), for
+e_min without friction, for e_max with friction coefficients of 10, with which contacts neither slide nor roll. The
+grains then come to rest with the friction of the scene. Void ratios are nominal. The limits depend on the protocol:
+state it with every relative density.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from labkit.dem.compression import at_friction
+from labkit.dem.engine import Progress, silent
+from labkit.dem.paths import CyclicConstantMeanStress
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe
+from labkit.dem.state import State
+from labkit.errors import InputError, PhysicsError
+from labkit.micro.fabric import statistics
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.parameters import with_unit
+from labkit.runs.laboratory import consolidate, make_specimen, run
+
+PRESSURE = 100e3  # Pa, of the limits
+GUESS = 0.7  # void ratio that sizes the cells
+LOCKED = 10.0  # friction coefficients for e_max
+TOLERANCE = 0.002  # of a void ratio
+TRIALS = 10  # compressions in the search for a void ratio
+LEAST_GAP = 0.5  # of Z between twins
+AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
+
+
+@dataclasses.dataclass(frozen=True)
+class DensityLimits:
+    """Void ratios e_min and e_max of several specimens, shape (seed,), at a pressure in Pa."""
+
+    e_min: np.ndarray
+    e_max: np.ndarray
+    pressure: float
+
+    def relative_density(self, void_ratio: float) -> float:
+        """(e_max - e)/(e_max - e_min) with the means of both."""
+        low, high = float(self.e_min.mean()), float(self.e_max.mean())
+        return (high - void_ratio) / (high - low)
+
+    def void_ratio(self, relative_density: float) -> float:
+        """Void ratio of a relative density."""
+        low, high = float(self.e_min.mean()), float(self.e_max.mean())
+        return high - relative_density * (high - low)
+
+
+def _recipe(grains: int, seed: int, pressure: float) -> Recipe:
+    held = with_unit(pressure, "Pa")
+    return Recipe(GUESS, grains=grains, seed=seed, preparation="compression", pressure=held)  # type: ignore[arg-type]
+
+
+def density_limits(
+    scene: Scene,
+    grains: int = 1000,
+    seeds: Sequence[int] = (1, 2, 3),
+    pressure: float = PRESSURE,
+    engine: str = "fused",
+    progress: Progress = silent,
+) -> DensityLimits:
+    """e_min and e_max of a material, measured on specimens with these seeds. Raises InputError, PhysicsError."""
+    found: dict[float, list[float]] = {0.0: [], LOCKED: []}
+    for friction, ratios in found.items():
+        for seed in seeds:
+            progress((len(found[0.0]) + len(found[LOCKED])) / (2 * len(seeds)), f"friction {friction:g}, seed {seed}")
+            recipe = at_friction(_recipe(grains, seed, pressure), friction, friction)
+            made = make_specimen(recipe, scene, engine=engine, progress=False)
+            ratios.append(void_ratio_nominal(made.snapshot()))
+    return DensityLimits(np.array(found[0.0]), np.array(found[LOCKED]), pressure)
+
+
+def specimen_at(
+    scene: Scene,
+    void_ratio: float,
+    pressure: float,
+    grains: int = 1000,
+    seed: int = 1,
+    engine: str = "fused",
+    progress: Progress = silent,
+) -> State:
+    """A specimen with this nominal void ratio at this pressure, Pa: finds the friction of step 1 by bisection.
+
+    The friction and rolling friction are equal during the compression. Raises PhysicsError if no friction gives the
+    void ratio within TOLERANCE.
+    """
+    low, high = 0.0, 1.0
+    friction = 0.15
+    for trial in range(TRIALS):
+        recipe = at_friction(_recipe(grains, seed, pressure), friction, friction)
+        made = make_specimen(recipe, scene, engine=engine, progress=False)
+        reached = void_ratio_nominal(made.snapshot())
+        progress(trial / TRIALS, f"friction {friction:.3g}: void ratio {reached:.4f}")
+        if abs(reached - void_ratio) < TOLERANCE:
+            return made
+        low, high = (friction, high) if reached < void_ratio else (low, friction)
+        friction = 0.5 * (low + high)
+    raise PhysicsError(
+        f"no friction gives a void ratio of {void_ratio:.4f} at {pressure:.3g} Pa (the last gave {reached:.4f}): "
+        "choose one between e_min and e_max"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Twins:
+    """Two specimens with the same e and p and different Z; amplitude: of the strain cycle that made the second."""
+
+    first: State
+    second: State
+    amplitude: float
+
+    def differences(self) -> tuple[float, float, float]:
+        """(e, relative p, Z) of the second minus those of the first."""
+        (e1, p1, z1), (e2, p2, z2) = (_described(state.snapshot()) for state in (self.first, self.second))
+        return e2 - e1, p2 / p1 - 1.0, z2 - z1
+
+
+def make_twins(specimen: State, engine: str = "fused", progress: Progress = silent) -> Twins:
+    """Twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
+
+    The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
+    one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
+    until Z has fallen enough. Raises PhysicsError if the void ratio changes too much before that.
+    """
+    pressure = _described(specimen.snapshot())[1]
+    if not pressure > 0.0:
+        raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
+    for number, amplitude in enumerate(AMPLITUDES):
+        progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
+        held = with_unit(pressure, "Pa")
+        path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))  # type: ignore[arg-type]
+        cycled = _after(specimen, path, engine)
+        twins = Twins(specimen, consolidate(cycled, held, engine=engine, progress=False), amplitude)
+        e, p, Z = twins.differences()
+        if abs(e) >= TOLERANCE:
+            raise PhysicsError(
+                f"a cycle of {amplitude:.2%} changes the void ratio by {e:.4f} and Z by only {Z:.2f}: start from a "
+                "specimen compressed without friction"
+            )
+        if abs(Z) >= LEAST_GAP and abs(p) < 0.01:
+            return twins
+    raise PhysicsError(f"Z changed by only {Z:.2f}: start from a specimen compressed without friction")
+
+
+def _after(specimen: State, path: CyclicConstantMeanStress, engine: str) -> State:
+    """The state at the end of a path."""
+    import tempfile
+    from pathlib import Path
+
+    from labkit.dem.recorder import read_checkpoint
+
+    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
+        file = Path(folder) / "cycle.run.nc"
+        run(specimen, path, engine=engine, file=file, progress=False, record_strain=1e-3)
+        return read_checkpoint(file)
+
+
+def _described(snapshot: Snapshot) -> tuple[float, float, float]:
+    """(e, p, Z)."""
+    Z = statistics(snapshot).coordination_number
+    return void_ratio_nominal(snapshot), float(mean_stress(love_stress(snapshot))), float(Z)

@@ -1,0 +1,53 @@
+"""Specimens compressed from a gas, their density limits, and twins of equal e and p."""
+
+import numpy as np
+import pytest
+
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe
+from labkit.errors import InputError
+from labkit.micro.fabric import statistics
+from labkit.micro.stress import love_stress
+from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.runs.laboratory import make_specimen
+from labkit.runs.preparation import LOCKED, DensityLimits, make_twins
+
+
+def compressed(friction, **changes):
+    values = {"void_ratio": 0.7, "grains": 200, "preparation": "compression", "pressure": "300 kPa", **changes}
+    return make_specimen(
+        Recipe(step1_friction=friction, step1_rolling_friction=friction, **values), Scene(), progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def lubricated():
+    return compressed(0.0)
+
+
+def test_friction_during_compression_decides_density_and_coordination(lubricated):
+    loose = compressed(LOCKED)
+    dense, loose = lubricated.snapshot(), loose.snapshot()
+    for snapshot in (dense, loose):
+        np.testing.assert_allclose(np.diag(love_stress(snapshot)), 300e3, rtol=2e-3)
+    limits = DensityLimits(*(np.array([void_ratio_nominal(s)]) for s in (dense, loose)), 300e3)
+    assert limits.e_max - limits.e_min > 0.1
+    assert statistics(dense).coordination_number > 6.0 > statistics(loose).coordination_number + 1.0
+    assert np.isclose(limits.relative_density(limits.void_ratio(0.3)), 0.3)
+
+
+def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
+    state = compressed(0.1, void_ratio=0.6, pressure=None, aspect=3.0)
+    assert np.isclose(void_ratio_nominal(state.snapshot()), 0.6, rtol=1e-6)
+    assert np.isclose(state.cell[2, 2] / state.cell[0, 0], 3.0, rtol=1e-9)
+    assert statistics(state.snapshot()).coordination_number > 4.0
+
+
+def test_twins_have_the_same_void_ratio_and_pressure_and_another_Z(lubricated):
+    e, p, Z = make_twins(lubricated).differences()
+    assert abs(e) < 0.002 and abs(p) < 0.01 and Z < -0.5
+
+
+def test_a_pressure_needs_the_preparation_by_compression():
+    with pytest.raises(InputError, match="preparation = compression"):
+        Recipe(0.67, pressure="300 kPa")
