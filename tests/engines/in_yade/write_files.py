@@ -1,0 +1,25 @@
+"""Loads a script of `labkit export` and writes YADE's own files: a save, a SpherePack, a table, VTK; and its statistics.
+
+write_files.py ROOT OUTPUT.json SCRIPT FOLDER
+"""
+
+import json
+import os
+import sys
+
+import numpy as np
+from yade import export, pack, utils
+
+root, output, script, folder = sys.argv[1:5]
+exec(open(script).read())  # its names are those of YADE
+contacts = [contact for contact in O.interactions if contact.isReal]
+result = {"stress": (-np.array(utils.getStress())).tolist(), "contacts": len(contacts)}
+O.save(f"{folder}/saved.yade.gz")
+spheres = pack.SpherePack()
+spheres.fromSimulation()
+spheres.save(f"{folder}/packed.txt")
+export.text(f"{folder}/exported.txt")
+with open(output, "w") as handle:
+    json.dump(result, handle)
+VTKRecorder(fileName=f"{folder}/", recorders=["spheres", "intr"])()
+os._exit(0)  # this YADE ends with a segmentation fault after VTK files
