@@ -10,11 +10,13 @@ from labkit.exchange.pairs import widths
 from labkit.micro.void_ratio import grain_volume
 
 SAME_PLACE = 1e-6  # of the mean diameter: two grains this close are one grain listed twice
-DEEP = 0.1  # mean overlap over mean diameter: five times labkit's limit of soft contacts
+DEEP = 0.05  # mean overlap over mean diameter, above labkit's limit of 0.02: worth a note
+TOO_DEEP = 0.25  # mean overlap over mean diameter: no contact law means this
 DENSE = 0.15  # void ratio below which grains overlap too much for any packing of spheres
 THIN = 3.0  # void ratio of touching grains above which sizes are probably too small
 DIFFERENT = 0.2  # relative difference between overlaps of a file and of its grains
 MANY = 0.5  # share of contacts above which a mistake is certain rather than local
+BALANCED = 0.5  # ratio of the resultant forces on grains below which the other sign of tangential forces is right
 TENSE = 0.2  # share of overlapping contacts in tension above which the sign or the columns are wrong
 SIZES = (1e-6, 1.0)  # m: likely mean diameters of soil and of its models
 
@@ -55,7 +57,8 @@ def check_grains(
     ratio = overlap.mean() / diameter if len(overlap) else 0.0
     if ratio > DEEP or e < DENSE:
         text = f"the mean overlap is {ratio:.0%} of the diameter and the void ratio {e:.2f}"
-        found.append(Finding(f"{text}: are the sizes diameters, not radii? is --box right?", True))
+        serious = bool(ratio > TOO_DEEP or e < DENSE)
+        found.append(Finding(f"{text}: are the sizes diameters, not radii? is --box right?", serious))
     elif not len(overlap) and e > THIN:
         found.append(Finding(f"no grains touch and the void ratio is {e:.1f}: are the sizes radii, not diameters?"))
     return found
@@ -70,7 +73,8 @@ def check_contacts(
     if apart.any():
         gap = -overlap[apart].mean() / diameter
         text = f"{apart.mean():.1%} of the listed contacts are between grains that do not touch, {gap:.1%} of D apart"
-        found.append(Finding(f"{text}: are sizes, units and box right?", bool(apart.mean() > MANY)))
+        question = "are sizes, units, box and the numbers of the grains right?"
+        found.append(Finding(f"{text}: {question}", bool(apart.mean() > MANY)))
     if listed is not None and len(overlap) and np.isfinite(listed).all():
         size = np.abs(listed).mean()
         if size > 0.0 and np.abs(overlap - listed).mean() > DIFFERENT * size:
@@ -100,6 +104,25 @@ def check_missing(
     text = f"{int(missing.sum())} of {int(deep.sum())} overlapping pairs of grains are not in the contact list"
     where = f", {across} of them across faces of the box" if across else ""
     return [Finding(f"{text}{where}: Z and stress are too low", bool(missing.mean() > MANY))]
+
+
+def check_balance(
+    grain: np.ndarray, normal: np.ndarray, normal_force: np.ndarray, tangential_force: np.ndarray, grains: int
+) -> list[Finding]:
+    """A finding if the forces on grains balance much better with the tangential forces (n, 3) reversed.
+
+    normal (n, 3), normal_force (n,): as in Contacts; at rest, the resultant force on each grain is zero.
+    """
+    resultant = []
+    for sign in (1.0, -1.0):
+        force = sign * tangential_force - normal_force[:, None] * normal
+        total = np.zeros((grains, 3))
+        np.add.at(total, grain[:, 0], force)
+        np.add.at(total, grain[:, 1], -force)
+        resultant.append(float(np.linalg.norm(total, axis=1).sum()))
+    if resultant[1] >= BALANCED * resultant[0]:
+        return []
+    return [Finding("the forces on grains balance only if tangential forces act on the other grain: is --force-on right?")]
 
 
 def _outside(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Finding]:

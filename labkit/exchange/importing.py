@@ -14,7 +14,7 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import State, grains_in_cell
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
-from labkit.exchange.checks import Finding, check_contacts, check_grains, check_missing
+from labkit.exchange.checks import Finding, check_balance, check_contacts, check_grains, check_missing
 from labkit.exchange.formats import FORMATS, format_of
 from labkit.exchange.packing import ContactList, Packing
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
@@ -110,16 +110,19 @@ def imported(packing: Packing, first_id: int | None = None) -> Imported:
     branch = branch_vectors(position, cell, grain, own)
     distance = np.linalg.norm(branch, axis=1)
     depth = radius[grain].sum(axis=1) - distance
-    normal, tangential = _forces(contacts, rows, branch / distance[:, None])
+    direction = branch / distance[:, None]
+    normal, tangential = _forces(contacts, rows, direction)
     kept = (depth > 0.0) if normal is None else (normal != 0.0) | (depth > 0.0)
     if not kept.all():
         notes.append(f"{int((~kept).sum())} listed pairs neither touch nor carry a force: they are left out")
     diameter = 2.0 * float(radius.mean())
     listed = None if contacts.overlap is None else contacts.overlap[rows][kept]
-    grain, own, depth, tangential = grain[kept], own[kept], depth[kept], tangential[kept]
+    grain, own, depth, tangential, direction = (v[kept] for v in (grain, own, depth, tangential, direction))
     normal = None if normal is None else normal[kept]
     findings += [Finding(note) for note in notes]
     findings += check_contacts(grain, depth, listed, normal, diameter)
+    if normal is not None:
+        findings += check_balance(grain, direction, normal, tangential, len(radius))
     findings += check_missing(grain, pairs, shift, overlap, diameter)
     grain, own, normal, tangential = _sorted(grain, own, normal, tangential)
     return Imported(radius, position, cell, grain, own, normal, tangential, True, tuple(findings))

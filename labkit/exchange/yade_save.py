@@ -50,7 +50,7 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
             positive=COMPRESSION,
             tangential_force=saved["shear_force"].reshape(-1, 3),
             acts_on=SECOND,
-            overlap=saved["overlap"],
+            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # not saved by every YADE
         )
     cell = saved["cell"] if saved["cell"].size else None
     packing = Packing(

@@ -4,7 +4,6 @@ write_files.py ROOT OUTPUT.json SCRIPT FOLDER
 """
 
 import json
-import os
 import sys
 
 import numpy as np
@@ -19,7 +18,8 @@ spheres = pack.SpherePack()
 spheres.fromSimulation()
 spheres.save(f"{folder}/packed.txt")
 export.text(f"{folder}/exported.txt")
+vtk = export.VTKExporter(f"{folder}/vtk")
+vtk.exportSpheres(what={"radius": "b.shape.radius"})
+vtk.exportInteractions(what={"id1": "i.id1", "id2": "i.id2", "fn": "i.phys.normalForce.dot(i.geom.normal)", "shear_force": "i.phys.shearForce"})
 with open(output, "w") as handle:
     json.dump(result, handle)
-VTKRecorder(fileName=f"{folder}/", recorders=["spheres", "intr"])()
-os._exit(0)  # this YADE ends with a segmentation fault after VTK files
