@@ -61,9 +61,9 @@ DESCRIPTIONS = {
         "  --force-unit N --force-sign compression -o mine.state.nc",
     ),
     "export": (
-        "Writes the records of a run, or the contacts or grains of one snapshot or of a state file, as CSV with the unit "
-        "of each column in the header; or grains and contacts in the format of another program, chosen by the ending "
-        "of the file name.",
+        "Writes the records of a run, or the contacts or grains of one snapshot or of a state file, as CSV with the "
+        "unit of each column in the header; or grains and contacts in the format of another program, chosen by the "
+        "ending of the file name.",
         "labkit export r.run.nc -o r.csv\nlabkit export r.run.nc --snapshot -1 --table grains\n"
         "labkit export s.state.nc -o s.data         # LAMMPS\nlabkit export s.state.nc -o s.vtkhdf       # ON-DEM\n"
         "labkit export s.state.nc -o load_s.py      # a script for YADE\nlabkit export r.run.nc -o r.zarr",

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from labkit.errors import InputError, option_name
-from labkit.exchange.packing import COMPRESSION, DIAMETER, FIRST, RADIUS, SECOND, TENSION, Packing
-from labkit.parameters import parameter
+from labkit.exchange.packing import COMPRESSION, DIAMETER, FIRST, RADIUS, SECOND, TENSION, ContactList, Packing
+from labkit.parameters import check_parameters, parameter
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
@@ -56,11 +56,12 @@ class Answers:
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        from labkit.parameters import check_parameters
-
         check_parameters(self)
         self.cell()
-        for value, units, field in ((self.length_unit, LENGTHS, "length_unit"), (self.force_unit, FORCES, "force_unit")):
+        for value, units, field in (
+            (self.length_unit, LENGTHS, "length_unit"),
+            (self.force_unit, FORCES, "force_unit"),
+        ):
             if value is not None:
                 unit_of(value, units, field)
 
@@ -118,7 +119,7 @@ class Answers:
             force_unit=1.0,
         )
 
-    def _contacts(self, contacts, newton: float, metre: float):
+    def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
         """Contacts in N and m, with compression positive and vectors on the first grain."""
         normal, tangential, force = contacts.normal_force, contacts.tangential_force, contacts.force
         if normal is not None:

@@ -52,7 +52,9 @@ def check_grains(
     distance = radius[grain].sum(axis=1) - overlap
     same = int((distance < SAME_PLACE * diameter).sum())
     if same:
-        found.append(Finding(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True))
+        found.append(
+            Finding(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True)
+        )
     e = np.linalg.det(cell) / grain_volume(radius) - 1.0
     ratio = overlap.mean() / diameter if len(overlap) else 0.0
     if ratio > DEEP or e < DENSE:
@@ -122,7 +124,9 @@ def check_balance(
         resultant.append(float(np.linalg.norm(total, axis=1).sum()))
     if resultant[1] >= BALANCED * resultant[0]:
         return []
-    return [Finding("the forces on grains balance only if tangential forces act on the other grain: is --force-on right?")]
+    return [
+        Finding("the forces on grains balance only if tangential forces act on the other grain: is --force-on right?")
+    ]
 
 
 def _outside(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Finding]:

@@ -81,7 +81,9 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
     path = Path(file)
     found = format_of(path, format)
     if not found.reads:
-        raise InputError(f"{path} is a {found.name} file without grains: give a file of grains, and this with --contacts")
+        raise InputError(
+            f"{path} is a {found.name} file without grains: give a file of grains, and this with --contacts"
+        )
     packing = found.read(path, given)
     if not len(packing):
         raise InputError(f"{path} has no grains: give another file")
@@ -150,7 +152,9 @@ def _require_finite(packing: Packing, file: Path) -> None:
         raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
 
 
-def _grains_of(contacts: ContactList, packing: Packing, first_id: int | None) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def _grains_of(
+    contacts: ContactList, packing: Packing, first_id: int | None
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """(rows of the list, grain (n, 2) by number, notes), without contacts with other bodies and second listings."""
     identity, notes = packing.id, []
     if identity is None:
@@ -243,8 +247,6 @@ def require_sane(findings: Sequence[Finding], accept: bool) -> None:
     serious = [str(finding) for finding in findings if finding.serious]
     if serious and not accept:
         raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")
-
-
 
 
 def state_of(snapshot: Snapshot) -> State:

@@ -104,7 +104,8 @@ def box_of(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
 def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(cell, rotation): the cell rotated so that its first vector is along x and its second in the x-y plane.
 
-    LAMMPS knows only such cells, with tilts of at most half an edge. With the QR decomposition H = Q R, the rotated cell is R with a positive diagonal.
+    LAMMPS knows only such cells, with tilts of at most half an edge. With the QR decomposition H = Q R, the rotated
+    cell is R with a positive diagonal.
     """
     orthogonal, upper = np.linalg.qr(cell)
     sign = np.where(np.diag(upper) < 0.0, -1.0, 1.0)

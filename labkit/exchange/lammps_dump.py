@@ -45,9 +45,9 @@ class LammpsDump(Format):
         values = frame.values
         for scaled in SCALED:
             if set(scaled) <= set(names) and not {"x", "xu"} & set(names):
-                columns = [names.index(name) for name in scaled]
+                places = [names.index(name) for name in scaled]
                 values = values.copy()
-                values[:, columns] = values[:, columns] @ frame.cell.T + frame.origin
+                values[:, places] = values[:, places] @ frame.cell.T + frame.origin
                 names = ["xyz"[scaled.index(name)] if name in scaled else name for name in names]
         if {"x", "xu"} <= set(names):
             names = ["-" if name in ("xu", "yu", "zu") else name for name in names]
@@ -117,10 +117,10 @@ def _parsed(lines: list[str], first: int) -> Frame:
             cell, origin = box_of(words[3:], rows)
             flags, at = " ".join(word for word in words[3:] if len(word) == 2 and set(word) <= set("pfsm")), at + 4
         elif words[1] in ("ATOMS", "ENTRIES"):
-            rows = [line.split() for line in lines[at + 1 : at + 1 + count]]
+            words_of = [line.split() for line in lines[at + 1 : at + 1 + count]]
             names = tuple(words[2:])
-            number = [k for k, name in enumerate(names) if all(_is_number(row[k]) for row in rows[:1])]
-            values = np.array([[float(row[k]) for k in number] for row in rows]).reshape(count, len(number))
+            number = [k for k, name in enumerate(names) if all(_is_number(row[k]) for row in words_of[:1])]
+            values = np.array([[float(row[k]) for k in number] for row in words_of]).reshape(count, len(number))
             return Frame(step, cell, origin, flags, tuple(names[k] for k in number), values)
         else:  # ITEM: UNITS, TIME and others
             at += 2

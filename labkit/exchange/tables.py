@@ -49,9 +49,7 @@ class Table(Format):
         header, values = rows_of(file)
         names = names_of(answers.columns) or header or (BARE if values.shape[1] == len(BARE) else None)
         if names is None:
-            raise InputError(
-                f"{file} has {values.shape[1]} columns without names: give --columns, e.g. x,y,z,radius,-"
-            )
+            raise InputError(f"{file} has {values.shape[1]} columns without names: give --columns, e.g. x,y,z,radius,-")
         columns, spelled = chosen(names, values, {**GRAIN, "size": ("size",)}, file)
         position, size, size_is, identity = grains_from(columns, file)
         return Packing(position, size, size_is, identity, length_unit=grain_units(spelled))
@@ -61,7 +59,7 @@ class Table(Format):
         names = names_of(answers.contact_columns) or header
         if names is None:
             raise InputError(f"{file} does not name its columns: give --contact-columns, e.g. id1,id2,fx,fy,fz")
-        columns, spelled = chosen(names, values, CONTACT, file)
+        columns, _ = chosen(names, values, CONTACT, file)
         return contacts_from(columns, file)
 
 

@@ -29,7 +29,11 @@ class ZarrStore(Format):
     def write(self, state: State, file: Path) -> None:
         """Writes the variables and attributes of a state file."""
         variables = {
-            name: (variable.dimensions, getattr(state, name), {"units": variable.units, "long_name": variable.long_name})
+            name: (
+                variable.dimensions,
+                getattr(state, name),
+                {"units": variable.units, "long_name": variable.long_name},
+            )
             for name, variable in STATE.items()
         }
         attributes = {name: getattr(state, name) for name in ATTRIBUTES}

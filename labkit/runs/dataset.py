@@ -41,7 +41,7 @@ def tree_accessor(tree: xr.DataTree) -> Lab:
     """
     if not {"contacts", "grains"} <= set(tree.children):
         raise InputError("this tree is not a labkit run: open a run file, or use labkit.open_state for a state file")
-    parts = [tree.to_dataset(inherit=False), *(tree[name].to_dataset(inherit=False) for name in ("contacts", "grains"))]
+    parts = [each.to_dataset(inherit=False) for each in (tree, tree.children["contacts"], tree.children["grains"])]
     return _joined(parts).lab
 
 

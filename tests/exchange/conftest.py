@@ -86,4 +86,3 @@ def lammps_files(straight, tmp_path_factory):
     assert done.returncode == 0, done.stdout + done.stderr
     last = [line.split() for line in done.stdout.splitlines() if line.split()[:1] == ["100"]][-1]
     return folder, np.array([float(word) for word in last[1:]])
-

@@ -66,7 +66,7 @@ def of_state(state):
 
 
 def test_tables_of_a_sheared_state_agree_with_numpy(sheared, tmp_path, labkit_command):
-    """In millimetres and newtons, shuffled, counted from 1, with compression negative and forces on the second grain."""
+    """In mm and N, shuffled, counted from 1, with compression negative and forces on the second grain."""
     rng = np.random.default_rng(1)
     contacts = sheared.snapshot().contacts
     order = rng.permutation(sheared.number_of_grains)
@@ -113,7 +113,7 @@ def test_vtk_files_of_yade_agree_with_numpy(straight, yade_files):
 
 @pytest.mark.parametrize("grains", ["grains.dump", "scaled.dump", "final.data"])
 def test_contacts_of_lammps_agree_with_its_virial(lammps_files, grains):
-    """In a triclinic box, of which LAMMPS dumps the bounding box. The virial has the upper triangle of Love's stress."""
+    """In a triclinic box, of which LAMMPS dumps the bounding box. The virial is the upper triangle of Love's stress."""
     folder, virial = lammps_files
     snapshot = import_snapshot(
         folder / grains,

@@ -20,7 +20,9 @@ CHECKER = os.environ.get("LABKIT_CF_CHECKER") or shutil.which("compliance-checke
 def files(tmp_path_factory):
     """A state file and a run file."""
     folder = tmp_path_factory.mktemp("cf")
-    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), lk.Scene(), file=folder / "s.state.nc", progress=False)
+    state = lk.make_specimen(
+        lk.Recipe(void_ratio=0.67, grains=100), lk.Scene(), file=folder / "s.state.nc", progress=False
+    )
     run = lk.run(state, lk.paths.ConstantVolume(strain=0.001), file=folder / "r.run.nc", progress=False)
     run.data.close()
     return folder / "s.state.nc", folder / "r.run.nc"

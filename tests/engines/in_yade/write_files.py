@@ -1,4 +1,4 @@
-"""Loads a script of `labkit export` and writes YADE's own files: a save, a SpherePack, a table, VTK; and its statistics.
+"""Loads a script of `labkit export`; writes its stress, and YADE's own files: a save, a SpherePack, a table, VTK.
 
 write_files.py ROOT OUTPUT.json SCRIPT FOLDER
 """
@@ -20,6 +20,13 @@ spheres.save(f"{folder}/packed.txt")
 export.text(f"{folder}/exported.txt")
 vtk = export.VTKExporter(f"{folder}/vtk")
 vtk.exportSpheres(what={"radius": "b.shape.radius"})
-vtk.exportInteractions(what={"id1": "i.id1", "id2": "i.id2", "fn": "i.phys.normalForce.dot(i.geom.normal)", "shear_force": "i.phys.shearForce"})
+vtk.exportInteractions(
+    what={
+        "id1": "i.id1",
+        "id2": "i.id2",
+        "fn": "i.phys.normalForce.dot(i.geom.normal)",
+        "shear_force": "i.phys.shearForce",
+    }
+)
 with open(output, "w") as handle:
     json.dump(result, handle)
