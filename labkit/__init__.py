@@ -55,6 +55,8 @@ _NAMES = {
     "mean_stress": "micro.stress",
     "deviatoric_stress": "micro.stress",
     "verify": "runs.verify",
+    "import_state": "exchange.importing",
+    "import_snapshot": "exchange.importing",
     "critical_states": "runs.critical",
     "calibrate": "model.calibration",
     # packages
@@ -62,6 +64,7 @@ _NAMES = {
     "sff": "sff:",
     "model": "model:",
     "visuals": "visuals:",
+    "exchange": "exchange:",
     # extensions
     "parameter": "parameters",
     "use": "extensions",
@@ -70,6 +73,7 @@ _NAMES = {
     "register_engine": "engines",
     "register_statistic": "dem.recorded",
     "register_figure": "runs.figures",
+    "register_format": "exchange.formats",
     # exceptions
     "InputError": "errors",
     "PhysicsError": "errors",

@@ -65,9 +65,26 @@ DESCRIPTIONS = {
         "Plots runs in the terminal, again and again, while they are computed. Writes no file. Stop it with Ctrl-C.",
         "labkit watch *.run.nc",
     ),
+    "import": (
+        "Reads grains, and contacts if there are any, from a file of another program. What the file does not say (box, "
+        "units, radii or diameters, sign of forces) is asked for. Checks the grains, and writes them as a state file "
+        "at rest; normal forces follow from the overlaps and the contact law.",
+        "labkit import pack.txt --length-unit m -o mine.state.nc\n"
+        "labkit import grains.csv --contacts contacts.csv --box 4,4,4 --length-unit mm --size radius \\\n"
+        "  --force-unit N --force-sign compression -o mine.state.nc",
+    ),
     "export": (
-        "Writes the records of a run, or the contacts of one snapshot, as CSV. The header has the unit of each column.",
-        "labkit export r.run.nc -o r.csv\nlabkit export r.run.nc --snapshot -1",
+        "Writes the records of a run, or the contacts or grains of one snapshot or of a state file, as CSV with the "
+        "unit of each column in the header; or grains and contacts in the format of another program, chosen by the "
+        "ending of the file name.",
+        "labkit export r.run.nc -o r.csv\nlabkit export r.run.nc --snapshot -1 --table grains\n"
+        "labkit export s.state.nc -o s.data         # LAMMPS\nlabkit export s.state.nc -o s.vtkhdf       # ON-DEM\n"
+        "labkit export s.state.nc -o load_s.py      # a script for YADE\nlabkit export r.run.nc -o r.zarr",
+    ),
+    "statistics": (
+        "Computes Z, A, Lambda, F, F^t, Love's stress and C0 from the grains and contact forces in a file of labkit or "
+        "of another program. Prints them. Options and checks are those of `labkit import`.",
+        "labkit statistics grains.dump --contacts contacts.local --contact-columns id1,id2,-,fx,fy,fz,- --json s.json",
     ),
     "info": (
         "Prints the contents of a state, run or probes file, and how it was made: command, versions, computer, inputs.",

@@ -12,9 +12,9 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io.files import labkit_kind, open_netcdf
-from labkit.io.schema import RECORD
+from labkit.io.schema import CF_TIME, RECORD
 from labkit.micro.snapshot import Snapshot
-from labkit.runs.accessor import with_axes
+from labkit.runs.accessor import Lab, with_axes
 
 
 def open_run(path: str | os.PathLike) -> xr.Dataset:
@@ -28,8 +28,37 @@ def open_run(path: str | os.PathLike) -> xr.Dataset:
     """
     with open_netcdf(path, "run") as dataset:
         _require_scene(path, dataset.scene)
-    parts = [xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")]
-    run = xr.merge(parts, compat="no_conflicts", join="exact", combine_attrs="override")
+    run = _joined([xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")])
+    run.encoding["source"] = str(path)
+    return run
+
+
+@xr.register_datatree_accessor("lab")
+def tree_accessor(tree: xr.DataTree) -> Lab:
+    """The accessor `.lab` of a run file opened with xarray.open_datatree. Raises InputError for any other tree.
+
+    It is registered when this module is imported.
+    """
+    if not {"contacts", "grains"} <= set(tree.children):
+        raise InputError("this tree is not a labkit run: open a run file, or use labkit.open_state for a state file")
+    parts = [each.to_dataset(inherit=False) for each in (tree, tree.children["contacts"], tree.children["grains"])]
+    return _joined(parts).lab
+
+
+def _in_seconds(part: xr.Dataset) -> xr.Dataset:
+    """The Dataset with the time in s since the start of the path, also if xarray decoded it as dates, in ns."""
+    if "time" not in part:
+        return part
+    time = part["time"].values
+    if time.dtype.kind == "M":
+        time = (time - np.datetime64(CF_TIME["units"].split()[2])) / np.timedelta64(1, "s")
+    attributes = {"units": RECORD["time"].units, "long_name": RECORD["time"].long_name}
+    return part.assign_coords(time=("time", time, attributes))
+
+
+def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
+    """One Dataset made from the root, the contacts and the grains of a run file."""
+    run = xr.merge([_in_seconds(part) for part in parts], compat="no_conflicts", join="exact", combine_attrs="override")
     starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
     run = run.assign_coords(
         row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),
@@ -43,9 +72,7 @@ def open_run(path: str | os.PathLike) -> xr.Dataset:
             shape = [run.sizes[dimension] for dimension in variable.dimensions]
             known = {"units": variable.units, "long_name": variable.long_name}
             run[variable.name] = (variable.dimensions, np.full(shape, np.nan), known)
-    run = with_axes(run.set_coords(["time", "axial_strain"]))
-    run.encoding["source"] = str(path)
-    return run
+    return with_axes(run.set_coords(["time", "axial_strain"]))
 
 
 def _require_scene(path: str | os.PathLike, text: str) -> None:

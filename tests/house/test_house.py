@@ -24,6 +24,7 @@ LAYERS = (
     ("dem",),
     ("engines",),
     ("runs",),
+    ("exchange",),
     ("model",),
     ("incremental",),
     ("campaign",),

@@ -1,0 +1,176 @@
+"""Answers: what the user says about a file because the file itself does not."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from labkit.errors import InputError, option_name
+from labkit.exchange.packing import COMPRESSION, DIAMETER, FIRST, RADIUS, SECOND, TENSION, ContactList, Packing
+from labkit.parameters import check_parameters, parameter
+
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # name -> m
+FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
+UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
+
+
+@dataclasses.dataclass(frozen=True)
+class Answers:
+    """What a file does not say; None if it was not asked. Raises InputError for a value that cannot be read."""
+
+    box: str | None = parameter(
+        None,
+        kind=str,
+        help="periodic box in the length unit of the file: the side of a cube, three lengths, or the nine components "
+        "of the matrix whose columns are the cell vectors, row by row; separated by commas",
+    )
+    length_unit: str | None = parameter(None, kind=str, help="length unit of the file, e.g. m, mm or '0.17 mm'")
+    force_unit: str | None = parameter(None, kind=str, help="force unit of the file, e.g. N or mN")
+    size: str | None = parameter(
+        None, kind=str, choices=(RADIUS, DIAMETER), help="meaning of the size of a grain in the file"
+    )
+    diameter: str | None = parameter(
+        None, kind=str, help="diameter of all grains, in the length unit of the file, if the file gives no sizes"
+    )
+    force_sign: str | None = parameter(
+        None, kind=str, choices=(COMPRESSION, TENSION), help="sign for which a normal force in the file is positive"
+    )
+    force_on: str | None = parameter(
+        None, kind=str, choices=(FIRST, SECOND), help="grain of a contact on which the force vectors in the file act"
+    )
+    first_id: int | None = parameter(
+        None, kind=int, low=0, high=1, help="number of the first grain in a contact list, if grains have no ids"
+    )
+    columns: str | None = parameter(
+        None, kind=str, help="columns of the grains, if the file does not name them, e.g. x,y,z,radius; - skips one"
+    )
+    contact_columns: str | None = parameter(
+        None, kind=str, help="columns of the contacts, if their file does not name them, e.g. id1,id2,fx,fy,fz"
+    )
+    frame: int | None = parameter(
+        None, kind=int, low=-(10**9), high=10**9, help="number of the frame in a file with several (default: the last)"
+    )
+
+    def __post_init__(self) -> None:
+        """Check every parameter."""
+        check_parameters(self)
+        self.cell()
+        for value, units, field in (
+            (self.length_unit, LENGTHS, "length_unit"),
+            (self.force_unit, FORCES, "force_unit"),
+        ):
+            if value is not None:
+                unit_of(value, units, field)
+
+    def cell(self) -> np.ndarray | None:
+        """The periodic box as a matrix (3, 3), None if it was not given."""
+        if self.box is None:
+            return None
+        try:
+            values = [float(part) for part in self.box.strip("()[] ").split(",")]
+        except ValueError:
+            values = []
+        if len(values) == 1:
+            values = values * 3
+        if len(values) not in (3, 9) or not np.isfinite(values).all():
+            raise InputError("is not a box", field="box", value=self.box, allowed="1, 3 or 9 numbers", quoted=True)
+        cell = np.diag(values) if len(values) == 3 else np.reshape(values, (3, 3))
+        if not np.linalg.det(cell) > 0.0:
+            raise InputError("has no volume", field="box", value=self.box, allowed="a right-handed box", quoted=True)
+        return cell
+
+    def applied(self, packing: Packing) -> Packing:
+        """The packing with these answers, in m, N and radii. Raises InputError for the first question left open."""
+        cell = self.cell()
+        cell = packing.cell if cell is None else cell
+        if packing.size is None and self.diameter is not None:
+            sizes = np.full(len(packing), _number(self.diameter, "diameter"))
+            packing = dataclasses.replace(packing, size=sizes, size_is=DIAMETER)
+        contacts = packing.contacts
+        _require(cell, "box", "the file has no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file")
+        _require(packing.size, "diameter", "the file gives no grain sizes", "the diameter of the grains")
+        size_is = packing.size_is or self.size
+        _require(size_is, "size", "the file does not say whether sizes are radii or diameters", "radius or diameter")
+        metre = packing.length_unit
+        if self.length_unit is not None:
+            metre = unit_of(self.length_unit, LENGTHS, "length_unit")
+        _require(metre, "length_unit", "the file has no length unit", f"one of {', '.join(LENGTHS)}, or e.g. '0.17 mm'")
+        assert packing.size is not None and cell is not None and metre is not None
+        radius = packing.size * metre * (0.5 if size_is == DIAMETER else 1.0)
+        if contacts is not None:
+            newton = packing.force_unit
+            if self.force_unit is not None:
+                newton = unit_of(self.force_unit, FORCES, "force_unit")
+            if contacts.has_forces:
+                _require(newton, "force_unit", "the file has no force unit", f"one of {', '.join(FORCES)}")
+            contacts = self._contacts(contacts, newton or 1.0, metre)
+        return dataclasses.replace(
+            packing,
+            position=packing.position * metre,
+            size=radius,
+            size_is=RADIUS,
+            cell=cell * metre,
+            origin=None if packing.origin is None else packing.origin * metre,
+            contacts=contacts,
+            length_unit=1.0,
+            force_unit=1.0,
+        )
+
+    def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
+        """Contacts in N and m, with compression positive and vectors on the first grain."""
+        normal, tangential, force = contacts.normal_force, contacts.tangential_force, contacts.force
+        if normal is not None:
+            positive = contacts.positive or self.force_sign
+            _require(
+                positive, "force_sign", "the file does not say which normal force is positive", "compression or tension"
+            )
+            normal = normal * newton * (1.0 if positive == COMPRESSION else -1.0)
+        acts_on = contacts.acts_on or self.force_on
+        if tangential is not None or force is not None:
+            _require(acts_on, "force_on", "the file does not say on which grain the forces act", "first or second")
+        sign = newton * (1.0 if acts_on == FIRST else -1.0)
+        return dataclasses.replace(
+            contacts,
+            normal_force=normal,
+            positive=COMPRESSION,
+            tangential_force=None if tangential is None else tangential * sign,
+            force=None if force is None else force * sign,
+            acts_on=FIRST,
+            overlap=None if contacts.overlap is None else contacts.overlap * metre,
+        )
+
+
+def unit_of(text: str, units: dict[str, float], field: str) -> float:
+    """Size in SI units of a unit such as `mm` or `0.17 mm`. Raises InputError."""
+    match = UNIT.fullmatch(text)
+    if match is None or match[2] not in units:
+        allowed = f"one of {', '.join(units)}, with or without a number"
+        raise InputError("is not a unit", field=field, value=text, allowed=allowed, quoted=True)
+    size = float(match[1] or 1.0) * units[match[2]]
+    if not size > 0.0:
+        raise InputError("is not positive", field=field, value=text, allowed="a positive unit", quoted=True)
+    return size
+
+
+def names_of(columns: str | None) -> Sequence[str] | None:
+    """The names in a list of columns given by the user."""
+    return None if columns is None else [name.strip() for name in columns.split(",")]
+
+
+def _number(text: str, field: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not value > 0.0:
+        raise InputError("is not a length", field=field, value=text, allowed="a positive number", quoted=True)
+    return value
+
+
+def _require(value: object, field: str, problem: str, allowed: str) -> None:
+    """Raises InputError with the question if the value is unknown."""
+    if value is None:
+        raise InputError(f"{problem}: give {option_name(field)}, {allowed}")

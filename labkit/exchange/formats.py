@@ -1,0 +1,164 @@
+"""The interface of a file format and the registry of formats, to which users can add their own.
+
+A format is one subclass of Format in one file. It reads what a file says and nothing else: what the file leaves open
+stays None in the Packing and is asked of the user (labkit.exchange.answers).
+"""
+
+from __future__ import annotations
+
+import abc
+import gzip
+import importlib
+import types
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from labkit.errors import InputError
+from labkit.exchange.answers import Answers
+from labkit.exchange.packing import ContactList, Packing
+from labkit.extensions import Registry
+from labkit.io.extras import install_command
+
+if TYPE_CHECKING:
+    from labkit.dem.state import State
+
+HEAD = 4096  # bytes from which a format is recognised
+
+
+class Format(abc.ABC):
+    """A file format. name: by which it is chosen; endings: of its file names, e.g. `.dump`; description: for the help.
+
+    A subclass implements `read`, `read_contacts` or `write`, or several of them.
+    """
+
+    name: ClassVar[str]
+    description: ClassVar[str] = ""
+    endings: ClassVar[tuple[str, ...]] = ()
+
+    @abc.abstractmethod
+    def recognises(self, file: Path, head: str) -> bool:
+        """True if a file has this format. head: its first characters, after decompression."""
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        """The grains of a file, with its contacts if it has any. Raises InputError for a damaged file."""
+        raise InputError(f"{file}: labkit does not read grains from {self.name} files")
+
+    def read_contacts(self, file: Path, answers: Answers) -> ContactList:
+        """The contacts of a file that holds contacts only. Raises InputError for a damaged file."""
+        raise InputError(f"{file}: labkit does not read contact lists from {self.name} files")
+
+    def write(self, state: State, file: Path) -> None:
+        """Writes the grains and contacts of a State."""
+        raise InputError(f"{file}: labkit does not write {self.name} files")
+
+    @property
+    def reads(self) -> bool:
+        """True if the format holds grains that labkit reads."""
+        return type(self).read is not Format.read
+
+    @property
+    def reads_contacts(self) -> bool:
+        """True if the format holds lists of contacts that labkit reads."""
+        return type(self).read_contacts is not Format.read_contacts
+
+    @property
+    def writes(self) -> bool:
+        """True if labkit writes the format."""
+        return type(self).write is not Format.write
+
+
+# In the order in which a file is compared with them; a table is whatever else is text.
+FORMATS: Registry = Registry(
+    "file format",
+    {
+        "sphere_pack": "labkit.exchange.sphere_pack:SpherePack",
+        "yade_save": "labkit.exchange.yade_save:YadeSave",
+        "yade_script": "labkit.exchange.yade_script:YadeScript",
+        "lammps_data": "labkit.exchange.lammps_data:LammpsData",
+        "lammps_dump": "labkit.exchange.lammps_dump:LammpsDump",
+        "lammps_local": "labkit.exchange.lammps_dump:LammpsLocal",
+        "mercury": "labkit.exchange.mercury:MercuryRestart",
+        "ondem": "labkit.exchange.ondem:OnDem",
+        "vtk": "labkit.exchange.vtk:Vtk",
+        "numpy": "labkit.exchange.numpy_arrays:NumpyArrays",
+        "zarr": "labkit.exchange.zarr_store:ZarrStore",
+        "table": "labkit.exchange.tables:Table",
+    },
+)
+
+
+def register_format(kind: type[Format]) -> type[Format]:
+    """Registers a subclass of Format under its `name` and returns it; a decorator."""
+    return FORMATS.register(kind)
+
+
+def format_of(file: Path, name: str | None = None) -> Format:
+    """The format of a file, recognised from its content, or the one named. Raises InputError if there is none."""
+    if name is not None:
+        return FORMATS.require(name, "format")()
+    if not file.exists():
+        raise InputError(f"{file} does not exist: give a file of grains or contacts")
+    head = head_of(file)
+    order = sorted(FORMATS, key=lambda known: known == "table")  # formats of the user come before it
+    for known in order:
+        found: Format = FORMATS[known]()
+        if found.recognises(file, head):
+            return found
+    raise InputError(
+        f"{file} has no format that labkit recognises: give --format, one of {', '.join(FORMATS)}, or a file of "
+        "columns x y z radius"
+    )
+
+
+def format_to_write(file: Path, name: str | None) -> Format:
+    """The format to write, named or chosen by the ending of the file name. Raises InputError."""
+    writers = {known: FORMATS[known]() for known in FORMATS}
+    writers = {known: found for known, found in writers.items() if found.writes}
+    if name is not None:
+        if name not in writers:
+            raise InputError(
+                "cannot be written", field="format", value=name, allowed=f"one of {', '.join(writers)}", quoted=True
+            )
+        return writers[name]
+    for found in writers.values():
+        if file.name.lower().endswith(found.endings):
+            return found
+    endings = ", ".join(ending for found in writers.values() for ending in found.endings)
+    raise InputError(f"{file} has an unknown file extension: use one of {endings}, or give --format")
+
+
+def head_of(file: Path) -> str:
+    """The first characters of a file, after decompression; empty for a folder."""
+    if file.is_dir():
+        return ""
+    with open_maybe_compressed(file) as handle:
+        return handle.read(HEAD).decode("utf-8", "replace")
+
+
+def open_maybe_compressed(file: Path) -> Any:
+    """The file, or its content if it is compressed with gzip, open for reading bytes."""
+    with open(file, "rb") as handle:
+        compressed = handle.read(2) == b"\x1f\x8b"
+    return gzip.open(file, "rb") if compressed else open(file, "rb")
+
+
+def text_of(file: Path) -> str:
+    """The whole text of a file, after decompression. Raises InputError if it is not text."""
+    with open_maybe_compressed(file) as handle:
+        try:
+            return handle.read().decode("utf-8")
+        except (UnicodeDecodeError, OSError, EOFError) as error:
+            raise InputError(f"{file} is not text ({error}): give another file or another --format") from None
+
+
+def require_library(name: str, what: str) -> types.ModuleType:
+    """An optional library. Raises InputError with the command that installs it. what: e.g. `ON-DEM files`."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise InputError(f"{what} need {name.split('.')[0]}: {install_command('formats')}") from None
+
+
+def damaged(file: Path, problem: object) -> InputError:
+    """The InputError for a file that cannot be read."""
+    return InputError(f"{file} is damaged or of an unknown version ({problem}): give another file")

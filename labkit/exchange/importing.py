@@ -1,0 +1,271 @@
+"""Import: from a file of another program to grains in SI units, a Snapshot with its own forces, or a State."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from labkit.dem.scene import Scene
+from labkit.dem.state import State, grains_in_cell
+from labkit.errors import InputError
+from labkit.exchange.answers import Answers
+from labkit.exchange.checks import Finding, check_balance, check_contacts, check_grains, check_missing
+from labkit.exchange.formats import FORMATS, format_of
+from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.pairs import nearest_shift, overlapping_pairs
+from labkit.exchange.tables import Table, contact_table_units
+from labkit.io.provenance import provenance
+from labkit.micro.contacts import branch_vectors
+from labkit.micro.snapshot import Snapshot
+
+Name = str | os.PathLike[str]
+MADE_FROM = ("mean_diameter", "diameter_spread")  # of the scene: taken from the grains
+
+
+@dataclasses.dataclass(frozen=True)
+class Imported:
+    """Grains and contacts of a file in SI units, and what is unlikely about them.
+
+    radius (grain,), position (grain, 3), cell (3, 3); grain (n, 2) and shift (n, 3) of the contacts, those of the list
+    or, without one (`listed` False), all overlapping pairs; normal_force (n,), None if the file has no forces;
+    tangential_force (n, 3) on the first grain, zero if the file has none; findings.
+    """
+
+    radius: np.ndarray
+    position: np.ndarray
+    cell: np.ndarray
+    grain: np.ndarray
+    shift: np.ndarray
+    normal_force: np.ndarray | None
+    tangential_force: np.ndarray
+    listed: bool
+    findings: tuple[Finding, ...]
+
+    def scene(self, scene: Scene) -> Scene:
+        """The scene with the mean and the spread of these grains' diameters.
+
+        The spread is that of the uniform distribution with the same standard deviation, at most 0.9.
+        """
+        spread = min(float(np.sqrt(3.0) * self.radius.std() / self.radius.mean()), 0.9)
+        return dataclasses.replace(scene, mean_diameter=2.0 * float(self.radius.mean()), diameter_spread=spread)
+
+    def state(self, scene: Scene) -> State:
+        """A State at rest. Its normal forces follow from the overlaps and the contact law of the scene."""
+        scene = self.scene(scene)
+        state = grains_in_cell(scene, self.radius, self.position, self.cell)
+        zero = np.zeros_like(self.tangential_force)
+        state = state.replace(contact_grain=self.grain, contact_shift=self.shift, rolling_moment=zero)
+        return state.replace(tangential_force=self.tangential_force)
+
+    def snapshot(self, scene: Scene) -> Snapshot:
+        """A Snapshot with the forces of the file; without them, the normal forces of the law of the scene."""
+        snapshot = self.state(scene).snapshot()
+        if self.normal_force is None:
+            return snapshot
+        contacts = dataclasses.replace(snapshot.contacts, normal_force=self.normal_force)
+        return dataclasses.replace(snapshot, contacts=contacts)
+
+
+def read(file: Name, contacts: Name | None = None, format: str | None = None, **answers: Any) -> Imported:
+    """Grains and contacts of a file.
+
+    contacts: a file that lists the contacts, if `file` does not; format: its format, by default recognised; answers:
+    the fields of labkit.exchange.answers.Answers. Raises InputError if the file leaves a question open.
+    """
+    given = Answers(**answers)
+    path = Path(file)
+    found = format_of(path, format)
+    if not found.reads:
+        raise InputError(
+            f"{path} is a {found.name} file without grains: give a file of grains, and this with --contacts"
+        )
+    packing = found.read(path, given)
+    if not len(packing):
+        raise InputError(f"{path} has no grains: give another file")
+    if contacts is not None:
+        packing = _with_contacts(packing, Path(contacts), given)
+    packing = given.applied(packing)
+    _require_finite(packing, path)
+    return imported(packing, given.first_id)
+
+
+def imported(packing: Packing, first_id: int | None = None) -> Imported:
+    """The grains and contacts of a packing in SI units (see Answers.applied), with the findings of all checks."""
+    position, radius, cell = packing.position, packing.size, packing.cell
+    assert radius is not None and cell is not None
+    pairs, shift, overlap = overlapping_pairs(position, radius, cell)
+    findings = [Finding(note) for note in packing.notes]
+    findings += check_grains(position, radius, cell, packing.origin, overlap, pairs)
+    if packing.origin is not None:
+        position = position - packing.origin
+    contacts = packing.contacts
+    if contacts is None:
+        zero = np.zeros((len(pairs), 3))
+        return Imported(radius, position, cell, pairs, shift, None, zero, False, tuple(findings))
+    rows, grain, notes = _grains_of(contacts, packing, first_id)
+    own = nearest_shift(position, cell, grain)
+    branch = branch_vectors(position, cell, grain, own)
+    distance = np.linalg.norm(branch, axis=1)
+    depth = radius[grain].sum(axis=1) - distance
+    direction = branch / distance[:, None]
+    normal, tangential = _forces(contacts, rows, direction)
+    kept = (depth > 0.0) if normal is None else (normal != 0.0) | (depth > 0.0)
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} listed pairs neither touch nor carry a force: they are left out")
+    diameter = 2.0 * float(radius.mean())
+    listed = None if contacts.overlap is None else contacts.overlap[rows][kept]
+    grain, own, depth, tangential, direction = (v[kept] for v in (grain, own, depth, tangential, direction))
+    normal = None if normal is None else normal[kept]
+    findings += [Finding(note) for note in notes]
+    findings += check_contacts(grain, depth, listed, normal, diameter)
+    if normal is not None:
+        findings += check_balance(grain, direction, normal, tangential, len(radius))
+    findings += check_missing(grain, pairs, shift, overlap, diameter)
+    grain, own, normal, tangential = _sorted(grain, own, normal, tangential)
+    return Imported(radius, position, cell, grain, own, normal, tangential, True, tuple(findings))
+
+
+def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
+    """The packing with the contacts of another file."""
+    found = format_of(file)
+    if not found.reads_contacts:
+        names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
+        raise InputError(f"{file} is a {found.name} file without a contact list: give a file of {names}")
+    contacts = found.read_contacts(file, answers)
+    newton = contact_table_units(file) if isinstance(found, Table) else None
+    return dataclasses.replace(packing, contacts=contacts, force_unit=newton or packing.force_unit)
+
+
+def _require_finite(packing: Packing, file: Path) -> None:
+    assert packing.size is not None
+    for name, values in (("positions", packing.position), ("sizes", packing.size)):
+        if not np.isfinite(values).all():
+            raise InputError(f"{file} has {name} that are not numbers: repair the file")
+    if not (packing.size > 0.0).all():
+        raise InputError(f"{file} has sizes that are not positive: repair the file")
+    if packing.id is not None and len(np.unique(packing.id)) < len(packing):
+        raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
+
+
+def _grains_of(
+    contacts: ContactList, packing: Packing, first_id: int | None
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """(rows of the list, grain (n, 2) by number, notes), without contacts with other bodies and second listings."""
+    identity, notes = packing.id, []
+    if identity is None:
+        first = _first_id(contacts.grain, len(packing)) if first_id is None else first_id
+        identity = np.arange(first, first + len(packing))
+    order = np.argsort(identity)
+    place = np.searchsorted(identity[order], contacts.grain).clip(0, len(order) - 1)
+    known = (identity[order][place] == contacts.grain).all(axis=1)
+    if not known.any() and len(known):
+        raise InputError("the contact list names no grain of the file of grains: do the two files belong together?")
+    if not known.all():
+        notes.append(f"{int((~known).sum())} contacts with bodies that are not among the grains are left out")
+    rows = np.flatnonzero(known)
+    grain = order[place[rows]]
+    _, unique = np.unique(np.sort(grain, axis=1), axis=0, return_index=True)
+    if len(unique) < len(rows):
+        notes.append(f"{len(rows) - len(unique)} contacts are listed twice: the first of each is used")
+        unique.sort()
+        rows, grain = rows[unique], grain[unique]
+    return rows, grain, notes
+
+
+def _first_id(grain: np.ndarray, grains: int) -> int:
+    """Number of the first grain: 0 or 1 if the list proves it. Raises InputError otherwise."""
+    if (grain == 0).any():
+        return 0
+    if (grain == grains).any():
+        return 1
+    raise InputError("the contact list may count grains from 0 or from 1: give --first-id, 0 or 1")
+
+
+def _forces(contacts: ContactList, rows: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+    """(normal force (n,) or None, tangential force on the first grain (n, 3)). The whole force is ft - fn n."""
+    if contacts.force is not None:
+        force = contacts.force[rows]
+        size = -np.einsum("ci,ci->c", force, normal)
+        return size, force + size[:, None] * normal
+    tangential = np.zeros((len(rows), 3)) if contacts.tangential_force is None else contacts.tangential_force[rows]
+    return None if contacts.normal_force is None else contacts.normal_force[rows], tangential
+
+
+def _sorted(
+    grain: np.ndarray, shift: np.ndarray, normal: np.ndarray | None, tangential: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray]:
+    """Contacts whose first grain has the lower number, sorted, as engines keep them."""
+    swap = (grain[:, 0] > grain[:, 1])[:, None]
+    shift, tangential = np.where(swap, -shift, shift), np.where(swap, -tangential, tangential)
+    grain = np.sort(grain, axis=1)
+    order = np.lexsort((grain[:, 1], grain[:, 0]))
+    normal = None if normal is None else normal[order]
+    return grain[order].astype(np.int32), shift[order].astype(np.int32), normal, tangential[order]
+
+
+def import_state(
+    file: Name,
+    scene: Scene | None = None,
+    contacts: Name | None = None,
+    format: str | None = None,
+    accept: bool = False,
+    **answers: Any,
+) -> State:
+    """A State at rest made from a file of another program; the sizes of the scene become those of the grains.
+
+    accept: True to make the State in spite of serious findings; answers: what the file does not say, the fields of
+    labkit.exchange.answers.Answers. Raises InputError for an open question or a serious finding.
+    """
+    found = read(file, contacts, format, **answers)
+    require_sane(found.findings, accept)
+    state = found.state(scene or Scene())
+    inputs = [name for name in (file, contacts) if name is not None]
+    return state.replace(provenance=provenance(None, inputs), engine="import")
+
+
+def import_snapshot(
+    file: Name,
+    scene: Scene | None = None,
+    contacts: Name | None = None,
+    format: str | None = None,
+    accept: bool = False,
+    **answers: Any,
+) -> Snapshot:
+    """A Snapshot with the contact forces of a file of another program. Arguments and errors as for `import_state`."""
+    found = read(file, contacts, format, **answers)
+    require_sane(found.findings, accept)
+    return found.snapshot(scene or Scene())
+
+
+def require_sane(findings: Sequence[Finding], accept: bool) -> None:
+    """Raises InputError for serious findings unless they are accepted."""
+    serious = [str(finding) for finding in findings if finding.serious]
+    if serious and not accept:
+        raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")
+
+
+def state_of(snapshot: Snapshot) -> State:
+    """A State with the grains and contacts of a snapshot, e.g. of a run file; grains at rest if it has no velocities.
+
+    Raises ValueError if the snapshot has no positions.
+    """
+    if snapshot.position is None:
+        raise ValueError("this snapshot has no grain positions")
+    contacts = snapshot.contacts
+    branch = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
+    straight = snapshot.position[contacts.grain[:, 1]] - snapshot.position[contacts.grain[:, 0]]
+    shift = np.rint(np.linalg.solve(snapshot.cell, (branch - straight).T).T).astype(np.int32)
+    state = grains_in_cell(cast(Scene, snapshot.scene), snapshot.radius, snapshot.position, snapshot.cell)
+    return state.replace(
+        contact_grain=contacts.grain.astype(np.int32),
+        contact_shift=shift,
+        tangential_force=contacts.tangential_force,
+        rolling_moment=contacts.rolling_moment,
+        velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
+        time=snapshot.time,
+    )

@@ -1,0 +1,92 @@
+"""Restart files of MercuryDPM (version 0.11 and later): grains, periodic or Lees-Edwards boundaries, interactions."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from labkit.exchange.answers import Answers
+from labkit.exchange.formats import Format, damaged, text_of
+from labkit.exchange.packing import FIRST, RADIUS, ContactList, Packing
+
+DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")
+NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")
+
+
+class MercuryRestart(Format):
+    """A restart file. Its sizes are radii; the force of an interaction acts on the first of its two particles."""
+
+    name = "mercury"
+    description = "restart file of MercuryDPM"
+    endings = (".restart",)
+
+    def recognises(self, file: Path, head: str) -> bool:
+        return head.startswith("MercuryDPM") or ("restartFile" in head and "Species" in head)
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        lines = text_of(file).splitlines()
+        try:
+            particles = [line.split() for line in section(lines, "Particles")]
+            interactions = [line.split() for line in section(lines, "Interactions")]
+            position = np.array([after(words, "position", 3) for words in particles])
+            radius = np.array([after(words, "radius", 1)[0] for words in particles])
+            identity = np.array([int(after(words, "id", 1)[0]) for words in particles])
+            cell, origin, notes = box_of(lines)
+            pairs = [words for words in interactions if "particleIds" in words]
+            grains = np.array([after(words, "particleIds", 2) for words in pairs], dtype=np.int64).reshape(-1, 2)
+            force = np.array([after(words, "force", 3) for words in pairs]).reshape(-1, 3)
+        except (ValueError, IndexError) as error:
+            raise damaged(file, error) from None
+        contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
+        packing = Packing(position, radius, RADIUS, identity, cell, origin, contacts)
+        walls = len(interactions) - len(pairs)
+        return packing.noting(*notes, *([f"{walls} contacts with walls are left out"] if walls else []))
+
+
+def section(lines: list[str], name: str) -> list[str]:
+    """The lines of a section, whose first line is its name and their number; empty if it is missing."""
+    for number, line in enumerate(lines):
+        words = line.split()
+        if len(words) == 2 and words[0] == name:
+            return lines[number + 1 : number + 1 + int(words[1])]
+    return []
+
+
+def after(words: list[str], name: str, count: int) -> list[float]:
+    """The `count` numbers after a name. Raises ValueError if the name is missing."""
+    first = words.index(name) + 1
+    return [float(word) for word in words[first : first + count]]
+
+
+def box_of(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, list[str]]:
+    """(cell, origin, notes) from the domain and the boundaries; the cell is None if a direction is not periodic."""
+    text = "\n".join(lines[:30])
+    domain = DOMAIN.search(text)
+    low, high = np.zeros(3), np.zeros(3)
+    if domain is not None:
+        values = np.array([float(word) for word in domain.groups()])
+        low, high = values[0::2].copy(), values[1::2].copy()
+    elif (new := NEW_DOMAIN.search(text)) is not None:
+        values = np.array([float(word) for word in new.groups()])
+        low, high = values[:3].copy(), values[3:].copy()
+    tilt, periodic = 0.0, [False, False, False]
+    for words in (line.split() for line in section(lines, "Boundaries")):
+        if words[0] == "PeriodicBoundary":
+            normal = np.array(after(words, "normal", 3))
+            axis = int(np.argmax(np.abs(normal)))
+            low[axis], high[axis] = after(words, "distanceLeft", 1)[0], after(words, "distanceRight", 1)[0]
+            periodic[axis] = True
+        elif words[0] == "LeesEdwardsBoundary":
+            low[0], high[0] = after(words, "left", 1)[0], after(words, "right", 1)[0]
+            low[1], high[1] = after(words, "down", 1)[0], after(words, "up", 1)[0]
+            width = high[0] - low[0]
+            tilt = (after(words, "shift", 1)[0] + 0.5 * width) % width - 0.5 * width
+            periodic[0] = periodic[1] = True
+    if not all(periodic):
+        axes = ", ".join(axis for axis, known in zip("xyz", periodic, strict=True) if not known)
+        return None, None, [f"the domain is not periodic in {axes}: the box given must be wide enough there"]
+    cell = np.diag(high - low)
+    cell[0, 1] = tilt
+    return cell, low, []

@@ -1,0 +1,194 @@
+"""ON-DEM files (COST action 22132, working group 3): VTKHDF with the groups ONDEM/Scene, Bodies and Interactions.
+
+The grains are the points of /VTKHDF, with radius and body_id in PointData. The schema counts normal forces positive in
+traction, but its own exporter for YADE writes compression positive, and it does not say on which body a shear force
+acts: labkit writes both as attributes (`positive`, `acts_on`) and asks for them if a file of another program lacks
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.state import State
+from labkit.exchange.answers import Answers
+from labkit.exchange.formats import Format, damaged, require_library
+from labkit.exchange.packing import FIRST, RADIUS, TENSION, ContactList, Packing
+from labkit.io.files import whole_file
+
+WHAT = "ON-DEM files"
+SIGNATURE = "\x89HDF"
+LENGTHS = {"meter": 1.0, "metre": 1.0, "m": 1.0, "centimeter": 1e-2, "millimeter": 1e-3, "micrometer": 1e-6}
+MASSES = {"kilogram": 1.0, "kg": 1.0, "gram": 1e-3, "tonne": 1e3}
+TIMES = {"second": 1.0, "s": 1.0, "millisecond": 1e-3, "microsecond": 1e-6}
+
+
+class OnDem(Format):
+    """An ON-DEM file. Its periodic box, `periodic_box` of the schema, is `shape` in ONDEM/ImposedConditions."""
+
+    name = "ondem"
+    description = "ON-DEM file (VTKHDF)"
+    endings = (".vtkhdf",)
+
+    def recognises(self, file: Path, head: str) -> bool:
+        return file.suffix == ".vtkhdf" or (file.suffix in (".h5", ".hdf", ".hdf5") and "HDF" in head[:8])
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        h5py = require_library("h5py", WHAT)
+        try:
+            with h5py.File(file) as data:
+                return _packing(data)
+        except (KeyError, OSError, ValueError) as error:
+            raise damaged(file, error) from None
+
+    def write(self, state: State, file: Path) -> None:
+        """Writes grains, periodic box, material and contacts in SI units; normal forces positive in traction."""
+        h5py = require_library("h5py", WHAT)
+        with whole_file(file) as temporary, h5py.File(temporary, "w") as data:
+            _write_points(data, state)
+            scene = data.create_group("ONDEM/Scene")
+            scene.attrs["time"], scene.attrs["timestep"] = state.time, state.time_step
+            scene["gravity"] = np.zeros(3)
+            scene["units"] = np.array(["second", "meter", "kilogram"], dtype="S8")
+            material = data.create_group("ONDEM/Materials/0")
+            material["id"], material["density"] = 0, state.scene.density
+            material["young"], material["friction_coefficient"] = state.scene.young_modulus, state.scene.friction
+            box = data.create_group("ONDEM/ImposedConditions/periodic_box")
+            box["shape"], box["velocity_gradient"] = state.cell, state.velocity_gradient
+            _write_contacts(data.create_group("ONDEM/Interactions"), state)
+
+
+def _packing(data: Any) -> Packing:
+    points = data["VTKHDF/PointData"]
+    position = np.array(data["VTKHDF/Points"], dtype=float)
+    radius = np.array(points["radius"], dtype=float) if "radius" in points else None
+    identity = np.array(points["body_id"], dtype=np.int64) if "body_id" in points else None
+    notes = []
+    if radius is not None and (~(radius > 0.0)).any():  # bodies of other shapes are points too
+        kept = radius > 0.0
+        notes.append(f"{int((~kept).sum())} bodies that are not spheres are left out")
+        position, radius = position[kept], radius[kept]
+        identity = None if identity is None else identity[kept]
+    if "clump_id" in points and (clumped := int((np.array(points["clump_id"]) >= 0).sum())):
+        notes.append(f"{clumped} grains are parts of clumps: they become separate grains")
+    metre, newton = _units(data)
+    box = next((data[name] for name in _groups(data, "periodic_box")), None)
+    cell = None if box is None else np.array(box["shape"], dtype=float)
+    origin = None if cell is None else np.zeros(3)
+    contacts = _contacts([data["ONDEM/Interactions"]] if "ONDEM/Interactions" in data else [])
+    packing = Packing(
+        position,
+        radius,
+        None if radius is None else RADIUS,
+        identity,
+        cell,
+        origin,
+        contacts,
+        metre,
+        newton,
+    )
+    return packing.noting(*notes)
+
+
+def _groups(data: Any, name: str) -> list[str]:
+    """Names of all groups that end in `name`."""
+    found: list[str] = []
+    data.visit(lambda path: found.append(path) if path.split("/")[-1] == name else None)
+    return found
+
+
+def _units(data: Any) -> tuple[float | None, float | None]:
+    """(length in m, force in N) from ONDEM/Scene: the names of the units of time, length and mass."""
+    scene = data["ONDEM/Scene"] if "ONDEM/Scene" in data else {}
+    given = scene["units"][:] if "units" in scene else getattr(scene, "attrs", {}).get("units", ())
+    names = [(name.decode() if isinstance(name, bytes) else str(name)).lower() for name in given]
+    if len(names) != 3:
+        return None, None
+    second, metre, kilogram = TIMES.get(names[0]), LENGTHS.get(names[1]), MASSES.get(names[2])
+    if second is None or metre is None or kilogram is None:
+        return metre, None
+    return metre, kilogram * metre / second**2
+
+
+def _contacts(groups: list[Any]) -> ContactList | None:
+    """The contacts of ONDEM/Interactions, or of its subgroups by contact law, in which case they are joined."""
+    tables = [table for group in groups for table in _tables(group)]
+    if not tables:
+        return None
+    joined = {name: np.concatenate([table[name] for table in tables]) for name in set.intersection(*map(set, tables))}
+    if "virtual" in joined:
+        real = joined["virtual"] == 0
+        joined = {name: values[real] for name, values in joined.items()}
+    first = next(iter(_leaves(groups[0])))
+    normal = first["normal_force"] if "normal_force" in first else None
+    shear = first["shear_force"] if "shear_force" in first else None
+    return ContactList(
+        grain=np.stack([joined["id1"], joined["id2"]], axis=1).astype(np.int64),
+        normal_force=joined.get("normal_force"),
+        positive=_attribute(normal, "positive"),
+        tangential_force=joined.get("shear_force"),
+        acts_on=_attribute(shear, "acts_on"),
+        overlap=joined.get("overlap"),
+    )
+
+
+def _leaves(group: Any) -> Iterator[Any]:
+    if "id1" in group:
+        yield group
+    for name in group:
+        if hasattr(group[name], "keys"):
+            yield from _leaves(group[name])
+
+
+def _tables(group: Any) -> Iterator[dict[str, np.ndarray]]:
+    used = ("id1", "id2", "normal_force", "shear_force", "overlap", "virtual")
+    for leaf in _leaves(group):
+        yield {name: np.array(leaf[name]) for name in used if name in leaf}
+
+
+def _attribute(values: Any, name: str) -> str | None:
+    return None if values is None or name not in values.attrs else str(values.attrs[name])
+
+
+def _write_points(data: Any, state: State) -> None:
+    grains, scene = state.number_of_grains, state.scene
+    vtk = data.create_group("VTKHDF")
+    vtk.attrs.create("Type", np.bytes_("PolyData"))
+    vtk.attrs.create("Version", np.array([2, 0], dtype=np.int64))
+    vtk["Points"], vtk["NumberOfPoints"] = state.position, np.array([grains], dtype=np.int64)
+    for name in ("Verts", "Lines", "Polygons", "Strips"):
+        cells = grains if name == "Verts" else 0
+        vtk[f"{name}/NumberOfCells"] = vtk[f"{name}/NumberOfConnectivityIds"] = np.array([cells], dtype=np.int64)
+        vtk[f"{name}/Offsets"] = np.arange(cells + 1, dtype=np.int64)
+        vtk[f"{name}/Connectivity"] = np.arange(cells, dtype=np.int64)
+    inertia = scene.moment_of_inertia(state.radius)
+    values = {
+        "body_id": np.arange(grains, dtype=np.int32),
+        "material_id": np.zeros(grains, dtype=np.int32),
+        "clump_id": np.full(grains, -1, dtype=np.int32),
+        "position": state.position,
+        "velocity": state.velocity,
+        "angular_velocity": state.angular_velocity,
+        "orientation": np.tile([0.0, 0.0, 0.0, 1.0], (grains, 1)),
+        "mass": scene.mass(state.radius),
+        "inertia": inertia[:, None] * np.eye(3).ravel(),
+        "volume": 4.0 / 3.0 * np.pi * state.radius**3,
+        "radius": state.radius,
+    }
+    for name, array in values.items():
+        vtk[f"PointData/{name}"] = array
+
+
+def _write_contacts(group: Any, state: State) -> None:
+    contacts = state.snapshot().contacts
+    group.attrs["count"] = len(contacts)
+    group["id1"], group["id2"] = contacts.grain[:, 0].astype(np.int32), contacts.grain[:, 1].astype(np.int32)
+    group["normal"], group["overlap"] = contacts.normal, contacts.overlap
+    group["normal_force"], group["shear_force"] = -contacts.normal_force, contacts.tangential_force
+    group["virtual"] = np.zeros(len(contacts), dtype=np.int8)
+    group["normal_force"].attrs["positive"] = TENSION
+    group["shear_force"].attrs["acts_on"] = FIRST

@@ -1,0 +1,62 @@
+"""Pairs of overlapping grains in a periodic cell, and the periodic image of a grain that is closest to another."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
+
+
+def widths(cell: np.ndarray) -> np.ndarray:
+    """Distances between opposite faces of a cell (3, 3), shape (3,)."""
+    return 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
+
+
+def overlapping_pairs(
+    position: np.ndarray, radius: np.ndarray, cell: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(grain (n, 2), shift (n, 3), overlap (n,)) of all pairs of grains that overlap, including periodic images.
+
+    The first grain has the lower number, and rows are sorted. shift: cell vectors to add to the second grain, for
+    positions as given (not wrapped). A grain that touches its own image is left out, as in engines. Same length unit
+    for all arguments.
+    """
+    home = np.floor(np.linalg.solve(cell, position.T).T)
+    wrapped = position - home @ cell.T
+    reach = 2.0 * radius.max(initial=0.0)
+    margin = reach / widths(cell)
+    fraction = np.linalg.solve(cell, wrapped.T).T
+    count = np.ceil(margin).astype(int)
+    shifts = np.array(list(itertools.product(*(range(-n, n + 1) for n in count))))
+    owners, images = [], []
+    for shift in shifts:
+        moved = fraction + shift
+        near = np.flatnonzero(((moved > -margin) & (moved < 1.0 + margin)).all(axis=1))
+        owners.append(near)
+        images.append(np.broadcast_to(shift, (len(near), 3)))
+    owner, image = np.concatenate(owners), np.concatenate(images)
+    points = wrapped[owner] + image @ cell.T
+    found = cKDTree(wrapped).sparse_distance_matrix(cKDTree(points), reach, output_type="ndarray")
+    first, second, distance = found["i"], owner[found["j"]], found["v"]
+    overlap = radius[first] + radius[second] - distance
+    kept = (first < second) & (overlap > 0.0)
+    first, second, overlap = first[kept], second[kept], overlap[kept]
+    shift = image[found["j"][kept]] + (home[first] - home[second]).astype(int)
+    order = np.lexsort((*shift.T[::-1], second, first))
+    return np.stack([first, second], axis=1)[order].astype(np.int32), shift[order].astype(np.int32), overlap[order]
+
+
+def nearest_shift(position: np.ndarray, cell: np.ndarray, grain: np.ndarray) -> np.ndarray:
+    """Shift (n, 3), in cell vectors, that brings the second grain of each pair closest to the first.
+
+    The shift in a file, if any, is not used: it may belong to wrapped or to unwrapped positions. Rounding the branch
+    vector in cell coordinates gives a candidate; in a tilted cell the nearest image may be one of its neighbours.
+    """
+    branch = position[grain[:, 1]] - position[grain[:, 0]]
+    candidate = -np.rint(np.linalg.solve(cell, branch.T).T).astype(int)
+    base = branch + candidate @ cell.T
+    distance = np.stack([((base + image @ cell.T) ** 2).sum(axis=1) for image in IMAGES])
+    return (candidate + IMAGES[np.argmin(distance, axis=0)]).astype(np.int32)

@@ -1,0 +1,95 @@
+"""VTK files of other programs (.vtp, .vtu, legacy .vtk): grains as points, contacts as lines between their centres."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.exchange.answers import Answers, names_of
+from labkit.exchange.columns import CONTACT, GRAIN, canonical, contacts_from
+from labkit.exchange.formats import Format, damaged, require_library
+from labkit.exchange.packing import ContactList, Packing
+
+WHAT = "VTK files"
+
+
+class Vtk(Format):
+    """A VTK file. Radii or diameters are the array of that name; ids and box are rarely in such files.
+
+    A file of contacts names their grains in arrays such as id1 and id2 (labkit paraview: first_grain, second_grain).
+    """
+
+    name = "vtk"
+    description = "VTK file of points (.vtp, .vtu, .vtk)"
+    endings = (".vtp", ".vtu", ".vtk")
+
+    def recognises(self, file: Path, head: str) -> bool:
+        return "<VTKFile" in head or head.startswith("# vtk DataFile")
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        position, arrays, _ = _read(file)
+        columns = _renamed(arrays, answers.columns, GRAIN)
+        size_is = next((name for name in ("radius", "diameter") if name in columns), None)
+        identity = columns["id"].astype(np.int64) if "id" in columns else None
+        return Packing(position, columns[size_is] if size_is else None, size_is, identity)
+
+    def read_contacts(self, file: Path, answers: Answers) -> ContactList:
+        _, _, arrays = _read(file)
+        columns = _renamed(arrays, answers.contact_columns, CONTACT)
+        if "id1" not in columns:
+            raise InputError(
+                f"{file} does not name the grains of its lines: give --contact-columns, e.g. first_grain=id1,"
+                "second_grain=id2,forceN=fn"
+            )
+        return contacts_from(columns, file)
+
+
+def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """(points, arrays of the points, arrays of the cells) of a VTK file. Raises InputError."""
+    xml = require_library("vtkmodules.vtkIOXML", WHAT)
+    legacy = require_library("vtkmodules.vtkIOLegacy", WHAT)
+    with open(file, "rb") as handle:
+        old = handle.read(5) == b"# vtk"
+    reader = legacy.vtkGenericDataObjectReader() if old else xml.vtkXMLGenericDataObjectReader()
+    if old:
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+        reader.ReadAllFieldsOn()
+    reader.SetFileName(str(file))
+    reader.Update()
+    data = reader.GetOutput()
+    if data is None or not hasattr(data, "GetPoints") or data.GetPoints() is None:
+        raise damaged(file, "it has no points")
+    to_numpy = require_library("vtkmodules.util.numpy_support", WHAT).vtk_to_numpy
+    position = np.array(to_numpy(data.GetPoints().GetData()), dtype=float)
+    return position, _arrays(data.GetPointData(), to_numpy), _arrays(data.GetCellData(), to_numpy)
+
+
+def _arrays(attributes: Any, to_numpy: Any) -> dict[str, np.ndarray]:
+    found = {}
+    for number in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetArray(number)
+        if array is not None:  # None for text
+            found[attributes.GetArrayName(number)] = np.array(to_numpy(array), dtype=float)
+    return found
+
+
+def _renamed(
+    arrays: dict[str, np.ndarray], given: str | None, known: dict[str, tuple[str, ...]]
+) -> dict[str, np.ndarray]:
+    """Arrays by the names used here; vectors by component. given: `their=ours` pairs, separated by commas."""
+    pairs = dict(part.split("=", 1) for part in names_of(given) or () if "=" in part)
+    columns: dict[str, np.ndarray] = {}
+    for name, values in arrays.items():
+        own = pairs.get(name, name)
+        parts = {own: values}
+        if values.ndim == 2 and values.shape[1] == 3:
+            parts = {f"{own}_{axis}": values[:, k] for k, axis in enumerate("xyz")}
+        for part, column in parts.items():
+            found = canonical(part, known)
+            if found is not None and found not in columns and column.ndim == 1:
+                columns[found] = column
+    return columns

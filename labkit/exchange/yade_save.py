@@ -1,0 +1,67 @@
+"""Saves of YADE simulations (O.save): a YADE process loads the file and hands over grains, cell and contacts."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from labkit.dem.engine import silent
+from labkit.engines.yade_process import run_script
+from labkit.errors import PhysicsError
+from labkit.exchange.answers import Answers
+from labkit.exchange.formats import Format, damaged
+from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, ContactList, Packing
+
+SCRIPT = "read_save.py"
+
+
+class YadeSave(Format):
+    """A save, in any format of YADE's. Normal and shear forces of YADE act on the second grain of a contact."""
+
+    name = "yade_save"
+    description = "save of a YADE simulation, read by YADE itself"
+    endings = (".yade", ".yade.gz", ".yade.bz2", ".yade.xml", ".xml", ".xml.gz", ".xml.bz2", ".bin")
+
+    def recognises(self, file: Path, head: str) -> bool:
+        return ".yade" in file.name or ("boost_serialization" in head and "scene" in head)
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        with tempfile.TemporaryDirectory() as folder:
+            output = Path(folder) / "grains.npz"
+            try:
+                run_script(SCRIPT, [str(file.resolve()), str(output)], 1, silent)
+            except PhysicsError as error:
+                raise damaged(file, f"YADE cannot load it: {error}") from None
+            with np.load(output) as arrays:
+                saved = {name: arrays[name] for name in arrays.files}
+        return packing_of(saved)
+
+
+def packing_of(saved: dict[str, np.ndarray]) -> Packing:
+    """The Packing made from the arrays that yade_scripts/read_save.py writes."""
+    pairs = saved["pairs"].reshape(-1, 2)
+    contacts = None
+    if len(pairs):
+        contacts = ContactList(
+            grain=pairs,
+            normal_force=saved["normal_force"],
+            positive=COMPRESSION,
+            tangential_force=saved["shear_force"].reshape(-1, 3),
+            acts_on=SECOND,
+            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # not saved by every YADE
+        )
+    cell = saved["cell"] if saved["cell"].size else None
+    packing = Packing(
+        saved["position"].reshape(-1, 3),
+        saved["radius"],
+        RADIUS,
+        saved["id"],
+        cell,
+        None if cell is None else np.zeros(3),
+        contacts,
+    )
+    clumped, others = int(saved["clumped"]), int(saved["others"])
+    notes = [f"{clumped} grains are parts of clumps: they become separate grains"] if clumped else []
+    return packing.noting(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))

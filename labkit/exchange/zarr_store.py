@@ -1,0 +1,55 @@
+"""Zarr stores: the variables of a state, or of a whole run, as a folder that xarray.open_zarr reads."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import xarray as xr
+
+from labkit.dem.state import ATTRIBUTES, State
+from labkit.errors import InputError
+from labkit.exchange.formats import Format, require_library
+from labkit.io.schema import STATE
+
+WHAT = "Zarr stores"
+
+
+class ZarrStore(Format):
+    """A folder in the format Zarr, version 2. labkit writes it; xarray reads it (`xarray.open_zarr`)."""
+
+    name = "zarr"
+    description = "Zarr store, for xarray"
+    endings = (".zarr",)
+
+    def recognises(self, file: Path, head: str) -> bool:
+        return False  # written, not read
+
+    def write(self, state: State, file: Path) -> None:
+        """Writes the variables and attributes of a state file."""
+        variables = {
+            name: (
+                variable.dimensions,
+                getattr(state, name),
+                {"units": variable.units, "long_name": variable.long_name},
+            )
+            for name, variable in STATE.items()
+        }
+        attributes = {name: getattr(state, name) for name in ATTRIBUTES}
+        write_dataset(xr.Dataset(variables, attrs={**attributes, "scene": state.scene.to_json()}), file)
+
+
+def write_dataset(data: xr.Dataset, file: Path) -> None:
+    """Writes a Dataset, replacing an older store. Raises InputError if a file or another folder is in the way."""
+    require_library("zarr", WHAT)
+    if file.exists() and not (file / ".zgroup").is_file():
+        raise InputError(f"{file} is not a Zarr store: it would be overwritten; choose another -o")
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
+    try:
+        data.drop_encoding().to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
+        if file.exists():
+            shutil.rmtree(file)
+        temporary.rename(file)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
