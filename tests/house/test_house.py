@@ -25,6 +25,7 @@ LAYERS = (
     ("engines",),
     ("runs",),
     ("model",),
+    ("umat",),
     ("campaign",),
     ("visuals",),
     ("bench",),
