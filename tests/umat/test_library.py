@@ -147,8 +147,8 @@ def hard_points(rng, n):
 @pytest.mark.parametrize("beyond", ["error", "flat"])
 def test_no_increment_gives_nan_and_failures_leave_the_state(model, load, beyond):
     model = model.reading(beyond_e_cmax=beyond)
-    states, increments = hard_points(np.random.default_rng(5), 300)
-    law = load(model, tolerance=1e-3)
+    states, increments = hard_points(np.random.default_rng(5), 80)
+    law = load(model, tolerance=1e-2)
     found = law.update(states, increments)
     assert all(np.isfinite(array).all() for array in (found.state, found.stress, found.tangent))
     failed = found.status != 0
@@ -157,7 +157,7 @@ def test_no_increment_gives_nan_and_failures_leave_the_state(model, load, beyond
     before = np.array([rates.stress_of(y, model.constants) for y in states])
     inside = failed & np.array([rates.outside(y, model.constants) == rates.FINE for y in states])
     np.testing.assert_allclose(found.stress[inside], before[inside], rtol=1e-12, atol=1e-6)
-    np.testing.assert_array_equal(found.status, update(model, states, increments, tolerance=1e-3).status)
+    np.testing.assert_array_equal(found.status, update(model, states, increments, tolerance=1e-2).status)
 
 
 def test_invalid_increments_have_a_status(model, load):
