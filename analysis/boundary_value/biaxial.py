@@ -82,7 +82,9 @@ class Biaxial:
         self.basis = skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementQuad2()), intorder=4)
         self.displacement = np.zeros(self.basis.N)
         self.points = self.basis.global_coordinates().value  # (2, elements, points)
-        right = skfem.FacetBasis(self.mesh, self.basis.elem, facets=self.mesh.facets_satisfying(lambda p: p[0] == WIDTH))
+        right = skfem.FacetBasis(
+            self.mesh, self.basis.elem, facets=self.mesh.facets_satisfying(lambda p: p[0] == WIDTH)
+        )
         self.lateral = _lateral.assemble(right)
         self.top = self.basis.get_dofs(lambda p: np.isclose(p[1], HEIGHT)).all("u^2")
         fixed = [

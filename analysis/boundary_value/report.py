@@ -71,8 +71,8 @@ def page(rows: pandas.DataFrame, history: History, law: str, strain: float, comm
                 "# A boundary value problem",
                 f"Plane-strain biaxial test in [scikit-fem](https://scikit-fem.readthedocs.io) with labkit's model "
                 f"(Table 2, {law}): one quarter, {WIDTH * 1e3:g} mm x {HEIGHT * 1e3:g} mm, smooth platens, constant "
-                f"lateral stress {PRESSURE / 1e6:g} MPa, e = {VOID_RATIO} + {LOOSER} exp(-(r/{RADIUS * 1e3:g} mm)^2), r "
-                f"from the centre of the specimen (the lower left corner). Axial strain {strain:.1%}, before "
+                f"lateral stress {PRESSURE / 1e6:g} MPa, e = {VOID_RATIO} + {LOOSER} exp(-(r/{RADIUS * 1e3:g} mm)^2), "
+                f"r from the centre of the specimen (the lower left corner). Axial strain {strain:.1%}, before "
                 "localisation. Nine-node elements with nine integration points; Newton's method with the consistent "
                 "tangent until the residual is below 1e-9 of the external forces.",
                 f"Written by `{command}`. The computer also ran other jobs, so wall times are upper bounds.",
@@ -80,11 +80,18 @@ def page(rows: pandas.DataFrame, history: History, law: str, strain: float, comm
                 frame_table(rows),
                 "Residuals of the iterations on the finest mesh, relative to the external forces: "
                 f"{_residuals(longest)} in the increment with most iterations; {_residuals(second)} in the middle of "
-                "the test. The convergence is quadratic.",
+                "the test. " + _convergence(history),
             ]
         )
         + "\n"
     )
+
+
+def _convergence(history: History) -> str:
+    """A sentence on the order of convergence, from the last three residuals of every increment."""
+    last = [np.log(found[-3:]) for found in history.residuals if len(found) > 2]
+    order = float(np.median([(c - b) / (b - a) for a, b, c in last]))
+    return "The convergence is quadratic." if order > 1.8 else f"The median order of convergence is {order:.1f}."
 
 
 def _residuals(values: list[float]) -> str:

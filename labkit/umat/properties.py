@@ -9,9 +9,8 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.model.parameters import READINGS, Model, Parameters
 
-STATE_NAMES = ("e", "Z", "Lambda") + tuple(
-    f"{tensor}{component}" for tensor in ("A", "F", "Ft") for component in ("11", "22", "33", "12", "13", "23")
-)
+COMPONENTS = ("11", "22", "33", "12", "13", "23")
+STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
 TOLERANCE = 1e-4  # of a substep, the default of labkit.model.material_point.update
 
 

@@ -29,7 +29,7 @@ def shared_library(folder):
 
 @pytest.fixture
 def load(shared_library):
-    """A function that loads the law with the constants of a model: load(model, start=None, tolerance=1e-4)."""
+    """A function that loads the law with the constants of a model; further arguments as those of Library."""
     return lambda model, *arguments, **options: Library(shared_library, model, *arguments, **options)
 
 

@@ -39,7 +39,7 @@ def engineering(strain, n=6):
 
 @pytest.fixture
 def umat(shared_library, model):
-    """A function umat(statev, dstran, stress, props, drot) -> (stress, statev, ddsdde, pnewdt) of Abaqus's UMAT."""
+    """A function that calls UMAT as Abaqus does, and returns (stress, statev, ddsdde, pnewdt)."""
     library = ctypes.CDLL(str(shared_library))
 
     def call(statev, dstran, stress=None, props=None, drot=None):

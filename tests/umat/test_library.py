@@ -10,7 +10,7 @@ from labkit.errors import InputError
 from labkit.model import equations as eq
 from labkit.model import rates
 from labkit.model.material_point import update
-from labkit.model.parameters import READINGS, Model
+from labkit.model.parameters import READINGS
 from labkit.model.state import isotropic_state
 from labkit.model.tensors import deviator, load, symmetric_product
 from labkit.umat.properties import Start, properties

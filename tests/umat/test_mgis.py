@@ -55,7 +55,9 @@ def behaviour(shared_library, model):
         K, rdt, message = np.zeros(36), np.ones(1), ctypes.create_string_buffer(512)
         K[0] = kind
         views = [State(*(arrays[name][k].ctypes.data_as(DOUBLES) for name in FIELDS)) for k in (0, 1)]
-        data = Data(ctypes.addressof(message), 1.0, K.ctypes.data_as(DOUBLES), rdt.ctypes.data_as(DOUBLES), None, *views)
+        data = Data(
+            ctypes.addressof(message), 1.0, K.ctypes.data_as(DOUBLES), rdt.ctypes.data_as(DOUBLES), None, *views
+        )
         code = function(ctypes.byref(data))
         return code, arrays["forces"][1][:6], arrays["internal"][1][:21], K.reshape(6, 6), rdt[0], message.value
 
