@@ -18,6 +18,10 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),
     "other-paths": ("analysis.other_paths.command", "run paths beyond the paper's: errors of C0, strength"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
+    "boundary-value": (
+        "analysis.boundary_value.command",
+        "solve a biaxial test with finite elements; mesh convergence, iterations, fields",
+    ),
     "hard-cases": ("analysis.hard_cases.command", "run and judge scenes in which a simulation may go wrong; a page"),
 }
 

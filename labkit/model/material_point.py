@@ -17,7 +17,6 @@ from labkit.model.differentials import rates_differentials
 from labkit.model.parameters import Model
 from labkit.model.rates import (
     FINE,
-    NOT_FINITE,
     REASONS,
     STATE,
     TOO_MANY_STEPS,
@@ -32,6 +31,7 @@ from labkit.model.tensors import ROOT2, load, store, trace
 FLOOR = np.full(STATE, 0.1)
 FLOOR[2] = 1e-4
 MOST_SUBSTEPS = 100_000
+SMALLEST = 1e-13  # substep, as a fraction of the increment, at which a boundary counts as reached
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,7 +155,7 @@ def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
                 error = max(error, abs(0.5 * h * (k2[i] - k1[i])) / max(abs(new[i]), FLOOR[i]))
             reason = outside(new, c)
         if reason != FINE:
-            if reason == NOT_FINITE and h < 1e-9:
+            if h < SMALLEST:
                 return reason, substeps
             h *= 0.25
             continue

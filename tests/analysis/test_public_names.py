@@ -11,7 +11,7 @@ FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # of commands
 ROOMS = {
     f"labkit.{name}"
-    for name in ("bench", "campaign", "dem", "engines", "io", "micro", "model", "runs", "sff", "visuals")
+    for name in ("bench", "campaign", "dem", "engines", "io", "micro", "model", "runs", "sff", "umat", "visuals")
 }
 
 

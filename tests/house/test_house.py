@@ -27,6 +27,7 @@ LAYERS = (
     ("exchange",),
     ("model",),
     ("incremental",),
+    ("umat",),
     ("campaign",),
     ("visuals",),
     ("bench",),

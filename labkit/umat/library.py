@@ -1,0 +1,148 @@
+"""Build the sources of the user material with gfortran and gcc, and call the compiled law from Python."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from labkit.errors import InputError, PhysicsError
+from labkit.model.material_point import Update
+from labkit.model.parameters import Model
+from labkit.model.rates import REASONS, STATE
+from labkit.umat.properties import TOLERANCE, Start, properties
+
+FOLDER = Path(__file__).parent
+FORTRAN, C = FOLDER / "labkit_umat.f90", FOLDER / "labkit_mgis.c"
+SOURCES = (FORTRAN, C)
+NAME = "liblabkit_umat.so"
+NO_START, WRONG_INPUT = 9, 10
+STATUS = REASONS | {
+    NO_START: "no initial state: give a state, or the initial void ratio and a compressive stress or a pressure",
+    WRONG_INPUT: "PROPS are not the constants of a model",
+}
+# The formulas that `Library.formulas` returns, name -> number of values, in the order of write_formulas in the source.
+FORMULAS = {
+    "density_distance": 1,
+    "critical_coordination_number": 1,
+    "critical_force": 1,
+    "compression_coordination_number": 1,
+    "compression_slope": 1,
+    "f_dA": 1,
+    "f_eA": 1,
+    "f_eF": 1,
+    "f_eZ": 1,
+    "f_eLam": 1,
+    "f_vZ": 1,
+    "f_vLam": 1,
+    "direction": 6,
+    "rate": 1,
+    "volumetric": 1,
+    "contact_anisotropy_rate": 6,
+    "coordination_number_rate": 1,
+    "normal_force_anisotropy_rate": 6,
+    "mean_force_rate": 1,
+    "mobilisation_rate": 6,
+    "void_ratio_rate": 1,
+    "symmetric_product": 6,
+    "bracket": 6,
+    "stress": 6,
+    "stress_rate": 6,
+    "relaxation": 6,
+    "deviator": 6,
+    "outside": 1,
+}
+
+
+def missing_compilers() -> tuple[str, ...]:
+    """Names of the compilers that `build` needs and that are not on the search path."""
+    return tuple(name for name in ("gfortran", "gcc") if shutil.which(name) is None)
+
+
+def build(folder: Path) -> Path:
+    """Compile the sources in `folder` to the shared library NAME there; returns its path.
+
+    Raises InputError if a compiler is missing, and PhysicsError with the compiler's message if it fails.
+    """
+    missing = missing_compilers()
+    if missing:
+        raise InputError(f"{' and '.join(missing)} not found: install with apt-get install gfortran gcc")
+    for command in build_commands():
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise PhysicsError(f"{command[0]} failed: {done.stderr.strip()}")
+    return folder / NAME
+
+
+def build_commands() -> tuple[list[str], ...]:
+    """The commands of `build`, to be run in the folder of the sources."""
+    return (
+        ["gcc", "-O2", "-std=c99", "-fPIC", "-c", C.name],
+        ["gfortran", "-O2", "-std=f2008", "-shared", "-fPIC", "-o", NAME, FORTRAN.name, "labkit_mgis.o"],
+    )
+
+
+def copy_sources(folder: Path) -> None:
+    """Copy the sources to a folder."""
+    for source in SOURCES:
+        shutil.copyfile(source, folder / source.name)
+
+
+def _address(array: np.ndarray) -> ctypes.c_void_p:
+    return array.ctypes.data_as(ctypes.c_void_p)
+
+
+class Library:
+    """The compiled law of one model: the same functions as labkit.model.material_point, called through C."""
+
+    def __init__(self, file: Path, model: Model, start: Start | None = None, tolerance: float = TOLERANCE) -> None:
+        """Load a library that `build` made."""
+        self._library = ctypes.CDLL(str(file))
+        self.props = np.array(list(properties(model, start, tolerance).values()))
+
+    def update(self, state: np.ndarray, increment: np.ndarray, tangent: bool = True) -> Update:
+        """As labkit.model.material_point.update, but a failed point has finite stress and tangent.
+
+        state (n, 21), increment (n, 6), Mandel notation, compression positive. The stress of a failed point is that
+        before the increment.
+        """
+        new, increment = np.array(state, dtype=float, order="C"), np.ascontiguousarray(increment, dtype=float)
+        if new.ndim != 2 or new.shape[1] != STATE or increment.shape != (len(new), 6):
+            raise InputError(f"state {new.shape} and increment {increment.shape} must be (n, {STATE}) and (n, 6)")
+        n = len(new)
+        stress, tangents = np.empty((n, 6)), np.empty((n if tangent else 0, 6, 6))
+        status, substeps = np.empty(n, np.intc), np.empty(n, np.intc)
+        self._library.labkit_update(
+            ctypes.c_int(n),
+            ctypes.c_int(len(self.props)),
+            *(_address(array) for array in (self.props, new, increment)),
+            ctypes.c_int(tangent),
+            *(_address(array) for array in (stress, tangents, status, substeps)),
+        )
+        return Update(new, stress, tangents if tangent else None, status.astype(np.int64), substeps.astype(np.int64))
+
+    def initial_state(self, stress: np.ndarray) -> np.ndarray:
+        """State (21,) under the stress (6,), compression positive, with A = F^t = 0. Raises InputError."""
+        stress, state = np.ascontiguousarray(stress, dtype=float), np.empty(STATE)
+        status = self._library.labkit_initial_state(
+            ctypes.c_int(len(self.props)), _address(self.props), _address(stress), _address(state)
+        )
+        if status:
+            raise InputError(STATUS[status])
+        return state
+
+    def formulas(self, state: np.ndarray, rate: np.ndarray, compressing: bool) -> dict[str, np.ndarray]:
+        """Value of every formula at one state (21,) and strain rate (6,), by the names in FORMULAS."""
+        state, rate = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(rate, dtype=float)
+        out = np.empty(sum(FORMULAS.values()))
+        self._library.labkit_formulas(
+            ctypes.c_int(len(self.props)),
+            *(_address(array) for array in (self.props, state, rate)),
+            ctypes.c_int(compressing),
+            _address(out),
+        )
+        ends = np.cumsum(list(FORMULAS.values()))
+        return {name: out[end - FORMULAS[name] : end] for name, end in zip(FORMULAS, ends, strict=True)}

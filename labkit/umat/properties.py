@@ -1,0 +1,56 @@
+"""PROPS of the user material: the constants of a model in the order that the Fortran source expects."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.model.parameters import READINGS, Model, Parameters
+
+COMPONENTS = ("11", "22", "33", "12", "13", "23")
+STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
+TOLERANCE = 1e-4  # of a substep, the default of labkit.model.material_point.update
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Initial state of points for which the finite-element program gives none: void ratio and pressure, Pa.
+
+    Zero stands for `not given`. Where the program gives an initial stress, that stress is used instead of the pressure.
+    """
+
+    void_ratio: float = 0.0
+    pressure: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a negative value or one that is not finite."""
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(field=field.name, value=value, allowed="0 (not given) or a positive number")
+
+
+def properties(
+    model: Model, start: Start | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
+) -> dict[str, float]:
+    """PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
+
+    `stress_unit`, Pa: the unit of stress of the analysis, e.g. 1e3 for kPa; E and the pressure are divided by it.
+    Raises InputError for a tolerance or unit that is not positive.
+    """
+    if not 1e-12 <= tolerance <= 1.0:
+        raise InputError(field="tolerance", value=tolerance, allowed="a number from 1e-12 to 1")
+    if not (np.isfinite(stress_unit) and stress_unit > 0.0):
+        raise InputError(field="stress_unit", value=stress_unit, allowed="a positive number of Pa, e.g. 1e3 for kPa")
+    start = start or Start()
+    readings = {name: float(getattr(model.readings, name) == choices[1]) for name, choices in READINGS.items()}
+    return {
+        "E": model.young_modulus / stress_unit,
+        **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},
+        **readings,
+        "tolerance": tolerance,
+        "initial_void_ratio": start.void_ratio,
+        "initial_pressure": start.pressure / stress_unit,
+    }
