@@ -18,7 +18,6 @@ from labkit.dem.state import State, grains_in_cell
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.compiling import compiled
 from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, WIDTH
-from labkit.engines.kernel.packing import ordered
 
 FIRST = "rolling_resistance law, all features"
 SIZES = (1_000, 10_000, 40_000, 100_000)  # approximate numbers of grains, reached by copying the specimen
@@ -35,20 +34,18 @@ def copies(state: State, times: Sequence[int]) -> State:
     period, copy = np.divmod(shifts[:, None] + state.contact_shift[None], times)
     second = state.contact_grain[:, 1] + number * np.ravel_multi_index(np.moveaxis(copy, -1, 0), times)
     first = np.broadcast_to(state.contact_grain[:, 0] + number * np.arange(many)[:, None], second.shape)
-    history = ordered(
-        np.stack([first, second], axis=-1).reshape(-1, 2),
-        period.reshape(-1, 3),
-        np.tile(np.concatenate([state.tangential_force, state.rolling_moment], axis=1), (many, 1)),
-    )
+    grain, shift = np.stack([first, second], axis=-1).reshape(-1, 2), period.reshape(-1, 3)
+    swap = (grain[:, 0] > grain[:, 1])[:, None]  # a State lists the smaller index first
+    sign = np.where(swap, -1, 1)
     return result.replace(
         velocity=np.tile(state.velocity, (many, 1)),
         angular_velocity=np.tile(state.angular_velocity, (many, 1)),
         velocity_gradient=state.velocity_gradient,
         time_step=state.time_step,
-        contact_grain=history.grain.astype(np.int32),
-        contact_shift=history.shift.astype(np.int32),
-        tangential_force=history.rows[:, :3].copy(),
-        rolling_moment=history.rows[:, 3:].copy(),
+        contact_grain=np.where(swap, grain[:, ::-1], grain).astype(np.int32),
+        contact_shift=(shift * sign).astype(np.int32),
+        tangential_force=np.tile(state.tangential_force, (many, 1)) * sign,
+        rolling_moment=np.tile(state.rolling_moment, (many, 1)) * sign,
     )
 
 

@@ -17,6 +17,7 @@ from labkit.dem.energy import kinetic_energy
 from labkit.dem.engine import Engine
 from labkit.dem.state import State
 from labkit.engines.kernel import steps
+from labkit.engines.kernel.arranging import touching
 from labkit.engines.kernel.build import kernel_of
 from labkit.engines.kernel.compiling import CONFIG
 from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
@@ -91,9 +92,10 @@ class FusedEngine(Engine):
             if kept is not None
         ]
         history = History(
-            state.contact_grain,
-            state.contact_shift,
+            np.ascontiguousarray(state.contact_grain.T, np.int32),
+            np.ascontiguousarray(state.contact_shift, np.int32),
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
+            np.arange(state.number_of_grains),
         )
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()
@@ -190,8 +192,7 @@ class FusedEngine(Engine):
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        for number, block in enumerate(p.arrays.grains):
-            steps.write_sites(p.arrays.sites, block, number * WIDTH, WIDTH)
+        steps.write_all_sites(p.arrays.sites, p.arrays.grains)
         owner, shift = p.arrays.owner, p.arrays.shift
         steps.image_sites(p.arrays.sites, owner, 0, len(owner), shift, self._cell, drift)
 
@@ -224,13 +225,10 @@ class FusedEngine(Engine):
         self._enter_flows()
         position, velocity, spin = self.packing.unpack_grains()
         history = self.packing.unpack_history()
-        first, second = history.grain[:, 0], history.grain[:, 1]
-        branch = position[second] + history.shift @ self._cell.T - position[first]
-        radius = self._start.radius
-        distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-        touching = np.flatnonzero(radius[first] + radius[second] - distance >= 0.0)
-        order = touching[np.lexsort((*history.shift[touching].T, second[touching], first[touching]))]
-        rows = history.rows
+        order, sign, contact_grain, contact_shift = touching(
+            history.pairs, history.shift, history.number, position, self._start.radius, self._cell
+        )
+        rows = history.rows[order] * sign[:, None]
         zero = np.zeros((len(order), 3))
         friction, rolling = self._features.friction is not None, self._features.rolling is not None
         return self._start.replace(
@@ -239,10 +237,10 @@ class FusedEngine(Engine):
             angular_velocity=spin,
             cell=self._cell.copy(),
             velocity_gradient=self._before.copy(),
-            contact_grain=history.grain[order].astype(np.int32),
-            contact_shift=history.shift[order].astype(np.int32),
-            tangential_force=rows[order, :3] if friction else zero,
-            rolling_moment=rows[order, -3:] if rolling else zero,
+            contact_grain=contact_grain,
+            contact_shift=contact_shift,
+            tangential_force=rows[:, :3].copy() if friction else zero,
+            rolling_moment=rows[:, -3:].copy() if rolling else zero,
             time=self._time,
             step=self._step,
             engine=self.name,

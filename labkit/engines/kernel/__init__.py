@@ -3,6 +3,7 @@
 layout.py      memory layout of contacts and grains
 lanes.py       transfers eight grain records at once to and from the rows of a block
 neighbours.py  which grains may touch: spatial order, pairs, periodic shifts
+arranging.py   compiled loops over grains and pairs for a neighbour search
 packing.py     converts grains and contacts to blocks, sites and domains, and back
 contact.py     contact forces of a block, with the contact law inlined
 motion.py      motion of grains and cell

@@ -11,10 +11,9 @@ import dataclasses
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import kept
+from labkit.engines.kernel.arranging import LOST, by_number
+from labkit.engines.kernel.compiling import compiled, kept
 from labkit.errors import PhysicsError
-
-LOST = 1000  # periods: a grain farther away is considered lost
 
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
@@ -51,10 +50,35 @@ def place(
     return True
 
 
+@compiled
+def runs_around(c: int, shape: np.ndarray, span: np.ndarray, runs: np.ndarray) -> int:
+    """Write the grid cells that follow cell c within `span` (3,), in order; return the number of rows written.
+
+    A row of `runs` is a run of consecutive cells: the first, the last, and the period (3) in which they lie. The first
+    run starts with c itself.
+    """
+    cx, cy, cz = c % shape[0], c // shape[0] % shape[1], c // (shape[0] * shape[1])
+    number = 0
+    for oz in range(0, span[2] + 1):
+        for oy in range(-span[1] if oz > 0 else 0, span[1] + 1):
+            for ox in range(-span[0] if oz > 0 or oy > 0 else 0, span[0] + 1):
+                px, py, pz = (cx + ox) // shape[0], (cy + oy) // shape[1], (cz + oz) // shape[2]
+                other = cx + ox - px * shape[0]
+                other += shape[0] * (cy + oy - py * shape[1] + shape[1] * (cz + oz - pz * shape[2]))
+                last = runs[number - 1]
+                same = number > 0 and other == last[1] + 1 and px == last[2] and py == last[3] and pz == last[4]
+                if same:
+                    last[1] = other
+                else:
+                    row = runs[number]
+                    row[0], row[1], row[2], row[3], row[4] = other, other, px, py, pz
+                    number += 1
+    return number
+
+
 @kept
 def find(
-    x: np.ndarray,
-    radius: np.ndarray,
+    grains: np.ndarray,
     cell: np.ndarray,
     period: np.ndarray,
     start: np.ndarray,
@@ -64,37 +88,39 @@ def find(
     pairs: np.ndarray,
     shifts: np.ndarray,
 ) -> int:
-    """Find all pairs of grains whose surfaces are closer than `margin`; return their number.
+    """Find all pairs of grains whose surfaces are closer than `margin`; return their number, or -1 for lack of room.
 
-    x (n, 3), radius, period: in the order of the grid cells; cell c starts at start[c]. span (3,): distance of the
-    farthest neighbour in grid cells. pairs (2, capacity), shifts (capacity, 3): filled up to their capacity.
+    grains (n, 4): positions wrapped into the cell, and radii; period (n, 3); both in the order of the grid cells; cell c
+    starts at start[c]. span (3,): distance of the farthest neighbour in grid cells. pairs (2, capacity), shifts
+    (capacity, 3): filled.
     """
     count = 0
     capacity = pairs.shape[1]
+    runs = np.empty(((2 * span + 1).prod(), 5), np.int64)
+    origin = np.empty((len(runs), 3))  # corner of the period in which a run lies
     for c in range(len(start) - 1):
-        cx, cy, cz = c % shape[0], c // shape[0] % shape[1], c // (shape[0] * shape[1])
+        number = runs_around(c, shape, span, runs) if start[c] < start[c + 1] else 0
+        for r in range(number):
+            for k in range(3):
+                origin[r, k] = cell[k, 0] * runs[r, 2] + cell[k, 1] * runs[r, 3] + cell[k, 2] * runs[r, 4]
         for a in range(start[c], start[c + 1]):
-            for oz in range(0, span[2] + 1):
-                for oy in range(-span[1] if oz > 0 else 0, span[1] + 1):
-                    for ox in range(-span[0] if oz > 0 or oy > 0 else 0, span[0] + 1):
-                        own = ox == 0 and oy == 0 and oz == 0
-                        px, py, pz = (cx + ox) // shape[0], (cy + oy) // shape[1], (cz + oz) // shape[2]
-                        other = cx + ox - px * shape[0]
-                        other += shape[0] * (cy + oy - py * shape[1] + shape[1] * (cz + oz - pz * shape[2]))
-                        for b in range(a + 1 if own else start[other], start[other + 1]):
-                            sx = px + period[a, 0] - period[b, 0]
-                            sy = py + period[a, 1] - period[b, 1]
-                            sz = pz + period[a, 2] - period[b, 2]
-                            squared = 0.0
-                            for k in range(3):
-                                d = x[b, k] - x[a, k] + cell[k, 0] * sx + cell[k, 1] * sy + cell[k, 2] * sz
-                                squared += d * d
-                            reach = radius[a] + radius[b] + margin
-                            if squared < reach * reach:
-                                if count < capacity:
-                                    pairs[0, count], pairs[1, count] = a, b
-                                    shifts[count, 0], shifts[count, 1], shifts[count, 2] = sx, sy, sz
-                                count += 1
+            ra = grains[a, 3] + margin
+            found = count
+            for r in range(number):
+                x, y, z = grains[a, 0] - origin[r, 0], grains[a, 1] - origin[r, 1], grains[a, 2] - origin[r, 2]
+                begin, end = a + 1 if r == 0 else start[runs[r, 0]], start[runs[r, 1] + 1]
+                if count + end - begin > capacity:
+                    return -1
+                for b in range(begin, end):  # without branches, which the processor could not predict
+                    dx, dy, dz = grains[b, 0] - x, grains[b, 1] - y, grains[b, 2] - z
+                    reach = ra + grains[b, 3]
+                    pairs[0, count], pairs[1, count] = r, b
+                    count += dx * dx + dy * dy + dz * dz < reach * reach
+            for pair in range(found, count):
+                r, b = pairs[0, pair], pairs[1, pair]
+                pairs[0, pair] = a
+                for k in range(3):
+                    shifts[pair, k] = runs[r, 2 + k] + period[a, k] - period[b, k]
     return count
 
 
@@ -120,8 +146,8 @@ def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
     grid_cell = np.empty(len(position), np.int64)
     if not place(position, np.linalg.inv(cell), shape, period, grid_cell):
         raise PhysicsError("a grain is lost or its position became NaN: the time step is too large")
-    order = np.argsort(grid_cell, kind="stable")
-    return Grid(order, period[order], np.searchsorted(grid_cell[order], np.arange(shape.prod() + 1)), shape, span)
+    start, order = by_number(grid_cell, int(shape.prod()))
+    return Grid(order, period[order], start, shape, span)
 
 
 def find_pairs(
@@ -131,10 +157,13 @@ def find_pairs(
 
     position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid.
     """
+    grains = np.empty((len(radius), 4))
+    grains[:, :3] = position - grid.period @ cell.T
+    grains[:, 3] = radius
     capacity = 4 * len(position) + 64
     while True:
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
-        count = find(position, radius, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
-        if count <= capacity:
+        count = find(grains, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
+        if count >= 0:
             return pairs[:, :count].copy(), shifts[:count].copy()
-        capacity = count
+        capacity *= 2

@@ -153,13 +153,20 @@ def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
     return len(sites) - 1 - len(owner)
 
 
-@kept
+@compiled
 def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> None:
     """Write the sites of the n grains of a block."""
     for i in range(0, n, LANES):
         put(sites, SITE_X, start + i, block, X + i)
         put(sites, SITE_V, start + i, block, V + i)
         put(sites, SITE_W, start + i, block, W + i)
+
+
+@kept
+def write_all_sites(sites: np.ndarray, grains: np.ndarray) -> None:
+    """Write the sites of all blocks of grains."""
+    for number in range(len(grains)):
+        write_sites(sites, grains[number], number * WIDTH, WIDTH)
 
 
 @compiled
