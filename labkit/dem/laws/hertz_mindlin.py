@@ -85,7 +85,7 @@ class HertzMindlin(ContactLaw):
         """Friction and local damping of the scene; constants: (kso/kno,)."""
         friction = scene.friction if scene.friction > 0.0 else None
         damping = scene.local_damping if scene.local_damping > 0.0 else None
-        return Features((tangential_share(scene),), friction, None, None, damping, friction and True)
+        return Features((tangential_share(scene),), friction, None, None, damping, True if friction else None)
 
     @staticmethod
     def pair(

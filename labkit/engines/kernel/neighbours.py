@@ -90,8 +90,8 @@ def find(
 ) -> int:
     """Find all pairs of grains whose surfaces are closer than `margin`; return their number, or -1 for lack of room.
 
-    grains (n, 4): positions wrapped into the cell, and radii; period (n, 3); both in the order of the grid cells; cell c
-    starts at start[c]. span (3,): distance of the farthest neighbour in grid cells. pairs (2, capacity), shifts
+    grains (n, 4): positions wrapped into the cell, and radii; period (n, 3); both in the order of the grid cells; cell
+    c starts at start[c]. span (3,): distance of the farthest neighbour in grid cells. pairs (2, capacity), shifts
     (capacity, 3): filled.
     """
     count = 0
