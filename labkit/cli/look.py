@@ -141,7 +141,7 @@ def do_figure(options: argparse.Namespace, argv: list[str]) -> None:
     draw = FIGURES.require(options.figure, "figure")
     of_probes, of_records, of_runs = (getattr(draw, name, False) for name in ("of_probes", "of_records", "of_runs"))
     if len(options.run) > 1 and not of_runs:
-        raise InputError("draws one file", field="figure", value=options.figure, allowed="one file")
+        raise InputError("draws one run", field="figure", value=options.figure, allowed="one file")
     runs = {} if of_probes else open_runs(options.run)
     run = labkit.open_probes(options.run[0]).data if of_probes else next(iter(runs.values()))
     output = options.output or figure_name(options.run[0], options.variable or options.figure)
