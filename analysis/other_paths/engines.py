@@ -49,7 +49,6 @@ def cycles_table(files: Sequence[Path]) -> pandas.DataFrame:
                     "F_start": F[0],
                     "F_liquefied": F[at],
                     "finite": bool(np.isfinite(run["stress"].values).all()),
-                    "exceeded": run.attrs.get("exceeded", ""),
                 }
             )
     return pandas.DataFrame(rows)
