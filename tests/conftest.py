@@ -1,12 +1,15 @@
 """Real YADE, real files: a small specimen and a small run are made once and shared by the tests."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from tests.forked import Forks
 
 # The same examples at every run, so that a failure is that of a change;
 # `./lab test --hypothesis-profile search` looks for new ones.
@@ -15,23 +18,39 @@ settings.register_profile("search", derandomize=False)
 settings.load_profile("repeat")
 
 ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 1800  # s, the most that a command may take, on a busy computer too
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ctrl_c_reaches_processes():
+    """A script starts its background jobs, perhaps these tests, without SIGINT, and their processes inherit that."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def run_labkit(*words, cwd=None, environment=None):
-    """`labkit words` as a user runs it; the finished process with its output as text."""
+    """`labkit words` in a new interpreter; the finished process with its output as text."""
     return subprocess.run(
         [sys.executable, "-m", "labkit.cli", *map(str, words)],
         cwd=cwd,
         env=environment,
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=PATIENCE,
     )
 
 
 @pytest.fixture(scope="session")
-def labkit_command():
+def labkit_process():
+    """As `labkit_command`, from the start of the interpreter: for what that start decides."""
     return run_labkit
+
+
+@pytest.fixture(scope="session")
+def labkit_command(ctrl_c_reaches_processes):
+    """Runs `labkit words` in a process of its own that has labkit imported; returns it with its output as text."""
+    with Forks() as forks:
+        yield forks.run
 
 
 @pytest.fixture(scope="session")
@@ -41,7 +60,7 @@ def in_yade(tmp_path_factory):
     def run(script, *words):
         output = tmp_path_factory.mktemp("in_yade") / "result.json"
         command = ["yade", "-n", "-x", ROOT / "tests/engines/in_yade" / script, ROOT, output, *words]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=300)
+        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=PATIENCE)
         assert done.returncode == 0, done.stdout + done.stderr
         return json.loads(output.read_text())
 
@@ -49,19 +68,19 @@ def in_yade(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def specimen_file(tmp_path_factory):
+def specimen_file(tmp_path_factory, labkit_command):
     """A specimen of about 500 grains at e = 0.67."""
     path = tmp_path_factory.mktemp("specimen") / "small.state.nc"
-    done = run_labkit("specimen", "--void-ratio", 0.67, "--grains", 500, "--seed", 3, "-o", path)
+    done = labkit_command("specimen", "--void-ratio", 0.67, "--grains", 500, "--seed", 3, "-o", path)
     assert done.returncode == 0, done.stderr
     return path
 
 
 @pytest.fixture(scope="session")
-def run_file(tmp_path_factory, specimen_file):
+def run_file(tmp_path_factory, specimen_file, labkit_command):
     """A CV test of the small specimen to 2 % axial strain."""
     path = tmp_path_factory.mktemp("run") / "small.run.nc"
-    done = run_labkit("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", path)
+    done = labkit_command("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", path)
     assert done.returncode == 0, done.stderr
     return path
 

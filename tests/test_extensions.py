@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import netCDF4
 import numpy as np
@@ -15,6 +16,8 @@ import pytest
 
 import labkit as lk
 from labkit.dem.state import read_state
+from labkit.engines import kernel
+from tests.conftest import PATIENCE
 
 MINE = '''
 """A typical user file."""
@@ -112,7 +115,7 @@ def python(code, folder, file=None, **environment):
         env={**os.environ, **environment},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=PATIENCE,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout.strip().splitlines()[-1])
@@ -213,7 +216,7 @@ def test_a_user_defined_engine(folder, labkit_command):
         np.testing.assert_array_equal(slow["stress"][:], fused["stress"][:])
 
 
-def test_files_in_the_environment_and_installed_packages(folder, labkit_command):
+def test_files_in_the_environment_and_installed_packages(folder, labkit_process):
     information = folder / "site" / "sand-1.0.dist-info"
     information.mkdir(parents=True)
     (folder / "site" / "sand_paths.py").write_text(MINE)
@@ -221,11 +224,11 @@ def test_files_in_the_environment_and_installed_packages(folder, labkit_command)
     (information / "entry_points.txt").write_text("[labkit.extensions]\nsand = sand_paths\n")
     for number, more in enumerate(({"LABKIT_USE": str(folder / "mine.py")}, {"PYTHONPATH": str(folder / "site")})):
         words = ["run", "oedo", "s.state.nc", *RUN, "--engine", "fused", "-o", f"{number}.run.nc"]
-        done = labkit_command(*words, cwd=folder, environment={**os.environ, **more})
+        done = labkit_process(*words, cwd=folder, environment={**os.environ, **more})
         assert done.returncode == 0, done.stderr
     (folder / "site" / "sand_paths.py").write_text("import nothing_of_that_name\n")
     more = {**os.environ, "PYTHONPATH": str(folder / "site")}
-    done = labkit_command("run", "oedo", "s.state.nc", cwd=folder, environment=more)
+    done = labkit_process("run", "oedo", "s.state.nc", cwd=folder, environment=more)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert "installed extension sand_paths cannot be loaded (ModuleNotFoundError: " in done.stderr
 
@@ -432,12 +435,19 @@ print(json.dumps([float(engine.state().velocity[1, 2]), float(acceleration)]))
 """
 
 
-@pytest.mark.parametrize("file", [None, "law.py"], ids=["without a file", "in a file"])
-def test_a_changed_law_is_recompiled(file, folder):
-    """The disk cache of Numba is used only if the law is unchanged."""
-    for factor in ("1.0", "0.5"):
+def cached_kernels():
+    """Files of the compiled law on Numba's disk cache, with their times."""
+    folder = os.environ.get("NUMBA_CACHE_DIR") or kernel.__path__[0]
+    return {file: file.stat().st_mtime_ns for file in Path(folder).rglob("steps.advance_soft*")}
+
+
+def test_a_changed_law_is_recompiled(folder):
+    """The disk cache of Numba is used only if the law is unchanged, and not at all without a file."""
+    for factor, file in (("1.0", "law.py"), ("0.5", "law.py"), ("2.0", None)):
+        before = cached_kernels()
         velocity, acceleration = python(SOFT.replace("FACTOR", factor), folder, file)
         assert np.isclose(velocity, float(factor) * acceleration * 2e-9, rtol=1e-3)
+        assert (cached_kernels() == before) is (file is None) and cached_kernels()
 
 
 def test_a_specimen_keeps_the_name_of_its_law(folder, labkit_command):

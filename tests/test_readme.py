@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import PATIENCE, ROOT
 
 README = (ROOT / "README.md").read_text()
 LONG = {"campaign quick --cores 2": "campaign quick --dry-run"}  # minutes: tests/campaign runs a small one
@@ -38,16 +38,16 @@ def test_python(folder):
             env={**os.environ, "MPLBACKEND": "Agg"},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=PATIENCE,
         )
         assert done.returncode == 0, done.stderr
         assert "True" in done.stdout  # run.complete
 
 
 @pytest.mark.parametrize("command", commands())
-def test_shell(folder, labkit_command, command):
-    done = labkit_command(*shlex.split(LONG.get(command, command)), cwd=folder)
-    allowed = {0, 1} if command.startswith("verify") else {0}  # of so few grains C0 may be 2 % off
+def test_shell(folder, labkit_process, command):
+    done = labkit_process(*shlex.split(LONG.get(command, command)), cwd=folder)
+    allowed = {0, 1} if command.startswith("verify ca") else {0}  # the page promises no 2 % of C0 for this path
     assert done.returncode in allowed, done.stdout + done.stderr
 
 

@@ -126,10 +126,18 @@ def _lower(depth, steps, most):
 
 
 @numba.njit(cache=True, nogil=True)
+def _paint(depth, normal, paint, i, j, height, direction, color, k):
+    """Gives a pixel the surface of object k; number by number, because arrays take seconds to compile."""
+    depth[i, j] = height
+    normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = direction
+    paint[i, j, 0], paint[i, j, 1], paint[i, j, 2] = color[k, 0], color[k, 1], color[k, 2]
+
+
+@numba.njit(cache=True, nogil=True)
 def _spheres(depth, normal, paint, corner, pixel, centre, radius, color):
     rows, columns = depth.shape
     for k in range(len(radius)):
-        x, y, z = centre[k]
+        x, y, z = centre[k, 0], centre[k, 1], centre[k, 2]
         r = radius[k]
         first_row, last_row = int((y - r - corner[1]) / pixel), int((y + r - corner[1]) / pixel)
         first, last = int((x - r - corner[0]) / pixel), int((x + r - corner[0]) / pixel)
@@ -142,34 +150,31 @@ def _spheres(depth, normal, paint, corner, pixel, centre, radius, color):
                     continue
                 height = np.sqrt(square)
                 if z + height > depth[i, j]:
-                    depth[i, j] = z + height
-                    paint[i, j] = color[k]
-                    normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = u / r, v / r, height / r
+                    _paint(depth, normal, paint, i, j, z + height, (u / r, v / r, height / r), color, k)
 
 
 @numba.njit(cache=True, nogil=True)
 def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
     rows, columns = depth.shape
     for k in range(len(radius)):
-        r = radius[k]
-        axis = end[k] - start[k]
-        length = np.sqrt((axis * axis).sum())
-        axis = axis / max(length, 1e-300)
-        low, high = np.minimum(start[k], end[k]) - r, np.maximum(start[k], end[k]) + r
-        first_row, last_row = int((low[1] - corner[1]) / pixel), int((high[1] - corner[1]) / pixel)
-        first, last = int((low[0] - corner[0]) / pixel), int((high[0] - corner[0]) / pixel)
+        r, x, y, z = radius[k], start[k, 0], start[k, 1], start[k, 2]
+        to_x, to_y = end[k, 0], end[k, 1]
+        a, b, c = to_x - x, to_y - y, end[k, 2] - z
+        length = np.sqrt(a * a + b * b + c * c)
+        size = max(length, 1e-300)
+        axis = a / size, b / size, c / size
+        first_row = int((min(y, to_y) - r - corner[1]) / pixel)
+        last_row = int((max(y, to_y) + r - corner[1]) / pixel)
+        first, last = int((min(x, to_x) - r - corner[0]) / pixel), int((max(x, to_x) + r - corner[0]) / pixel)
         for i in range(max(first_row, 0), min(last_row + 1, rows)):
-            v = corner[1] + (i + 0.5) * pixel - start[k, 1]
+            v = corner[1] + (i + 0.5) * pixel - y
             for j in range(max(first, 0), min(last + 1, columns)):
-                u = corner[0] + (j + 0.5) * pixel - start[k, 0]
+                u = corner[0] + (j + 0.5) * pixel - x
                 height, along = _stick_surface(u, v, axis, length, r)
-                if height == -np.inf or start[k, 2] + height <= depth[i, j]:
+                if height == -np.inf or z + height <= depth[i, j]:
                     continue
-                depth[i, j] = start[k, 2] + height
-                paint[i, j] = color[k]
-                normal[i, j, 0] = (u - along * axis[0]) / r
-                normal[i, j, 1] = (v - along * axis[1]) / r
-                normal[i, j, 2] = (height - along * axis[2]) / r
+                across = (u - along * axis[0]) / r, (v - along * axis[1]) / r, (height - along * axis[2]) / r
+                _paint(depth, normal, paint, i, j, z + height, across, color, k)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -92,7 +92,7 @@ def whole_lanes(n: int) -> int:
     return (n + LANES - 1) // LANES * LANES
 
 
-@compiled
+@kept
 def read_sites(
     sites: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
 ) -> None:
@@ -105,7 +105,7 @@ def read_sites(
             read(sites, SITE_W, second, i, work, WB + i)
 
 
-@compiled
+@kept
 def add_forces(
     forces: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
 ) -> None:
@@ -169,7 +169,7 @@ def write_all_sites(sites: np.ndarray, grains: np.ndarray) -> None:
         write_sites(sites, grains[number], number * WIDTH, WIDTH)
 
 
-@compiled
+@kept
 def domain_grains(
     sites: np.ndarray,
     forces: np.ndarray,
@@ -194,7 +194,7 @@ def domain_grains(
         write_sites(sites, block, start, n)
 
 
-@compiled
+@kept
 def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int) -> None:
     """Add the forces on the images first <= k < last to the grains `owner`, and reset them."""
     images = first_image(forces, owner)
@@ -247,6 +247,34 @@ def farthest(grains: np.ndarray, start: np.ndarray, number: int, back: np.ndarra
     return math.sqrt(largest)
 
 
+@kept
+def drift_of(cell: np.ndarray, L: np.ndarray) -> np.ndarray:
+    """Velocity that a period adds (3, 3), L times the cell before the motion, m/s."""
+    return L @ cell
+
+
+@kept
+def search_is_due(
+    motion: Motion, L: np.ndarray, dt: float, speed: np.ndarray, grains: np.ndarray, start: np.ndarray
+) -> bool:
+    """Enter a motion of the cell and of the grains, at speeds of at most `speed` (domain,), in `motion`.
+
+    Return True if a pair of grains may have become neighbours, so that a search is needed.
+    """
+    before, spread = motion.before, motion.spread
+    for i in range(3):
+        for j in range(3):
+            before[i, j] = L[i, j]
+    spread[1] /= 1.0 - dt * math.sqrt((L * L).sum())
+    spread[0] += dt * speed.max() * spread[1]
+    left = motion.skin - motion.largest_diameter * (spread[1] - 1.0)
+    if 2.0 * spread[0] > left:
+        back = motion.first_cell @ np.linalg.inv(motion.cell)
+        spread[0] = farthest(grains, start, len(start), back)
+        return 2.0 * spread[0] > 0.9 * left
+    return False
+
+
 def advance(
     steps: int,
     moved_already: bool,
@@ -274,15 +302,13 @@ def advance(
     sites, forces, grains, work = arrays.sites, arrays.forces, arrays.grains, arrays.work
     image_first, owner, shift = arrays.image_first, arrays.owner, arrays.shift
     pairs, blocks, start = arrays.pairs, arrays.blocks, arrays.start
-    cell, before, spread = motion.cell, motion.before, motion.spread
+    cell, before = motion.cell, motion.before
     domains = len(contact_first)
-    cell_before = np.empty((3, 3))
     speed = np.empty(domains)
     for step in range(steps):
         if not (moved_already and step == 0):
-            cell_before[:] = cell
+            drift = drift_of(cell, L)
             move_cell(cell, L, dt)
-            drift = L @ cell_before
             for d in numba.prange(domains):
                 collect_images(forces, owner, image_first[d], image_first[d + 1])
                 domain_grains(
@@ -290,15 +316,8 @@ def advance(
                 )
                 image_sites(sites, owner, image_first[d], image_first[d + 1], shift, cell, drift)
                 speed[d] = largest_speed(work[d])
-            before[:] = L
-            spread[1] /= 1.0 - dt * math.sqrt((L * L).sum())
-            spread[0] += dt * speed.max() * spread[1]
-            left = motion.skin - motion.largest_diameter * (spread[1] - 1.0)
-            if 2.0 * spread[0] > left:
-                back = motion.first_cell @ np.linalg.inv(cell)
-                spread[0] = farthest(grains, start, len(start), back)
-                if 2.0 * spread[0] > 0.9 * left:
-                    return step, True
+            if search_is_due(motion, L, dt, speed, grains, start):
+                return step, True
         for d in numba.prange(domains):
             domain_contacts(
                 sites,
@@ -333,4 +352,8 @@ def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
             work = arrays.work[0]
             read_sites(arrays.sites, arrays.pairs[0, start:end], arrays.pairs[1, start:end], work, None)
             block_stress(arrays.blocks[start // WIDTH], work, n, friction, sums)
-    return sums.reshape((9, WIDTH)).sum(axis=1).reshape((3, 3))
+    total = np.zeros((3, 3))
+    for k in range(9):
+        for i in range(WIDTH):
+            total[k // 3, k % 3] += sums[k * WIDTH + i]
+    return total

@@ -1,0 +1,111 @@
+"""`labkit` commands in processes forked from one that has imported labkit, which saves a second for every command.
+
+A command still runs in a process of its own, with its own command line, working folder, environment and exit code.
+What a new interpreter reads at its start, such as PYTHONPATH, is that of the tests: change it in a process of its own.
+"""
+
+import atexit
+import gc
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import traceback
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LIMIT = 1800  # s, after which a command is killed
+IMPORTED = (
+    "labkit.campaign",
+    "labkit.cli.dispatch",
+    "labkit.engines.fused",
+    "labkit.engines.yade",
+    "labkit.model",
+    "labkit.runs.dataset",
+    "labkit.runs.verify",
+    "labkit.visuals",
+    "matplotlib.pyplot",
+)
+
+
+class Forks:
+    """Starts the process with labkit at the first command, and ends it with the context."""
+
+    def __init__(self):
+        self._server = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        if self._server is not None:
+            self._server.stdin.close()
+            self._server.stdout.close()
+            self._server.wait()
+
+    def run(self, *words, cwd=None, environment=None):
+        """`labkit words` as a user runs it; the finished process with its output as text."""
+        if self._server is None:
+            command = [sys.executable, "-m", "tests.forked"]
+            self._server = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        words = [str(word) for word in words]
+        with tempfile.TemporaryDirectory() as folder:
+            files = [f"{folder}/{name}" for name in ("stdout", "stderr")]
+            request = words, str(cwd or os.getcwd()), dict(environment or os.environ), files
+            print(json.dumps(request), file=self._server.stdin, flush=True)
+            code = int(self._server.stdout.readline())
+            return subprocess.CompletedProcess(words, code, *(Path(file).read_text() for file in files))
+
+
+def serve():
+    """Reads one request a line from stdin and writes its exit code; returns in each forked process: its words."""
+    for line in sys.stdin:
+        words, folder, environment, files = json.loads(line)
+        child = os.fork()
+        if child == 0:
+            become(words, folder, environment, files)
+            return words
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+    return None
+
+
+def become(words, folder, environment, files):
+    """Gives this process the command line, folder, environment and output of a request."""
+    signal.alarm(LIMIT)
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv[1:], sys.path[0] = words, folder
+    for descriptor, file in zip((0, 1, 2), ("/dev/null", *files), strict=True):
+        opened = os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
+        os.dup2(opened, descriptor)
+        os.close(opened)
+
+
+def finish(main, words):
+    """Runs the command and ends the process, without the half second in which an interpreter takes itself apart."""
+    try:
+        code = main(words)
+    except SystemExit as ended:  # of --help
+        code = ended.code
+    except BaseException:
+        traceback.print_exc()
+        code = 1
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code or 0)
+
+
+if __name__ == "__main__":
+    from labkit.cli import main
+
+    for name in IMPORTED:
+        importlib.import_module(name)
+    gc.freeze()
+    given = serve()
+    if given is not None:
+        finish(main, given)
