@@ -12,13 +12,13 @@ from analysis.boundary_value.biaxial import HEIGHT, LOOSER, PRESSURE, RADIUS, VO
 from analysis.markdown import frame_table
 from labkit.visuals import plots
 
-FIELDS = {"e": "void ratio e", "Z": "coordination number Z", "|A|": "contact anisotropy |A|"}
+FIELDS = {"e": "void ratio, e", "Z": "coordination, Z", "|A|": "anisotropy, |A|"}
 
 
 def figure(problem: Biaxial, strain: float, histories: Mapping[int, History]) -> Figure:
     """e, Z and |A| in the quarter of the finest mesh, and the axial stress of every mesh."""
-    drawn = plots.new_figure(9.0, 4.2)
-    axes = drawn.subplots(1, 4, width_ratios=[1, 1, 1, 1.7])
+    drawn = plots.new_figure(10.5, 3.8)
+    axes = drawn.subplots(1, 4, width_ratios=[1, 1, 1, 1.3])
     corners = problem.mesh.p[:, problem.mesh.t] * 1e3
     for axis, (name, label) in zip(axes, FIELDS.items(), strict=False):
         values = problem.field(name).mean(axis=1)
@@ -27,12 +27,13 @@ def figure(problem: Biaxial, strain: float, histories: Mapping[int, History]) ->
         image = axis.imshow(
             values[shape].reshape(-1, columns), origin="lower", extent=(0, WIDTH * 1e3, 0, HEIGHT * 1e3), cmap="viridis"
         )
-        drawn.colorbar(image, ax=axis, shrink=0.7)
-        axis.set(title=label, xlabel="x (mm)", ylabel="y (mm)" if name == "e" else "")
+        drawn.colorbar(image, ax=axis, label=label, fraction=0.09)
+        axis.set(xlabel="x (mm)", ylabel="y (mm)" if name == "e" else "")
     for columns, history in histories.items():
         axes[3].plot(np.array(history.strain) * 100, np.array(history.stress) / 1e6, label=f"{columns} x {2 * columns}")
-    axes[3].set(xlabel="axial strain (%)", ylabel="mean axial stress (MPa)", title=f"fields at {strain:.1%}")
+    axes[3].set(xlabel="axial strain (%)", ylabel="mean axial stress (MPa)")
     axes[3].legend(title="elements")
+    drawn.suptitle(f"Quarter of the specimen at {strain:.1%} axial strain (left); axial stress of every mesh (right)")
     return drawn
 
 
