@@ -14,17 +14,23 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.control import Control
-from labkit.dem.loading import Path, rate_parameter
+from labkit.dem.energy import opened
+from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.loading import Path, StressPath, rate_parameter
 from labkit.dem.scene import Scene
+from labkit.dem.specimen import Equilibrium, ready, settle
+from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.micro.tensors import COMPONENTS, ROOT2, to_tensor
 from labkit.parameters import check_parameters, parameter
 
 LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in the remainder the grains rest
+CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
+STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_000)
 NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
 # Default amplitudes: small enough that contacts neither open nor close in elastic probes, large enough that they slide
 # in the others; docs/commands.md has the measurements.
-AMPLITUDES = {("strain", True): 1e-7, ("strain", False): 1e-4, ("stress", True): 1e-5, ("stress", False): 1e-2}
+AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,8 +111,8 @@ class Probing:
         None,
         above=0.0,
         high=0.1,
-        help="norm of the increments: of strain, or of stress divided by the mean stress (default: 1e-4 for strain, "
-        "1e-2 for stress, and a thousandth of that for elastic probes)",
+        help="norm of the increments: of strain, or of stress divided by the mean stress (default: 1e-4 for strain and "
+        "1e-2 for stress; 1e-9 and 1e-7 for elastic probes)",
     )
     duration: float = parameter(
         40.0,
@@ -131,6 +137,20 @@ def without_sliding(scene: Scene) -> Scene:
     Springs that the scene lacks are not added.
     """
     return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
+
+
+def rest(specimen: State, start: Start, progress: Progress = silent) -> State:
+    """The specimen at rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
+
+    Sliding contacts creep for a long time: when the specimen hardly moves any more, sliding is switched off, after
+    which the motion decays exponentially.
+    """
+    engine = start(opened(ready(specimen, start)))
+    settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
+    state = engine.state().at_rest()
+    engine.load(opened(state.replace(scene=without_sliding(state.scene))))
+    settle(engine, STILL, lambda fraction, text: progress(0.5 + 0.5 * fraction, text))
+    return engine.state().at_rest().replace(scene=specimen.scene)
 
 
 def _six_numbers(name: str, values: tuple[float, ...]) -> None:
@@ -182,20 +202,20 @@ class StrainProbe(_Probe):
 
 
 @dataclasses.dataclass(frozen=True)
-class StressProbe(_Probe):
+class StressProbe(_Probe, StressPath):
     """A small increment of stress, applied smoothly by all six strain rates, after which the grains rest.
 
-    Stresses are divided by `mean_stress`.
+    `pressure` is the mean stress before the probe, by which all other stresses are divided.
     """
 
-    increment: tuple[float, ...] = increment_parameter("increment of stress, divided by `mean_stress`")
+    increment: tuple[float, ...] = increment_parameter("increment of stress, divided by `pressure`")
     start_stress: tuple[float, ...] = parameter(
         (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
-        help="stress before the probe, divided by `mean_stress`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
+        help="stress before the probe, divided by `pressure`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
     )
-    mean_stress: float = parameter(0.1e6, unit="Pa", above=0.0, high=1e12, help="mean stress before the probe")
 
     name = "stress_probe"
+    holds = "stress"
     rate_limit = 100.0  # a sheared specimen is many times softer than its elastic stiffness
 
     def __post_init__(self) -> None:
@@ -203,10 +223,15 @@ class StressProbe(_Probe):
         super().__post_init__()
         _six_numbers("start_stress", self.start_stress)
 
+    def start_pressure(self) -> float | None:
+        return None  # the specimen keeps its stress
+
     def flow(self, travelled: float) -> np.ndarray:
         return np.zeros((3, 3))
 
     def control(self) -> Control:
         basis = to_tensor(np.eye(6))
         start, increment = np.array(self.start_stress), np.array(self.increment)
-        return Control(basis, basis, lambda travelled: self.mean_stress * (start + self.applied(travelled) * increment))
+        return Control(
+            basis, basis, lambda travelled: self.held_pressure * (start + self.applied(travelled) * increment)
+        )

@@ -104,7 +104,6 @@ class Equilibrium:
 
 STEP1 = Equilibrium(unbalanced_force=1e-3, energy_ratio=1e-4)
 STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
-STILL = Equilibrium(unbalanced_force=5e-6, energy_ratio=1e-10)  # before probes, whose increments are small
 
 # The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
 # a spring system that is stopped after a time T retains cos(omega T) of each mode, so that no mode grows.
@@ -233,13 +232,6 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         f"kinetic/elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
         "decrease the void ratio or increase the step-1 friction, so that the specimen carries load"
     )
-
-
-def rest(specimen: State, start: Start, progress: Progress = silent) -> State:
-    """The specimen at rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit."""
-    engine = start(opened(ready(specimen, start)))
-    settle(engine, STILL, progress)
-    return engine.state().at_rest()
 
 
 def ready(specimen: State, start: Start, guarded: bool = True) -> State:

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any, ClassVar
 
-from labkit.dem import compression, consolidation, simulation, specimen, stratified
+from labkit.dem import compression, consolidation, probes, simulation, specimen, stratified
 from labkit.dem.engine import Progress, silent
 from labkit.dem.limits import require_pressure
 from labkit.dem.paths import Path, path_of
@@ -177,7 +177,7 @@ class RestTask(_OfState):
     kind = "rest"
 
     def do(self, progress: Progress) -> State:
-        return self.finished(specimen.rest(self.state, starter(self.engine, self.threads), progress), self.inputs)
+        return self.finished(probes.rest(self.state, starter(self.engine, self.threads), progress), self.inputs)
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> RestTask:

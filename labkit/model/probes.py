@@ -13,6 +13,7 @@ from labkit.micro.tensors import to_six
 from labkit.model.driver import drive
 from labkit.model.parameters import TABLE_2, Model
 from labkit.model.state import ModelState
+from labkit.parameters import restored
 from labkit.runs.probe_set import Probes, dataset_of
 
 RECORDS = 3  # of a probe: two while the increment is applied, one at rest
@@ -46,13 +47,12 @@ def probes_of(state: ModelState, model: Model, probing: Probing) -> Probes:
 def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarray) -> Path:
     """The path of a probe in a direction, a unit tensor (6,)."""
     size = probing.size(elastic=False)
-    increment = tuple((size * direction).tolist())
     if probing.kind == "strain":
-        return StrainProbe(increment=increment, strain=size / LOADING)
+        return restored(StrainProbe, {"increment": size * direction, "strain": size / LOADING})
     stress = state.stress(model)
     pressure = float(mean_stress(stress))
-    start = tuple((to_six(stress) / pressure).tolist())
-    return StressProbe(increment=increment, start_stress=start, mean_stress=pressure, strain=size * TYPICAL / LOADING)
+    start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
+    return restored(StressProbe, {**start, "increment": size * direction, "strain": size * TYPICAL / LOADING})
 
 
 def _row(state: ModelState, model: Model, path: Path) -> dict[str, Any]:

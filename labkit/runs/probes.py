@@ -23,22 +23,23 @@ import numpy as np
 from labkit.dem.engine import Progress, silent
 from labkit.dem.limits import INERTIAL_LIMIT
 from labkit.dem.loading import Path
-from labkit.dem.probes import LOADING, Probing, StrainProbe, StressProbe, plane_of, without_sliding
+from labkit.dem.probes import LOADING, STILL, Probing, StrainProbe, StressProbe, plane_of, without_sliding
 from labkit.dem.servo import FLOOR, cell_stiffness
-from labkit.dem.specimen import STILL
 from labkit.dem.state import State
 from labkit.engines.tasks import ProbesTask, RestTask, execute
-from labkit.errors import InputError
+from labkit.errors import InputError, Interrupted
 from labkit.io.files import open_netcdf
 from labkit.io.progress import reporter
 from labkit.micro.indicators import inertial_number, unbalanced_force
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.parameters import restored
 from labkit.runs.probe_set import Probes, dataset_of
 
 LEAST_STIFFNESS = 1e-3  # of the largest: a specimen that is softer in some direction carries no load there
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe
+CHANGES = ("strain", "stress", "friction_loss", "rolling_loss", "damping_loss")  # during a probe
 WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "damping_loss")
 
 
@@ -89,7 +90,10 @@ def probes_of(
     paths = tuple(make(six) for six in (np.zeros(6), *direction))
     shown = progress if callable(progress) else reporter("probes") if progress else silent
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
-        execute(ProbesTask(state=state, paths=paths, engine=engine, threads=threads, output=folder), shown)
+        try:
+            execute(ProbesTask(state=state, paths=paths, engine=engine, threads=threads, output=folder), shown)
+        except Interrupted as error:
+            raise Interrupted("stopped by a signal; nothing was saved", error.code) from None
         null, *rows = (_row(File(folder) / f"{number}.run.nc") for number in range(len(paths)))
     for row in rows:
         row |= {name: row[name] - null[name] for name in WITHOUT_CREEP}
@@ -128,17 +132,17 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
         fastest = 2.0 * strain / time * np.diag([1.0, 0.0, 0.0])  # twice the mean rate
         number = inertial_number(fastest, pressure, 2.0 * float(state.radius.mean()), state.scene.density)
         time *= max(1.0, number / QUASI_STATIC)
-    rate, length = strain / time, strain / LOADING
+    clock = {"rate": strain / time, "strain": strain / LOADING}
     if probing.kind == "strain":
-        return lambda six: StrainProbe(rate, length, tuple((size * six).tolist()))
-    start = tuple((to_six(stress) / pressure).tolist())
-    return lambda six: StressProbe(rate, length, tuple((size * six).tolist()), start, pressure)
+        return lambda six: restored(StrainProbe, {**clock, "increment": size * six})
+    start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
+    return lambda six: restored(StressProbe, {**clock, **start, "increment": size * six})
 
 
 def _row(file: File) -> dict[str, Any]:
     """The variables of one probe, from its run file."""
     with open_netcdf(file, "run") as run:
-        change = {name: run[name][-1] - run[name][0] for name in run.variables if name != "time"}
+        change = {name: run[name][-1] - run[name][0] for name in CHANGES}
         volume = float(run["volume"][0])
         first, last = (_pairs(run, snapshot) for snapshot in (0, -1))
         return {
