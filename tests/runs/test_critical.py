@@ -25,7 +25,8 @@ def files(tmp_path_factory):
     with netCDF4.Dataset(known["unfinished"], "a") as dataset:
         dataset.complete = 0
     with netCDF4.Dataset(known["short"], "a") as dataset:  # a complete test to 4 % of strain
-        dataset["axial_strain"][:] = dataset["axial_strain"][:] * 0.1
+        for name in ("axial_strain", "strain"):
+            dataset[name][:] = dataset[name][:] * 0.1
     return known
 
 

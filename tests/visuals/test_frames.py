@@ -99,7 +99,9 @@ def test_components_of_tensors(run):
 
 def test_a_path_that_reverses_is_drawn_over_the_accumulated_strain(run):
     assert strain_axis(run)[0] == "axial strain (%)"
-    back = run.assign_coords(axial_strain=("time", np.sin(np.linspace(0.0, 6.0, run.sizes["time"]))))
+    axial = np.sin(np.linspace(0.0, 6.0, run.sizes["time"]))
+    back = run.assign_coords(axial_strain=("time", axial))
+    back["strain"] = back["strain"].copy(data=axial[:, None, None] * np.diag([-0.5, -0.5, 1.0]))
     label, strain = strain_axis(back)
     assert label == "accumulated axial strain (%)"
     np.testing.assert_allclose(strain, 100 * travelled(back["axial_strain"].values))
