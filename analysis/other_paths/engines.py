@@ -17,7 +17,7 @@ import labkit as lk
 from labkit.dem import Progress
 from labkit.errors import InputError
 from labkit.micro import equivalent_stress, mean_stress
-from labkit.visuals.frame import WIDTH, colors_for, new_figure
+from labkit.visuals import WIDTH, colors_for, new_figure
 
 POINTS = 200
 QUANTITIES = {"p": "p (% of its initial value)", "ratio": "q/p", "e": "e", "Z": "Z"}

@@ -64,6 +64,7 @@ def _copy(source: netCDF4.Dataset, thin: netCDF4.Dataset, chosen: Sequence[int])
     contacts, grains = thin.createGroup("contacts"), thin.createGroup("grains")
     thin.createDimension("snapshot", None)
     create_variables(contacts, _single(CONTACTS), {})
+    contacts["row_size"].sample_dimension = "contact"
     create_variables(grains, _single(GRAINS), {"grain": len(source["grains"].dimensions["grain"])})
     grains["radius"][:] = source["grains"]["radius"][...]
     sizes = source["contacts"]["row_size"][...].filled()

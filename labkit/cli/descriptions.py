@@ -70,8 +70,8 @@ DESCRIPTIONS = {
         "units, radii or diameters, sign of forces) is asked for. Checks the grains, and writes them as a state file "
         "at rest; normal forces follow from the overlaps and the contact law.",
         "labkit import pack.txt --length-unit m -o mine.state.nc\n"
-        "labkit import grains.csv --contacts contacts.csv --box 4,4,4 --length-unit mm --size radius \\\n"
-        "  --force-unit N --force-sign compression -o mine.state.nc",
+        "labkit import grains.csv --contacts contacts.csv --box 4,4,4 --length-unit mm --size radius "
+        "--force-unit N --force-sign compression -o mine.state.nc",
     ),
     "export": (
         "Writes the records of a run, or the contacts or grains of one snapshot or of a state file, as CSV with the "
@@ -120,6 +120,25 @@ DESCRIPTIONS = {
     "bench-statistics": (
         "Measures the time and memory of each statistic of a run. Prints a table.",
         "labkit bench-statistics r.run.nc",
+    ),
+    "density": (
+        "Makes the loosest and the densest specimen of the material by a stated protocol. Prints e_min, e_max and the "
+        "relative density of the specimen.",
+        "labkit density s.state.nc --engine fused",
+    ),
+    "grading": (
+        "Compares the grading that was asked for with the sizes of the grains. Prints a table and writes a figure.",
+        "labkit grading s.state.nc",
+    ),
+    "twins": (
+        "Makes a specimen with the void ratio and the pressure of another one and a lower coordination number, by "
+        "small cycles of shear. Writes a state file.",
+        "labkit twins s.state.nc --engine fused",
+    ),
+    "umat": (
+        "Writes the constitutive model as a material law for finite-element programs: Fortran and C sources, the table "
+        "of PROPS, and with --build the shared library.",
+        "labkit umat -o law --build",
     ),
     "demo": (
         "Makes a specimen of 4,000 grains, runs a CV test in YADE and compares C0 with Love's stress, in a few "

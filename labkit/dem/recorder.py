@@ -163,6 +163,7 @@ class Recorder:
         create_variables(dataset, self.table, {}, compression=None)
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+        dataset["contacts"]["row_size"].sample_dimension = "contact"
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
         dataset["grains"]["radius"][:] = state.radius
 

@@ -149,23 +149,17 @@ def grains_in_cell(
 
 FAR = 1000  # cells; no grain travels that far
 
-CHECKPOINT_TIME = "checkpoint_time"  # of a run file, where an attribute `time` would shadow the variable
-NO_COMMAND = "created through the Python interface of labkit"  # the history, which CF requires, of such a file
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
 def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
     """Write the attributes common to state and run files. `kind`: state or run."""
     dataset.Conventions = "CF-1.10"
-    dataset.title = f"labkit {kind} of {state.number_of_grains} grains"
     dataset.labkit_file = kind
     dataset.labkit_version = labkit.__version__
     dataset.scene = state.scene.to_json()
     for name in ATTRIBUTES:
-        dataset.setncattr(CHECKPOINT_TIME if (kind, name) == ("run", "time") else name, getattr(state, name))
-    dataset.history = state.history or NO_COMMAND
-    if kind == "run" and "time" in dataset.ncattrs():  # of a run that version 0.1.0 began
-        dataset.delncattr("time")
+        setattr(dataset, name, getattr(state, name))
     dataset.ledger = np.array(dataclasses.astuple(state.ledger))
 
 
@@ -179,10 +173,6 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = np.ascontiguousarray(group[name][rows].filled())
     kept: dict[str, Any] = {name: getattr(attributes, name) for name in ATTRIBUTES if name in attributes.ncattrs()}
-    if CHECKPOINT_TIME in attributes.ncattrs():
-        kept["time"] = getattr(attributes, CHECKPOINT_TIME)
-    if kept.get("history") == NO_COMMAND:
-        kept["history"] = ""
     for name in ("step", "seed"):
         kept[name] = int(kept[name])
     for name in ("time", "time_step"):

@@ -22,6 +22,7 @@ from labkit.engines.kernel.build import kernel_of
 from labkit.engines.kernel.compiling import CONFIG
 from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, Grains, History, Packing, pack
+from labkit.engines.kernel.sites import write_all_sites
 from labkit.engines.kernel.steps import Motion
 from labkit.engines.threads import ThreadChoice, report
 from labkit.errors import InputError, PhysicsError
@@ -192,7 +193,7 @@ class FusedEngine(Engine):
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        steps.write_all_sites(p.arrays.sites, p.arrays.grains)
+        write_all_sites(p.arrays.sites, p.arrays.grains)
         owner, shift = p.arrays.owner, p.arrays.shift
         steps.image_sites(p.arrays.sites, owner, 0, len(owner), shift, self._cell, drift)
 

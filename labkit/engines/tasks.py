@@ -172,7 +172,7 @@ class ConsolidationTask(_OfState):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RestTask(_OfState):
-    """Let the grains of a specimen come to rest in their fixed cell."""
+    """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
 
     kind = "rest"
 

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Literal
 
 import netCDF4
-import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.schema import AXES, CF_TIME, CONTACTS, ESSENTIAL, GRAINS, SIZES, Variable
+from labkit.io.schema import CONTACTS, ESSENTIAL, GRAINS, SIZES, Variable
 
 netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 MB: data are read and written only once
 
@@ -143,8 +142,6 @@ def create_variables(
         for dimension in variable.dimensions:
             if _find_dimension(group, dimension) is None:
                 group.createDimension(dimension, known.get(dimension))
-                if dimension in AXES:
-                    _create_axis(group, dimension)
         chunks = [_chunk_size(name, known.get(name)) for name in variable.dimensions]
         created = group.createVariable(
             variable.name,
@@ -157,18 +154,6 @@ def create_variables(
         )
         created.units = variable.units
         created.long_name = variable.long_name
-        if variable.name == "time":
-            created.setncatts(CF_TIME)
-
-
-def _create_axis(group: netCDF4.Dataset, name: str) -> None:
-    """Creates the coordinate variable of a dimension of components; its flags name the axes."""
-    axis = group.createVariable(name, "i4", (name,))
-    axis.long_name = "axis of a component"
-    axis.units = "1"
-    axis.flag_values = np.arange(SIZES[name], dtype=np.int32)
-    axis.flag_meanings = AXES[name]
-    axis[:] = axis.flag_values
 
 
 _CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}

@@ -82,6 +82,3 @@ GRAINS = _table(
 )
 
 SIZES = {"i": 3, "j": 3, "side": 2}
-AXES = {"i": "x y z", "j": "x y z"}  # CF coordinate variables of these dimensions: flags 0, 1, 2 and their meanings
-# CF requires a date for a variable called time; it is arbitrary, and labkit.open_run gives the time in s.
-CF_TIME = {"standard_name": "time", "axis": "T", "units": "seconds since 1970-01-01 00:00:00"}

@@ -20,7 +20,6 @@ import xarray as xr
 import labkit
 import labkit.runs.dataset  # registers the accessor .lab for as_run
 from labkit.dem.scene import Scene
-from labkit.dem.state import NO_COMMAND
 from labkit.errors import InputError
 from labkit.io.files import create_variables, whole_file
 from labkit.io.provenance import data_sha256, provenance
@@ -93,7 +92,6 @@ def write_result(
     """
     with whole_file(file) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
         dataset.Conventions = "CF-1.10"
-        dataset.title = "labkit run predicted by the constitutive model"
         dataset.labkit_file = "run"
         dataset.labkit_version = dataset.engine_version = labkit.__version__
         dataset.engine = ENGINE
@@ -105,11 +103,12 @@ def write_result(
         dataset.ended_because = result.failure or result.ended_because
         dataset.wall_time = float(wall_time)
         dataset.steps = np.int64(result.calls)
-        dataset.history = history or NO_COMMAND
+        dataset.history = history
         dataset.provenance = provenance(history or None, output=file)
         create_variables(dataset, {**RECORD, **result.path.recorded()}, {})
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+        dataset["contacts"]["row_size"].sample_dimension = "contact"
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
         for name, values in records(result).items():
             dataset[name][:] = values

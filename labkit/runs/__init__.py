@@ -17,6 +17,7 @@ _NAMES = {
     "drift_share": "verify",
     "findings": "verify",
     "affine_stiffness": "probes",
+    "at_rest": "probes",
     "open_run": "dataset",
     "open_state": "dataset",
     "snapshots": "dataset",

@@ -12,7 +12,7 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io.files import labkit_kind, open_netcdf
-from labkit.io.schema import CF_TIME, RECORD
+from labkit.io.schema import RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.accessor import Lab, with_axes
 
@@ -45,20 +45,9 @@ def tree_accessor(tree: xr.DataTree) -> Lab:
     return _joined(parts).lab
 
 
-def _in_seconds(part: xr.Dataset) -> xr.Dataset:
-    """The Dataset with the time in s since the start of the path, also if xarray decoded it as dates, in ns."""
-    if "time" not in part:
-        return part
-    time = part["time"].values
-    if time.dtype.kind == "M":
-        time = (time - np.datetime64(CF_TIME["units"].split()[2])) / np.timedelta64(1, "s")
-    attributes = {"units": RECORD["time"].units, "long_name": RECORD["time"].long_name}
-    return part.assign_coords(time=("time", time, attributes))
-
-
 def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     """One Dataset made from the root, the contacts and the grains of a run file."""
-    run = xr.merge([_in_seconds(part) for part in parts], compat="no_conflicts", join="exact", combine_attrs="override")
+    run = xr.merge(parts, compat="no_conflicts", join="exact", combine_attrs="override")
     starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
     run = run.assign_coords(
         row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),

@@ -18,11 +18,11 @@ from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io import provenance
 from labkit.io.files import labkit_kind, open_netcdf
-from labkit.io.schema import AXES, RECORD, STATE
+from labkit.io.schema import RECORD, STATE
 from labkit.parameters import parameters_of
 from labkit.runs.dataset import open_run
 
-UNITS = {"time": "s", "checkpoint_time": "s", "time_step": "s", "wall_time": "s"}  # of the attributes of a file
+UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # of the attributes of a file
 WIDTH = 18  # characters of a label
 
 
@@ -34,7 +34,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     lines = [f"{path}: labkit {kind} file"]
     with open_netcdf(path, kind) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
-        further = sorted(set(dataset.variables) - set(RECORD if kind == "run" else STATE) - set(AXES))
+        further = sorted(set(dataset.variables) - set(RECORD if kind == "run" else STATE))
         sizes = {name: len(d) for g in (dataset, *dataset.groups.values()) for name, d in g.dimensions.items()}
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")

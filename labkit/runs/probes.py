@@ -23,14 +23,14 @@ import numpy as np
 from labkit.dem.engine import Progress, silent
 from labkit.dem.limits import INERTIAL_LIMIT
 from labkit.dem.loading import Path
-from labkit.dem.probes import LOADING, STILL, Probing, StrainProbe, StressProbe, plane_of, without_sliding
+from labkit.dem.probes import LOADING, Probing, StrainProbe, StressProbe, plane_of, without_sliding
 from labkit.dem.servo import FLOOR, cell_stiffness
 from labkit.dem.state import State
 from labkit.engines.tasks import ProbesTask, RestTask, execute
 from labkit.errors import InputError, Interrupted
 from labkit.io.files import open_netcdf
 from labkit.io.progress import reporter
-from labkit.micro.indicators import inertial_number, unbalanced_force
+from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
@@ -65,10 +65,7 @@ def probe(
 
 
 def at_rest(state: State, engine: str = "fused", threads: int = 1) -> State:
-    """The state from which probes start: at rest in its cell; without another step if it is at rest already."""
-    still = state.at_rest()
-    if unbalanced_force(still.snapshot()) < STILL.unbalanced_force:
-        return still
+    """The state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
     rested = execute(RestTask(state=state, engine=engine, threads=threads))
     assert rested is not None
     return rested

@@ -12,6 +12,9 @@ _NAMES = {
     "envelope_figure": "envelope_figure:",
     "draw_grains": "picture:picture",
     "save": "plots",
+    "WIDTH": "frame",
+    "colors_for": "frame",
+    "new_figure": "frame",
     "e_p_paths": "plots",
     "sff_against_love": "plots",
 }

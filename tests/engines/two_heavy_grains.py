@@ -33,7 +33,7 @@ def pair(scene, overlap, velocity=(0.0, 0.0, 0.0), time_step=1e-9):
 
 
 def slip_cycles(engine, law, cycles=2, steps=300):
-    """Energies and forces of heavy grains that slide to and fro by SLIP: (loss of the last cycle, ft of one step)."""
+    """Energies and forces of heavy grains sliding back and forth by SLIP: (loss of the last cycle, ft of one step)."""
     scene = scene_of(law, density=1e9)
     speed = SLIP / (steps * 1e-9)
     state = pair(scene, CYCLED, speed * TANGENT)

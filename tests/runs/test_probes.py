@@ -182,7 +182,7 @@ def test_grains_without_load_and_mixtures_are_refused(sheared, elastic, envelope
         rolling_moment=np.zeros((0, 3)),
     )
     with pytest.raises(InputError, match="carries no load"):
-        lk.probe(loose, progress=False)
+        path_maker(loose, Probing(), False)
     with pytest.raises(InputError, match="different planes"):
         _ = elastic["sheared"] + envelope
     with pytest.raises(InputError, match="no envelope: give probes in a plane"):

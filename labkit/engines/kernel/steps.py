@@ -1,12 +1,10 @@
 """The loop over time steps.
 
 Grains and contacts are divided into domains that do not depend on the number of threads, and every sum is taken in a
-fixed order: results are bit-identical for any number of threads.
-
-A domain contains consecutive grains in spatial order and the contacts of which they are the first grain. If the second
-grain of a contact belongs to another domain or lies in another period, the contact uses an image: a separate site that
-is copied from the grain after each motion. A contact therefore needs no periodic shift, and no two domains write to
-the same site.
+fixed order: results are bit-identical for any number of threads. A domain contains consecutive grains in spatial order
+and the contacts of which they are the first grain. If the second grain of a contact belongs to another domain or lies
+in another period, the contact uses an image: a separate site that is copied from the grain after each motion. A
+contact therefore needs no periodic shift, and no two domains write to the same site.
 """
 
 from __future__ import annotations
@@ -160,13 +158,6 @@ def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> Non
         put(sites, SITE_X, start + i, block, X + i)
         put(sites, SITE_V, start + i, block, V + i)
         put(sites, SITE_W, start + i, block, W + i)
-
-
-@kept
-def write_all_sites(sites: np.ndarray, grains: np.ndarray) -> None:
-    """Write the sites of all blocks of grains."""
-    for number in range(len(grains)):
-        write_sites(sites, grains[number], number * WIDTH, WIDTH)
 
 
 @kept
