@@ -52,6 +52,8 @@ def do_export(options: argparse.Namespace, argv: list[str]) -> None:
     kind = labkit_kind(options.run) if Path(options.run).is_file() else None
     if kind != "state":
         open_run(options.run).close()  # says what is wrong with any other file
+    if options.output is not None and labkit_kind(options.output) is not None:
+        require_writable(options.output)  # says that it would be overwritten
     written = options.format or ("csv" if options.output is None or options.output.lower().endswith(".csv") else None)
     if options.table and written != "csv":
         raise InputError(
