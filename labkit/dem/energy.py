@@ -59,25 +59,26 @@ def opened(state: State) -> State:
     return state.replace(ledger=Ledger(start=stored_energy(state)))
 
 
-def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
+def balance_error(state: State, snapshot: Snapshot | None = None, stored: float | None = None) -> float:
     """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
 
     The reference is the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
-    `snapshot`: the Snapshot of the state, if already computed.
+    `snapshot`, `stored`: the Snapshot of the state and its stored_energy, if already computed.
     """
     ledger = state.ledger
     scale = max(abs(ledger.cell_work), ledger.start)
     lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
-    missing = ledger.cell_work + ledger.start - stored_energy(state, snapshot) - lost
+    stored = stored_energy(state, snapshot) if stored is None else stored
+    missing = ledger.cell_work + ledger.start - stored - lost
     return missing / scale if scale > 0.0 else 0.0
 
 
-def require_balanced(state: State, snapshot: Snapshot | None = None) -> None:
+def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:
     """Raise PhysicsError if the error of the energy balance is too large.
 
-    `snapshot`: the Snapshot of the state, if already computed.
+    `snapshot`, `error`: the Snapshot of the state and its balance_error, if already computed.
     """
-    error = balance_error(state, snapshot)
+    error = balance_error(state, snapshot) if error is None else error
     if not abs(error) <= BALANCE_LIMIT:
         raise PhysicsError(
             f"the energy balance is off by {error:.1%} of the work at step {state.step}: the time step "

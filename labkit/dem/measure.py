@@ -36,6 +36,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
     pressure = float(mean_stress(stress))
     nominal = void_ratio_nominal(snapshot)
     fabric = statistics(snapshot)
+    kinetic, elastic = kinetic_energy(state), indicators.elastic_energy(snapshot)
     rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
     return {
         "time": state.time,
@@ -63,14 +64,14 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * radius.mean(), scene.density),
         "overlap_ratio": indicators.overlap_ratio(snapshot),
         "rattler_fraction": indicators.rattler_fraction(snapshot),
-        "kinetic_energy": kinetic_energy(state),
+        "kinetic_energy": kinetic,
         "unbalanced_force": indicators.unbalanced_force(snapshot),
-        "elastic_energy": indicators.elastic_energy(snapshot),
+        "elastic_energy": elastic,
         "cell_work": state.ledger.cell_work,
         "friction_loss": state.ledger.friction_loss,
         "rolling_loss": state.ledger.rolling_loss,
         "damping_loss": state.ledger.damping_loss,
-        "energy_balance_error": balance_error(state, snapshot),
+        "energy_balance_error": balance_error(state, snapshot, kinetic + elastic),
         "drift_velocity": drift_velocity(state),
         **{statistic.name: statistic(snapshot) for statistic in recorded()},
     }

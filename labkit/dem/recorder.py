@@ -1,8 +1,11 @@
 """The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times.
 
-Records since the last save are kept in memory. A save copies the file, appends to the copy and renames the copy over
-the original, so that a process killed at any moment leaves the previously saved file intact. The checkpoint, a State in
-the group `checkpoint`, is written together with the records up to it.
+A save copies the file, appends to the copy and renames the copy over the original, so that a process killed at any
+moment leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together
+with the records up to it.
+
+A run has many more checkpoints than saves: which of them are saved depends on the time that a save takes. A thread
+writes the file while the run computes. Records and checkpoints that are not saved yet are kept in memory.
 """
 
 from __future__ import annotations
@@ -27,8 +30,11 @@ from labkit.io.files import create_variables, open_netcdf, remove_leftovers, who
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import data_sha256
 from labkit.io.schema import CONTACTS, GRAINS, STATE
+from labkit.io.writer import Writer
 from labkit.micro.contacts import Contacts
 from labkit.micro.snapshot import Snapshot
+
+MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,14 +68,56 @@ class StoredRun:
     ended_because: str
 
 
+@dataclasses.dataclass(frozen=True)
+class Checkpoint:
+    """A State from which a run can be resumed, or with which it ended, and what the file says about the run so far.
+
+    wall_time: s; ended_because: why the run ended before the aim of its path, one sentence; empty if it did not.
+    """
+
+    state: State
+    complete: bool
+    wall_time: float
+    threads: int = 1
+    position: Position = START
+    ended_because: str = ""
+
+
+@dataclasses.dataclass
+class _Unsaved:
+    """Records and snapshots that are not in the file yet.
+
+    records: number of the record -> values; snapshots: (number of its record, contacts, positions).
+    """
+
+    records: dict[int, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    snapshots: list[tuple[int, Contacts, np.ndarray]] = dataclasses.field(default_factory=list)
+
+    @property
+    def size(self) -> int:
+        """Bytes in memory, about."""
+        return sum(position.nbytes + 100 * len(contacts) for _, contacts, position in self.snapshots)
+
+    def extend(self, later: _Unsaved) -> None:
+        """Add later ones; a record with the same number replaces the earlier one."""
+        self.records |= later.records
+        self.snapshots += later.snapshots
+
+
 class Recorder:
     """Writes one run file, with exclusive access while it is open as a context manager.
 
-    path: the loading path; settings: everything else that determines the records; specimen: the initial State.
+    path: the loading path; settings: everything else that determines the records; specimen: the initial State;
+    all_saved: True to save every checkpoint.
     """
 
     def __init__(
-        self, file: os.PathLike[str] | str, path: LoadingPath, settings: dict[str, Any], specimen: State
+        self,
+        file: os.PathLike[str] | str,
+        path: LoadingPath,
+        settings: dict[str, Any],
+        specimen: State,
+        all_saved: bool = False,
     ) -> None:
         """Does not touch the file yet; `with` locks it."""
         self.table = {**record_table(), **path.recorded()}
@@ -78,9 +126,11 @@ class Recorder:
         self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
         self.path = path
         self.settings = settings
+        self.all_saved = all_saved
         self.records = 0  # in the file and in memory
-        self._new: list[dict[str, Any]] = []
-        self._snapshots: list[tuple[int, Contacts, np.ndarray]] = []  # number of the record, contacts, positions
+        self._new, self._ready = _Unsaved(), _Unsaved()  # after the last checkpoint, and up to it
+        self._checkpoint: Checkpoint | None = None  # the last one, if it is not in the file yet
+        self._writer = Writer()
 
     def __enter__(self) -> Recorder:
         self._lock = only_writer(self.file)
@@ -89,54 +139,70 @@ class Recorder:
         return self
 
     def __exit__(self, *exception: Any) -> None:
-        self._lock.__exit__(*exception)
+        try:
+            self.flush()
+        finally:
+            self._writer.close()
+            self._lock.__exit__(*exception)
 
     def record(self, values: dict[str, Any], snapshot: Snapshot | None = None) -> None:
         """Add one record (labkit.dem.measure), with its contacts and positions if a snapshot is given."""
         if snapshot is not None:
             position = cast(np.ndarray, snapshot.position)  # a State has positions
-            self._snapshots.append((self.records, snapshot.contacts, position))
-        self._new.append(values)
+            self._new.snapshots.append((self.records, snapshot.contacts, position))
+        self._new.records[self.records] = values
         self.records += 1
 
     def drop_last(self) -> None:
-        """Drop the last record, which has no snapshot; if it is saved already, the next record overwrites it."""
+        """Drop the last record, which has no snapshot: the next record replaces it."""
         self.records -= 1
-        if self._new:
-            self._new.pop()
 
-    def save(
-        self,
-        state: State,
-        complete: bool,
-        wall_time: float,
-        threads: int = 1,
-        position: Position = START,
-        ended_because: str = "",
-    ) -> None:
-        """Bring the file up to date: all records so far and the state to resume from.
+    def checkpoint(self, point: Checkpoint) -> None:
+        """Note a point from which the run can be resumed; if a save is due, start to write the file up to it."""
+        self._note(point)
+        if self.all_saved or self._ready.size > MOST_UNSAVED or self._writer.is_due():
+            self._write()
+            if not type(self.path).__module__.startswith("labkit."):
+                self.wait()  # the path may read files while the run computes
 
-        ended_because: why the run ended before the aim of its path, one sentence; empty if it did not.
+    def save(self, point: Checkpoint) -> None:
+        """Bring the file up to date: all records so far and this point."""
+        self._note(point)
+        self.flush()
+
+    def flush(self) -> None:
+        """Bring the file up to the last checkpoint."""
+        self._write()
+        self.wait()
+
+    def wait(self) -> None:
+        """Wait until the file is not being written, because netCDF serves one thread only.
+
+        Raises PhysicsError if it could not be written.
         """
         try:
-            self._save(state, complete, wall_time, threads, position, ended_because)
+            self._writer.wait()
         except (OSError, RuntimeError) as error:  # netCDF4 raises RuntimeError if the disk is full
             raise PhysicsError(
                 f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); its last save is "
                 "intact: free some disk space and give the same command again"
             ) from None
-        self._new.clear()
-        self._snapshots.clear()
 
-    def _save(
-        self,
-        state: State,
-        complete: bool,
-        wall_time: float,
-        threads: int,
-        position: Position,
-        ended_because: str,
-    ) -> None:
+    def _note(self, point: Checkpoint) -> None:
+        self._checkpoint = point
+        self._ready.extend(self._new)
+        self._new = _Unsaved()
+
+    def _write(self) -> None:
+        """Start to write the last checkpoint, if that has not been done."""
+        point, ready = self._checkpoint, self._ready
+        if point is not None:
+            self.wait()
+            self._checkpoint, self._ready = None, _Unsaved()
+            self._writer.start(lambda: self._append_to_file(point, ready))
+
+    def _append_to_file(self, point: Checkpoint, unsaved: _Unsaved) -> None:
+        state = point.state
         with whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
@@ -144,16 +210,16 @@ class Recorder:
             with netCDF4.Dataset(temporary, "a" if exists else "w") as dataset:
                 if not exists:
                     self._create(dataset, state)
-                self._append(dataset)
+                self._append(dataset, unsaved)
                 write_attributes(dataset, state, "run")
-                dataset.complete = np.int32(complete)
-                dataset.ended_because = ended_because
-                dataset.wall_time = float(wall_time)
+                dataset.complete = np.int32(point.complete)
+                dataset.ended_because = point.ended_because
+                dataset.wall_time = float(point.wall_time)
                 dataset.steps = np.int64(state.step)
-                dataset.threads = np.int32(threads)
+                dataset.threads = np.int32(point.threads)
                 _write_checkpoint(dataset, state)
-                _write_position(dataset["checkpoint"], position)
-                if complete:
+                _write_position(dataset["checkpoint"], point.position)
+                if point.complete:
                     dataset.data_sha256 = data_sha256(dataset)
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
@@ -171,14 +237,13 @@ class Recorder:
         """JSON of the path parameters and the settings, the attribute `path_parameters`."""
         return json.dumps({**self.path.parameters(), **self.settings})
 
-    def _append(self, dataset: netCDF4.Dataset) -> None:
-        first = self.records - len(self._new)
-        for name in self.table:
-            values = [record[name] for record in self._new]
-            if values:
-                dataset[name][first : first + len(values)] = np.array(values)
+    def _append(self, dataset: netCDF4.Dataset, unsaved: _Unsaved) -> None:
+        for name in self.table if unsaved.records else ():
+            values = [record[name] for record in unsaved.records.values()]
+            first = min(unsaved.records)
+            dataset[name][first : first + len(values)] = np.array(values)
         group, positions = dataset["contacts"], dataset["grains"]["position"]
-        for index, contacts, position in self._snapshots:
+        for index, contacts, position in unsaved.snapshots:
             snapshot = len(dataset.dimensions["snapshot"])
             start = len(group.dimensions["contact"])
             group["record"][snapshot] = index

@@ -14,7 +14,7 @@ from labkit.errors import InputError
 from labkit.parameters import check_parameters, parameter
 
 LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
-CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two saves: about 30 s of computing in YADE
+CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can be resumed: about 30 s in YADE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Options:
         low=1,
         high=10**9,
         kind=int,
-        help="records between two saves (default: about 30 s of computing in YADE)",
+        help="records between two saves (default: saved about every 30 s in YADE, every 5 s in fused)",
     )
     stop_when: str | None = parameter(
         None, kind=str, help="condition on recorded quantities that ends the run at a record, e.g. 'q/p > 0.9'"
@@ -63,7 +63,7 @@ class Schedule:
     turns: tuple[int, ...]  # steps at which the path reverses; the last one ends it
     sign: float  # of the strain rate before the first turn
     steps_per_record: int
-    stops_per_save: int
+    stops_per_checkpoint: int
     snapshots: int  # in addition to the first
     intervals: tuple[int, ...] = ()  # steps between records in each leg, if the path has its own
 
@@ -98,7 +98,7 @@ class Schedule:
             turns=tuple(int(x) for x in np.cumsum(steps)),
             sign=1.0 if legs[0] > 0.0 else -1.0,
             steps_per_record=per_record,
-            stops_per_save=options.save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
+            stops_per_checkpoint=options.save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
             snapshots=options.snapshots,
             intervals=intervals,
         )
@@ -148,9 +148,9 @@ class Schedule:
         nearest = _rounded(record * number, self.records)
         return last or record == _rounded(nearest * self.records, number)
 
-    def is_save(self, step: int, last: bool) -> bool:
-        """True if the file is saved at the stop at this step; `last`: True if it ends the path."""
-        return last or self._stops(step) % self.stops_per_save == 0
+    def is_checkpoint(self, step: int, last: bool) -> bool:
+        """True if the run can be resumed from the stop at this step; `last`: True if it ends the path."""
+        return last or self._stops(step) % self.stops_per_checkpoint == 0
 
     def leg(self, step: int) -> int:
         """Number of the leg to which the motion of this step belongs, if the path reverses at given strains."""

@@ -18,7 +18,7 @@ from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
 from labkit.dem.paths import Path
 from labkit.dem.reach import Lag, errors, is_at_limit, unreachable
-from labkit.dem.recorder import Position, Recorder, StoredRun
+from labkit.dem.recorder import Checkpoint, Position, Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
@@ -55,7 +55,7 @@ def run(
         "guarded": options.guarded,
         **({} if options.stop_when is None else {"stop_when": options.stop_when}),  # files of 0.1.0 lack it
     }
-    with Recorder(file, path, settings, specimen) as recorder:
+    with Recorder(file, path, settings, specimen, all_saved=options.save_every is not None) as recorder:
         stored = recorder.resume()
         if stored and stored.complete:
             return False
@@ -153,20 +153,20 @@ class _Loop:
             stop = self.schedule.next_stop(self.place) - self.position.skipped
             turned = self.advance(stop, signals)
             last = self.stopped or self.place == self.schedule.steps
-            if self.step < stop and not last and not turned:
-                self.save(self.engine.state(), False)
-                raise self.interrupted(signals)
-            last = self.record_and_save(last, turned, signals)
+            if self.step == stop or last or turned:
+                last = self.record_and_save(last, turned)
             if signals.caught and not last:
+                self.recorder.flush()
                 raise self.interrupted(signals)
         return True
 
-    def record_and_save(self, last: bool, turned: bool, signals: Signals) -> bool:
+    def record_and_save(self, last: bool, turned: bool) -> bool:
         """Handle one stop, and return True if the path ends there.
 
         A separate function, so that no State stays in memory while the run continues.
         """
-        saving = self.schedule.is_save(self.place, last) or signals.caught
+        self.recorder.wait()  # before code of the user runs, which may open files
+        saving = self.schedule.is_checkpoint(self.place, last)
         state = self.engine.reload() if saving else self.engine.state()
         state = self.reduced(state)
         if last or turned or self.schedule.is_record(self.place):
@@ -176,8 +176,10 @@ class _Loop:
         if self.ended_because and not last:
             self.save(state, False)
             raise unfinished(self.ended_because, self.recorder.file)
-        if saving or last:
-            self.save(state, last)
+        if last:
+            self.save(state, True)
+        elif saving:
+            self.recorder.checkpoint(self.checkpoint(state, False))
         return last
 
     def reduced(self, state: State) -> State:
@@ -243,7 +245,7 @@ class _Loop:
         last = last or (self.stop_when is not None and self.stop_when.holds(values, self.first))
         require_sane(values, state)
         if self.options.guarded:
-            require_balanced(state, snapshot)
+            require_balanced(state, snapshot, values["energy_balance_error"])
         if self.stopped and self.schedule.is_close_to_record(self.place):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
@@ -290,9 +292,13 @@ class _Loop:
             128 + signals.caught,
         )
 
-    def save(self, state: State, complete: bool) -> None:
+    def checkpoint(self, state: State, complete: bool) -> Checkpoint:
+        """The Checkpoint of a State of this run."""
         seconds = self.wall_before + time.monotonic() - self.started
-        self.recorder.save(state, complete, seconds, self.threads, self.position, self.ended_because)
+        return Checkpoint(state, complete, seconds, self.threads, self.position, self.ended_because)
+
+    def save(self, state: State, complete: bool) -> None:
+        self.recorder.save(self.checkpoint(state, complete))
 
 
 def unfinished(reason: str, file: File) -> PhysicsError:

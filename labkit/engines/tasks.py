@@ -28,6 +28,7 @@ from labkit.dem.stratified import Layer
 from labkit.engines import ENGINES, require_engine, starter
 from labkit.errors import InputError
 from labkit.extensions import file_of, use, used
+from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import being_written, busy
 from labkit.io.provenance import provenance
 from labkit.parameters import restored
@@ -260,7 +261,8 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
     Raises InputError, PhysicsError or Interrupted, in either process.
     """
     if require_engine(task.engine, task.scene).here():
-        return task.do(progress)
+        with one_blas_thread():
+            return task.do(progress)
     from labkit.engines.yade_process import run_script
 
     if isinstance(task, RunTask) and being_written(File(str(task.output))):
