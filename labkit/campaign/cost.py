@@ -10,14 +10,16 @@ import dataclasses
 import heapq
 from collections.abc import Mapping
 
-from labkit.campaign.items import Campaign, Consolidated, Item, Run, schedule_of
+from labkit.campaign.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, Run, schedule_of
 from labkit.campaign.plan import Job, Plan
 from labkit.campaign.speeds import Speed, likely_speed
+from labkit.dem.pace import expected_pace
 from labkit.dem.paths import Path
 from labkit.dem.schedule import Options, Schedule
 from labkit.engines import ENGINES
 from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 from labkit.errors import InputError
+from labkit.micro.stress import love_stress, mean_stress
 
 SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
 PRODUCT_SECONDS = 6.0  # statistics and figures of a run; half of it is the start of Python
@@ -49,10 +51,13 @@ def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
     disk = STATE_BYTES * grains
     if isinstance(item, Run):
         schedule = schedule_of(item, origin)
-        steps = schedule.steps
-        equivalent = _equivalent_steps(schedule, item.loading(origin), item.options, engine)
+        path = item.loading(origin)
+        slower = 1.0 / expected_pace(path, item.options, item.scene(origin), path.start_pressure() or TYPICAL_PRESSURE)
+        steps = round(slower * schedule.steps)
+        equivalent = _equivalent_steps(schedule, path, item.options, engine, slower)
         disk += (
-            steps / schedule.steps_per_record * RECORD_BYTES + (item.options.snapshots + 1) * grains * SNAPSHOT_BYTES
+            schedule.steps / schedule.steps_per_record * RECORD_BYTES
+            + (item.options.snapshots + 1) * grains * SNAPSHOT_BYTES
         )
     else:
         steps = SPECIMEN_STEPS if job.kind == "specimen" else CONSOLIDATION_STEPS
@@ -61,10 +66,10 @@ def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
     return Cost(steps * grains, seconds, base + each * grains, disk)
 
 
-def _equivalent_steps(schedule: Schedule, path: Path, options: Options, speed: Speed) -> float:
-    """Steps of a run, with its records and the servo's stress sums counted as steps."""
+def _equivalent_steps(schedule: Schedule, path: Path, options: Options, speed: Speed, slower: float) -> float:
+    """Steps of a run that takes `slower` times the planned ones, with records and the servo's stress sums as steps."""
     servo = speed.stress_steps / options.servo.interval if path.uses_servo else 0.0
-    return schedule.steps * (1.0 + servo) + schedule.steps / schedule.steps_per_record * speed.record_steps
+    return slower * schedule.steps * (1.0 + servo) + schedule.steps / schedule.steps_per_record * speed.record_steps
 
 
 def _specimen_of(item: Item) -> str:
@@ -144,7 +149,7 @@ def task_seconds(task: Task, engine: str) -> float:
     equivalent = float(steps)
     if isinstance(task, RunTask):
         schedule = _schedule(task)
-        equivalent = _equivalent_steps(schedule, task.path, task.options, speed)
+        equivalent = _equivalent_steps(schedule, task.path, task.options, speed, _slower(task))
     return speed.start + speed.seconds(equivalent, grains) / task.threads
 
 
@@ -155,8 +160,15 @@ def _size(task: Task) -> tuple[int, int]:
     assert isinstance(task, (ConsolidationTask, RunTask))
     grains = task.state.number_of_grains
     if isinstance(task, RunTask):
-        return grains, _schedule(task).steps
+        return grains, round(_slower(task) * _schedule(task).steps)
     return grains, CONSOLIDATION_STEPS
+
+
+def _slower(task: RunTask) -> float:
+    """Time steps of a run divided by the planned ones, which differ if it has an inertial number."""
+    pressure = float(mean_stress(love_stress(task.state.snapshot())))
+    path = task.path.for_scene(task.scene)
+    return 1.0 / expected_pace(path, task.options, task.scene, path.start_pressure() or pressure)
 
 
 def _schedule(task: RunTask) -> Schedule:

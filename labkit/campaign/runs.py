@@ -14,6 +14,7 @@ from labkit.campaign.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, chang
 from labkit.campaign.specimens import Specimens, chosen_settings, require_unique, worked
 from labkit.campaign.steps import STEPS, read_steps
 from labkit.dem.limits import require_pressure
+from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import PATHS, Path
 from labkit.dem.schedule import Options
 from labkit.dem.steps import Steps
@@ -87,7 +88,7 @@ def _runs(
     runs = []
     factor = chosen_settings(fields.values, top).rate_factor
     for specimen, (pressure, path), working in itertools.product(names, paths, _workings(fields, top)):
-        if factor != 1.0 and "rate" not in fields.values:
+        if factor != 1.0 and "rate" not in fields.values and options.inertial_number is None:
             scene = dataclasses.replace(specimens.origins[specimen].scene, **dict(changes))
             path = path.at_rate(factor * path.default_rate(scene))
         suffixes = _suffixes(fields, names, specimen, pressure, working)
@@ -95,6 +96,7 @@ def _runs(
     for run in runs[:MOST_RUNS]:  # checked even if the entry has other errors
         scene = run.scene(specimens.origins[run.specimen])
         fields.attempt(functools.partial(require_pressure, run.path, scene))
+        fields.attempt(functools.partial(require_one_rate, run.path, run.options))
     return [] if fields.broken else runs
 
 

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
+from labkit.cli.announce import announcing
 from labkit.cli.arguments import add_engine_options, add_parameters, given, one_of, require
 from labkit.cli.naming import stem
 from labkit.cli.registry import command
-from labkit.cli.simulate import announcing, history_of
+from labkit.cli.simulate import history_of
 from labkit.dem.limits import exceeded_in, require_pressure
 from labkit.dem.recorder import read_checkpoint
 from labkit.dem.schedule import Options, Schedule

@@ -10,11 +10,11 @@ import argparse
 import dataclasses
 import json
 import shlex
-import sys
 from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
+from labkit.cli.announce import announcing
 from labkit.cli.arguments import (
     add_engine_options,
     add_parameters,
@@ -28,8 +28,8 @@ from labkit.cli.parser import Options as OptionGroup
 from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.dem.consolidation import pressure_error
-from labkit.dem.engine import Progress
-from labkit.dem.limits import exceeded_by, exceeded_in, rate_warning, require_pressure
+from labkit.dem.limits import exceeded_by, exceeded_in, require_pressure
+from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import PATHS, Path, make_path
 from labkit.dem.scene import MADE_WITH, Scene
 from labkit.dem.schedule import Options, Schedule
@@ -201,6 +201,7 @@ def run_task(options: argparse.Namespace, history: str) -> RunTask:
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
     recording = Options(**given(options, Options))
+    require_one_rate(path, recording)
     Schedule.of(path.for_scene(state.scene), state.scene.time_step, state.number_of_grains, recording)
     output = options.output or run_name(options, kind)
     require_writable(output, "run")
@@ -243,7 +244,7 @@ def run_path(
     known = {name for one in PATHS.values() for name in parameters_of(one)}
     given_here = {name: getattr(options, name, None) for name in known}
     values = {**(written or {}), **{name: value for name, value in given_here.items() if value is not None}}
-    if chosen is not None and values.get("rate") is None:
+    if chosen is not None and values.get("rate") is None and options.inertial_number is None:
         values["rate"] = kind.default_rate(scene) * chosen.rate_factor
     return make_path(kind.name, values)
 
@@ -310,36 +311,6 @@ def _done(task: Task, title: str, announced: bool = False) -> State:
     if state is None:
         raise InputError(f"a {task.kind} produces no state")
     return state
-
-
-def announcing(task: Task, title: str) -> Progress:
-    """A progress function that first prints one line to standard error: engine, grains, steps and expected time.
-
-    It prints with the first progress report, so that an input error, found before that, appears without it.
-    """
-    from labkit.campaign.cost import announcement
-
-    steps_done = _steps_done(str(task.output)) if isinstance(task, RunTask) else 0
-    reporters: list[Progress] = []
-
-    def progress(fraction: float, text: str) -> None:
-        if not reporters:
-            print(f"{title}: {announcement(task, steps_done)}", file=sys.stderr, flush=True)
-            warning = rate_warning(task.path, task.state) if isinstance(task, RunTask) else None
-            if warning is not None:
-                print(f"{title}: {warning}", file=sys.stderr, flush=True)
-            reporters.append(reporter(title))
-        reporters[0](fraction, text)
-
-    return progress
-
-
-def _steps_done(file: str) -> int:
-    """Number of steps stored in a run file; 0 if there is no such file."""
-    if not (File(file).exists() and labkit_kind(file) == "run"):
-        return 0
-    with open_netcdf(file, "run") as dataset:
-        return int(getattr(dataset, "steps", 0))
 
 
 def described(state: State) -> str:

@@ -19,12 +19,14 @@ if TYPE_CHECKING:
 class Leg:
     """A leg of a path: what moves the cell until the path reverses, or until its next step.
 
-    path: the path; sign: of the strain rate; first: number of the time step from which `travelled` is counted.
+    path: the path; sign: of the strain rate; first: number of the time step from which `travelled` is counted; pace:
+    the strain rate divided by the rate of the path.
     """
 
     path: Path
     sign: float
     first: int = 0
+    pace: float = 1.0
 
     restarts: ClassVar[bool] = False  # True if the accumulated strain is counted from the start of the leg
 
@@ -41,7 +43,7 @@ class Leg:
     @property
     def axial_rate(self) -> float:
         """Axial strain rate, 1/s."""
-        return self.path.axial_rate
+        return self.pace * self.path.axial_rate
 
     @property
     def rate_limit(self) -> float:

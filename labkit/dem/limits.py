@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from labkit.dem.leg import Leg
 from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
@@ -81,19 +82,28 @@ def expected_inertial_number(path: Path, state: State, pressure: float) -> float
     Strain rates that the servo adjusts are assumed to keep the volume constant.
     """
     start = path.leg(0, 1.0, np.zeros((3, 3)))
-    rates = path.axial_rate * symmetric(start.flow(0.0))
-    control = start.control()
+    return inertial_number_of(start, 0.0, 2.0 * float(state.radius.mean()), state.scene.density, pressure)
+
+
+def inertial_number_of(leg: Leg, travelled: float, diameter: float, density: float, pressure: float) -> float:
+    """Expected inertial number on a leg of a path, as for expected_inertial_number. Mean diameter, m; kg/m^3; Pa."""
+    rates = leg.axial_rate * symmetric(leg.flow(travelled))
+    control = leg.control()
     if control is not None and rates.any():
         adjusted = np.flatnonzero(control.free[:3].any(axis=1) & (np.diag(rates) == 0.0))
         rates[adjusted, adjusted] = -np.trace(rates) / max(len(adjusted), 1)
-    return float(inertial_number(rates, pressure, 2.0 * float(state.radius.mean()), state.scene.density))
+    return float(inertial_number(rates, pressure, diameter, density))
 
 
-def rate_warning(path: Path, state: State) -> str | None:
+def rate_warning(path: Path, state: State, prescribed: float | None = None) -> str | None:
     """A warning if the strain rate of a path will make the inertial number of a specimen exceed its limit, else None.
 
-    The pressure is the one that the path holds, or the mean stress of the specimen.
+    The pressure is the one that the path holds, or the mean stress of the specimen. `prescribed`: the inertial number
+    if it is prescribed instead of the rate.
     """
+    if prescribed is not None:
+        above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
+        return above if prescribed > INERTIAL_LIMIT else None
     path = path.for_scene(state.scene)
     pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
     if pressure <= 0.0:  # grains that carry no stress yet

@@ -14,6 +14,7 @@ import dataclasses
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -29,7 +30,7 @@ from labkit.errors import InputError, PhysicsError, shown
 from labkit.io.files import create_variables, open_netcdf, remove_leftovers, whole_file
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import data_sha256
-from labkit.io.schema import CONTACTS, GRAINS, STATE
+from labkit.io.schema import CONTACTS, GRAINS, STATE, Variable
 from labkit.io.writer import Writer
 from labkit.micro.contacts import Contacts
 from labkit.micro.snapshot import Snapshot
@@ -42,7 +43,7 @@ class Position:
     """Position of a run on its path.
 
     leg: number of reversals triggered by stress so far; lattice: the integer matrix U (3, 3) accumulated over all cell
-    replacements so far, see labkit.dem.lattice; skipped: planned time steps left out because legs ended early; stress:
+    replacements so far, see labkit.dem.lattice; skipped: planned time steps, less those made so far; stress:
     at which the current leg started, (3, 3), Pa; lag: how long the servo has been at its limit, see labkit.dem.reach.
     """
 
@@ -108,7 +109,7 @@ class Recorder:
     """Writes one run file, with exclusive access while it is open as a context manager.
 
     path: the loading path; settings: everything else that determines the records; specimen: the initial State;
-    all_saved: True to save every checkpoint.
+    extra: variables recorded besides those of the path; all_saved: True to save every checkpoint.
     """
 
     def __init__(
@@ -117,10 +118,11 @@ class Recorder:
         path: LoadingPath,
         settings: dict[str, Any],
         specimen: State,
+        extra: Mapping[str, Variable],
         all_saved: bool = False,
     ) -> None:
         """Does not touch the file yet; `with` locks it."""
-        self.table = {**record_table(), **path.recorded()}
+        self.table = {**record_table(), **path.recorded(), **extra}
         self.file = Path(file)
         self.specimen = specimen.digest()
         self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0

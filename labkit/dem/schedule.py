@@ -40,6 +40,9 @@ class Options:
     stop_when: str | None = parameter(
         None, kind=str, help="condition on recorded quantities that ends the run at a record, e.g. 'q/p > 0.9'"
     )
+    inertial_number: float | None = parameter(
+        None, above=0.0, high=0.1, help="inertial number to shear at, e.g. 2.5e-4, instead of at a fixed rate"
+    )
     servo: Servo = STANDARD
     guarded: bool = True
 

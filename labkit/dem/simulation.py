@@ -16,6 +16,7 @@ from labkit.dem.consolidation import consolidate, pressure_error
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.measure import measure
+from labkit.dem.pace import TRAVELLED, pace, steps_at
 from labkit.dem.paths import Path
 from labkit.dem.reach import Lag, errors, is_at_limit, unreachable
 from labkit.dem.recorder import Checkpoint, Position, Recorder, StoredRun
@@ -26,9 +27,10 @@ from labkit.dem.state import State
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import mean_stress
+from labkit.micro.stress import love_stress, mean_stress
 
 CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
+LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack
 LISTEN = 50  # steps between two checks for a signal or for the end of a path
 
 
@@ -53,9 +55,10 @@ def run(
         "engine": start.name,
         **{f"servo_{name}": value for name, value in vars(options.servo).items()},
         "guarded": options.guarded,
-        **({} if options.stop_when is None else {"stop_when": options.stop_when}),  # files of 0.1.0 lack it
+        **{name: value for name in LATER if (value := getattr(options, name)) is not None},
     }
-    with Recorder(file, path, settings, specimen, all_saved=options.save_every is not None) as recorder:
+    extra = TRAVELLED if options.inertial_number is not None else {}
+    with Recorder(file, path, settings, specimen, extra, all_saved=options.save_every is not None) as recorder:
         stored = recorder.resume()
         if stored and stored.complete:
             return False
@@ -100,13 +103,13 @@ class _Loop:
         self.ended_because = ""
         self.position = stored.position if stored else Position()
         self.engine = start(state)
+        state = state if stored else self.engine.reload()
+        self.step, self.time_step = state.step, state.time_step
+        self.stop = self.step  # the step at which the run last stopped
         if stored:
-            self.step, self.time_step = state.step, state.time_step
             self.enter_leg()
             self.continue_from(state, state.snapshot())
         else:
-            state = self.engine.reload()
-            self.step, self.time_step = state.step, state.time_step
             self.position = dataclasses.replace(self.position, stress=self.engine.stress())
             self.enter_leg()
             self.record(state, last=False)
@@ -114,9 +117,15 @@ class _Loop:
             self.save(state, False)
 
     @property
-    def place(self) -> int:
-        """The planned step: time steps so far, including those left out because legs ended early."""
-        return self.step + self.position.skipped
+    def place(self) -> float:
+        """The planned step: time steps so far at a pace of one, with those left out because legs ended early."""
+        moved = self.step - self.stop
+        return self.stop + self.position.skipped + (self.leg.pace * moved if moved else 0)
+
+    @property
+    def planned(self) -> int:
+        """The planned step of a stop."""
+        return round(self.place)
 
     @property
     def travelled(self) -> float:
@@ -126,7 +135,7 @@ class _Loop:
     def enter_leg(self) -> None:
         """Set the variables of the leg to which the motion from this step on belongs."""
         path, schedule = self.path, self.schedule
-        leg = self.position.leg if path.reverses_on_stress else schedule.leg(self.place)
+        leg = self.position.leg if path.reverses_on_stress else schedule.leg(self.planned)
         self.number = min(leg, path.legs() - 1)
         sign = schedule.sign * (-1.0) ** self.number
         first, self.leg_end = (0, schedule.steps) if path.reverses_on_stress else schedule.span(self.number)
@@ -136,7 +145,7 @@ class _Loop:
 
     def end_leg(self, stress: np.ndarray) -> None:
         """Pass on to the next leg at a record with this stress (3, 3), Pa."""
-        left = 0 if self.path.reverses_on_stress else self.leg_end - self.place
+        left = 0 if self.path.reverses_on_stress else self.leg_end - self.planned
         settled = self.leg.settled(stress, self.travelled)
         skipped = self.position.skipped + left
         self.position = dataclasses.replace(self.position, skipped=skipped, stress=settled, lag=Lag())
@@ -146,19 +155,37 @@ class _Loop:
         """Set the variables of the servo from a state of the run."""
         self.gradient = state.velocity_gradient
         self.stiffness = cell_stiffness(snapshot, self.control.components) if self.control else None
+        if self.options.inertial_number is not None:
+            pressure = float(mean_stress(love_stress(snapshot)))
+            self.pace = pace(self.options.inertial_number, self.leg, self.travelled, state, pressure)
 
     def execute(self, signals: Signals) -> bool:
         last = False
         while not last:
-            stop = self.schedule.next_stop(self.place) - self.position.skipped
-            turned = self.advance(stop, signals)
+            end = self.next_stop()
+            turned = self.advance(end, signals)
+            arrived = self.step == end or self.stopped or turned
+            if arrived:
+                self.arrive()
             last = self.stopped or self.place == self.schedule.steps
-            if self.step == stop or last or turned:
+            if arrived:
                 last = self.record_and_save(last, turned)
             if signals.caught and not last:
                 self.recorder.flush()
                 raise self.interrupted(signals)
         return True
+
+    def next_stop(self) -> int:
+        """The time step of the next stop, at the pace up to there."""
+        planned = self.schedule.next_stop(self.planned) - self.planned
+        steps, rate = (planned, 1.0) if self.options.inertial_number is None else steps_at(self.pace, planned)
+        self.leg = dataclasses.replace(self.leg, pace=rate)
+        return self.step + steps
+
+    def arrive(self) -> None:
+        """Count from this stop on, at a whole planned step."""
+        self.position = dataclasses.replace(self.position, skipped=self.planned - self.step)
+        self.stop = self.step
 
     def record_and_save(self, last: bool, turned: bool) -> bool:
         """Handle one stop, and return True if the path ends there.
@@ -166,10 +193,10 @@ class _Loop:
         A separate function, so that no State stays in memory while the run continues.
         """
         self.recorder.wait()  # before code of the user runs, which may open files
-        saving = self.schedule.is_checkpoint(self.place, last)
+        saving = self.schedule.is_checkpoint(self.planned, last)
         state = self.engine.reload() if saving else self.engine.state()
         state = self.reduced(state)
-        if last or turned or self.schedule.is_record(self.place):
+        if last or turned or self.schedule.is_record(self.planned):
             last = self.record(state, last, turned)
         else:
             self.continue_from(state, state.snapshot())
@@ -230,13 +257,15 @@ class _Loop:
 
     def steps_to_change(self) -> int:
         """Time steps to the next abrupt change of the prescribed rates within the leg, at least one."""
-        missing = (self.leg.next_change(self.travelled) - self.travelled) / (self.path.axial_rate * self.time_step)
+        missing = (self.leg.next_change(self.travelled) - self.travelled) / (self.leg.axial_rate * self.time_step)
         return max(1, round(missing)) if missing < self.schedule.steps else self.schedule.steps
 
     def record(self, state: State, last: bool, turned: bool = False) -> bool:
         snapshot = state.snapshot()
         values = measure(state, self.first["cell"] @ self.position.lattice, snapshot)
         values |= self.leg.progress(self.travelled)
+        if self.options.inertial_number is not None:
+            values["accumulated_strain"] = self.path.axial_rate * self.time_step * self.place
         if not self.recorder.records:
             self.first = values
         ended = turned or self.place == self.leg_end
@@ -246,7 +275,7 @@ class _Loop:
         require_sane(values, state)
         if self.options.guarded:
             require_balanced(state, snapshot, values["energy_balance_error"])
-        if self.stopped and self.schedule.is_close_to_record(self.place):
+        if self.stopped and self.schedule.is_close_to_record(self.planned):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
         if last:
@@ -268,10 +297,10 @@ class _Loop:
         reason = self.leg.lost(stress, self.travelled)
         if reason or not self.control:
             return reason
-        rate = self.path.axial_rate
+        rate = self.leg.axial_rate
         limit, given = rate * self.leg.rate_limit, self.leg.sign * rate * self.leg.flow(self.travelled)
         error = float(errors(self.control, stress, self.travelled).max())
-        strain = limit * state.time_step * self.schedule.steps_per_record
+        strain = limit / self.leg.pace * state.time_step * self.schedule.steps_per_record
         lag = self.position.lag.after(strain, error, is_at_limit(self.control, -state.velocity_gradient, given, limit))
         self.position = dataclasses.replace(self.position, lag=lag)
         if not lag.hopeless:

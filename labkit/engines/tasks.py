@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from labkit.dem import compression, consolidation, probes, simulation, specimen, stratified
 from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import require_pressure
+from labkit.dem.limits import rate_warning, require_pressure
 from labkit.dem.paths import Path, path_of
 from labkit.dem.recorded import recorded
 from labkit.dem.scene import Scene
@@ -193,6 +193,11 @@ class RunTask(_OfState):
     options: Options = dataclasses.field(default_factory=Options)
 
     kind = "run"
+
+    @property
+    def warning(self) -> str | None:
+        """What is likely to be wrong with the rate of the run, one sentence."""
+        return rate_warning(self.path, self.state, self.options.inertial_number)
 
     def do(self, progress: Progress) -> None:
         if self.output is None:

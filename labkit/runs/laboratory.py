@@ -18,6 +18,7 @@ from typing import Any
 
 from labkit.dem.engine import Progress, silent
 from labkit.dem.limits import rate_warning, require_pressure
+from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
 from labkit.dem.simulation import Options, Schedule
@@ -97,10 +98,11 @@ def run(
         if name not in known:
             raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(known))
     options = dataclasses.replace(options or Options(), **recording)
+    require_one_rate(path, options)
     path = path.for_scene(state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
     Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
-    warning = rate_warning(path, state)
+    warning = rate_warning(path, state, options.inertial_number)
     if warning is not None:
         warnings.warn(warning, stacklevel=2)
     shown = _shown(progress, path.name)

@@ -146,14 +146,20 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
             strains = _measured(run["strain"], held)
             yield _below(f"held: {held.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
         else:
-            yield from _held_stress(run, held, path.for_scene(run.lab.scene).axial_rate)
+            yield from _held_stress(run, held, _travelled(run, path))
     yield from _followed(run, path)
 
 
-def _held_stress(run: xarray.Dataset, held: Held, rate: float) -> Iterator[Finding]:
+def _travelled(run: xarray.Dataset, path: Path) -> np.ndarray:
+    """Accumulated strain at each record, (time,); it is recorded if the rate follows from an inertial number."""
+    if "accumulated_strain" in run:
+        return run["accumulated_strain"].values
+    return path.for_scene(run.lab.scene).axial_rate * run["time"].values
+
+
+def _held_stress(run: xarray.Dataset, held: Held, travelled: np.ndarray) -> Iterator[Finding]:
     """Errors of held stresses relative to their targets, or to the mean stress if a target is or becomes zero."""
     assert held.target is not None, held
-    travelled = rate * run["time"].values
     judged = travelled > HELD_AFTER
     stress = _measured(run["stress"], held)[judged]
     target = held.target

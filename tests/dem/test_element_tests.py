@@ -62,31 +62,33 @@ OPTIONS = {"progress": False, "save_every": 20, "record_strain": 5e-3, "snapshot
 
 
 @pytest.mark.parametrize(
-    "path",
+    ("path", "number"),
     [
-        tests.SimpleShear(pressure=P, strain=0.6, rate=300.0),
-        cycles.UndrainedCycles(amplitude=20e3, cycles=20, rate=20.0),
+        (tests.SimpleShear(pressure=P, strain=0.6, rate=300.0), None),
+        (cycles.UndrainedCycles(amplitude=20e3, cycles=20, rate=20.0), None),
+        (lk.paths.ConstantVolume(strain=0.4), 3e-3),
     ],
 )
-def test_a_killed_run_resumes_to_the_same_bits(specimen, path, tmp_path):
-    """With a cell that shear tilts past one half, and with a path that reverses on stress."""
-    whole = lk.run(specimen, path, **OPTIONS)
+def test_a_killed_run_resumes_to_the_same_bits(specimen, path, number, tmp_path):
+    """With a cell that shear tilts past one half, a path that reverses on stress, and an inertial number."""
+    options = {**OPTIONS, "inertial_number": number}
+    whole = lk.run(specimen, path, **options)
     file, start = tmp_path / "r.run.nc", tmp_path / "s.state.nc"
     lk.write_state(start, specimen)
-    kill_after_saves(3, start, path, file)
+    kill_after_saves(3, start, path, file, options)
     assert not lk.open_run(file).attrs["complete"]
-    again = lk.run(specimen, path, file=file, **OPTIONS)
+    again = lk.run(specimen, path, file=file, **options)
     for name in ("stress", "strain", "cell", "void_ratio"):
         assert np.array_equal(again.data[name].values, whole.data[name].values)
     if path.name == "simple_shear":
         assert tilt(whole.data["cell"].values[-1]) < 0.5 and whole.data["strain"].values[-1, 0, 2] > 0.2
 
 
-def kill_after_saves(number, specimen_file, path, file):
+def kill_after_saves(number, specimen_file, path, file, options):
     """Starts a run in a process of its own and kills it once it has saved that often."""
     code = (
         f"import labkit as lk; from {type(path).__module__} import *; "
-        f"lk.run(lk.read_state({str(specimen_file)!r}), {path!r}, file={str(file)!r}, **{OPTIONS!r})"
+        f"lk.run(lk.read_state({str(specimen_file)!r}), {path!r}, file={str(file)!r}, **{options!r})"
     )
     child = subprocess.Popen([sys.executable, "-c", code])
     seen, last = 0, None

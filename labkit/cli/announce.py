@@ -1,0 +1,39 @@
+"""The line that a command prints before a simulation: engine, grains, steps and expected time."""
+
+from __future__ import annotations
+
+import sys
+
+from labkit.dem.engine import Progress
+from labkit.engines.tasks import RunTask, Task
+from labkit.io.files import labkit_kind, open_netcdf
+from labkit.io.progress import reporter
+
+
+def announcing(task: Task, title: str) -> Progress:
+    """A progress function that first prints one line to standard error: engine, grains, steps and expected time.
+
+    It prints with the first progress report, so that an input error, found before that, appears without it.
+    """
+    from labkit.campaign.cost import announcement
+
+    steps_done = _steps_done(str(task.output)) if isinstance(task, RunTask) else 0
+    reporters: list[Progress] = []
+
+    def progress(fraction: float, text: str) -> None:
+        if not reporters:
+            print(f"{title}: {announcement(task, steps_done)}", file=sys.stderr, flush=True)
+            if isinstance(task, RunTask) and task.warning:
+                print(f"{title}: {task.warning}", file=sys.stderr, flush=True)
+            reporters.append(reporter(title))
+        reporters[0](fraction, text)
+
+    return progress
+
+
+def _steps_done(file: str) -> int:
+    """Number of steps stored in a run file; 0 if there is no such file."""
+    if labkit_kind(file) != "run":
+        return 0
+    with open_netcdf(file, "run") as dataset:
+        return int(getattr(dataset, "steps", 0))
