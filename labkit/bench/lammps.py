@@ -19,6 +19,7 @@ the State are not transferred.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 import re
 import subprocess
@@ -32,16 +33,35 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
 
-SKIN = 0.05  # fraction of the mean diameter: the fastest of 0.02 to 0.2 for the full specimen
+
+@dataclasses.dataclass(frozen=True)
+class Tuning:
+    """What changes the speed of LAMMPS and not its results, apart from rounding.
+
+    skin: fraction of the mean diameter; newton: `on` to compute a pair across two processes once; sort: steps between
+    two sorts of the grains by place.
+    """
+
+    skin: float = 0.05
+    newton: str = "off"
+    sort: int = 1000
+
+    def __str__(self) -> str:
+        return f"skin {self.skin:g} D, newton {self.newton}, sort {self.sort}"
+
+
+STANDARD = Tuning()
+TUNINGS = tuple(Tuning(*each) for each in itertools.product((0.03, 0.05, 0.1), ("off", "on"), (200, 1000)))
 
 # remap v: grains keep their positions and velocities, and images move with the cell. No fix adds the velocity of the
 # mean field, so the input adds it once at the start.
 INPUT = """\
 units si
 atom_style sphere
+atom_modify sort {sort} 0.0
 boundary p p p
 comm_modify vel yes
-newton off
+newton {newton}
 read_data {data}
 neighbor {skin:.17g} bin
 neigh_modify every 1 delay 0 check yes
@@ -80,7 +100,14 @@ class LammpsRun:
 
 
 def write_input(
-    folder: str | os.PathLike[str], state: State, rates: np.ndarray, steps: int, settle: int, every: int, classes: int
+    folder: str | os.PathLike[str],
+    state: State,
+    rates: np.ndarray,
+    steps: int,
+    settle: int,
+    every: int,
+    classes: int,
+    tuning: Tuning = STANDARD,
 ) -> Path:
     """Write the LAMMPS data and input files for a State into a folder; return the input file.
 
@@ -99,7 +126,9 @@ def write_input(
     file.write_text(
         INPUT.format(
             data=data,
-            skin=SKIN * state.scene.mean_diameter,
+            skin=tuning.skin * state.scene.mean_diameter,
+            newton=tuning.newton,
+            sort=tuning.sort,
             coefficients=_coefficients(state.scene, middle),
             time_step=state.time_step,
             settle=settle,
@@ -158,11 +187,18 @@ def _coefficients(scene: Scene, middle: np.ndarray) -> str:
 
 
 def deform(
-    program: str, state: State, rates: np.ndarray, steps: int, settle: int, every: int, classes: int
+    program: str,
+    state: State,
+    rates: np.ndarray,
+    steps: int,
+    settle: int,
+    every: int,
+    classes: int,
+    tuning: Tuning = STANDARD,
 ) -> LammpsRun:
     """Run LAMMPS on one core; arguments as in write_input. Raises PhysicsError with LAMMPS's message if it fails."""
     with tempfile.TemporaryDirectory() as folder:
-        file = write_input(folder, state, rates, steps, settle, every, classes)
+        file = write_input(folder, state, rates, steps, settle, every, classes, tuning)
         command = [program, "-in", str(file), "-log", "none"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     loops = re.findall(r"\nStep .*\n((?:[ \d.e+-]+\n)+)Loop time of (\S+) on", done.stdout)
@@ -175,7 +211,15 @@ def deform(
     return LammpsRun(values[:, 1:4], stress, float(seconds), steps)
 
 
-def steps_per_second(program: str, state: State, rates: np.ndarray, steps: int) -> float:
+def steps_per_second(program: str, state: State, rates: np.ndarray, steps: int, tuning: Tuning = STANDARD) -> float:
     """Measure the speed of LAMMPS on one core with one class of grains. Raises PhysicsError as `deform` does."""
-    run = deform(program, state, rates, steps, settle=max(1, steps // 5), every=steps, classes=1)
+    run = deform(program, state, rates, steps, max(1, steps // 5), steps, 1, tuning)
     return run.steps / run.seconds
+
+
+def fastest(program: str, state: State, rates: np.ndarray, steps: int, rounds: int) -> Tuning:
+    """The Tuning of TUNINGS with the highest speed in `rounds` alternating rounds of `steps` steps."""
+    speeds = {
+        tuning: [steps_per_second(program, state, rates, steps, tuning) for _ in range(rounds)] for tuning in TUNINGS
+    }
+    return max(TUNINGS, key=lambda tuning: max(speeds[tuning]))

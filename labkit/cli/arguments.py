@@ -100,6 +100,17 @@ def positive_int(text: str) -> int:
     return int(text)
 
 
+def fraction(text: str) -> float:
+    """A number above 0 and at most 1."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0 and at most 1")
+    return value
+
+
 def threads(text: str) -> int:
     """A number of threads that this computer can support."""
     value, most = positive_int(text), 4 * (os.cpu_count() or 1)

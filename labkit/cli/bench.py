@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 
-from labkit.cli.arguments import positive_int
+from labkit.cli.arguments import fraction, positive_int
 from labkit.cli.registry import command
 from labkit.io.progress import reporter
+from labkit.io.provenance import write_with_provenance
 
 
 def bench_options(parser: argparse.ArgumentParser) -> None:
@@ -14,10 +15,10 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("specimen", metavar="SPECIMEN", help="state file")
     parser.add_argument(
         "--what",
-        choices=("engines", "features", "laws", "sizes", "threads"),
+        choices=("engines", "commands", "features", "laws", "sizes", "threads"),
         default="engines",
-        help="compare engines (default), features of the fused engine by their cost, contact laws, specimens "
-        "of several sizes, or threads of the fused engine on free and busy cores",
+        help="compare engines (default), whole commands `labkit run cv` with LAMMPS, features of the fused engine by "
+        "their cost, contact laws, specimens of several sizes, or threads of the fused engine on free and busy cores",
     )
     parser.add_argument(
         "--steps", type=positive_int, default=500, metavar="N", help="steps per measurement (default: 500)"
@@ -29,6 +30,10 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="number of rounds; each round measures every variant once (default: 5)",
     )
+    parser.add_argument(
+        "--strain", type=fraction, default=0.1, metavar="E", help="axial strain of whole commands (default: 0.1)"
+    )
+    parser.add_argument("--csv", metavar="FILE", help="also write each measurement of whole commands to a CSV file")
 
 
 @command("bench", bench_options)
@@ -44,6 +49,14 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
 
         results = bench(options.specimen, options.steps, options.rounds, progress)
         print(table(results, state.number_of_grains, state.time_step, ConstantVolume.default_rate(state.scene)))
+        return
+    if options.what == "commands":
+        from labkit.bench import commands
+
+        speeds = commands.commands(options.specimen, options.strain, options.steps, options.rounds, progress)
+        print(commands.summary(speeds, state.number_of_grains))
+        if options.csv:
+            write_with_provenance(options.csv, speeds.to_csv(index=False, float_format="%.6g"), [options.specimen])
         return
     if options.what == "threads":
         from labkit.bench.threads import threads

@@ -1,20 +1,27 @@
-"""`labkit demo`: a small specimen, a CV test in YADE, and C0 against Love's stress."""
+"""`labkit demo`: a small specimen and a CV test on the fused engine, C0 against Love's stress, and the test on YADE."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from labkit.cli import main
 from labkit.cli.registry import command
-from labkit.engines.yade_process import find_yade
 from labkit.io.files import make_folder
+
+if TYPE_CHECKING:
+    from labkit.runs.run import Run
 
 GRAINS = 4000  # C0 averages over grains: with 1,500 its sampling error reaches 3 %
 VOID_RATIO = 0.67
 STRAIN = 0.1
 RECORD_STRAIN = 2e-3
 RATE = 20.0  # 1/s: twice the paper's; at this pressure the inertial number stays below 3e-4
+COMPARED = (0.01, 0.05, 0.1)  # axial strains
 
 
 def demo_options(parser: argparse.ArgumentParser) -> None:
@@ -26,19 +33,65 @@ def demo_options(parser: argparse.ArgumentParser) -> None:
 
 @command("demo", demo_options)
 def do_demo(options: argparse.Namespace, argv: list[str]) -> int:
-    """Makes a specimen, runs it and verifies the run in a folder, using the commands that a user would type."""
-    find_yade()
-    folder = make_folder(options.output, "-o")
-    state, run, figure = (folder / name for name in ("demo.state.nc", "demo.run.nc", "demo.verify.png"))
-    name = {file: shlex.quote(str(file)) for file in (state, run, figure)}
-    path = f"cv {name[state]} --strain {STRAIN} --rate {RATE:g} --record-strain {RECORD_STRAIN}"
-    steps = [f"run {path} --threads 2 -o {name[run]}", f"verify {name[run]} -o {name[figure]}"]
-    if not state.exists():
-        steps.insert(0, f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --threads 2 -o {name[state]}")
+    """Makes a specimen, runs and verifies it on both engines in a folder, with the commands that a user would type."""
+    folder, started = make_folder(options.output, "-o"), time.monotonic()
+    names = ("demo.state.nc", "demo.run.nc", "demo.verify.png", "demo.yade.run.nc", "demo.engines.csv")
+    state, run, figure, other, table = (folder / name for name in names)
+    path = f"run cv {_quoted(state)} --strain {STRAIN} --rate {RATE:g} --record-strain {RECORD_STRAIN}"
+    specimen = f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --engine fused -o {_quoted(state)}"
+    steps = [] if state.exists() else [specimen]
+    steps += [f"{path} --engine fused -o {_quoted(run)}", f"verify {_quoted(run)} -o {_quoted(figure)}"]
+    code = _typed(steps)
+    if code:
+        return code
+    print(f"{figure}: C0 against Love's stress, after {time.monotonic() - started:.0f} s", flush=True)
+    if shutil.which("yade") is None:
+        print("YADE is not installed: with it, this command also compares the two engines (apt-get install yade)")
+        return 0
+    code = _typed([f"{path} --threads 2 -o {_quoted(other)}"])
+    if not code:
+        print(_comparison(run, other, table))
+        print(f"results: {state} (specimen), {run} and {other} (records and contacts), {figure}, {table}")
+    return code
+
+
+def _quoted(file: Path) -> str:
+    return shlex.quote(str(file))
+
+
+def _typed(steps: list[str]) -> int:
+    """Run commands as if typed; the exit code of the first one that fails, else 0."""
     for step in steps:
         print(f"$ labkit {step}", flush=True)
         code = main(shlex.split(step))
         if code:
             return code
-    print(f"results: {state} (specimen), {run} (records and contacts), {figure}")
     return 0
+
+
+def _comparison(fused: Path, yade: Path, file: Path) -> str:
+    """The table of both engines, also written to a CSV file."""
+    import pandas
+
+    from labkit.io.provenance import write_with_provenance
+    from labkit.runs.run import Run
+
+    table = pandas.DataFrame({"fused": _column(Run.open(fused)), "yade": _column(Run.open(yade))})
+    table["difference (%)"] = 100.0 * (table["fused"] / table["yade"] - 1.0)
+    write_with_provenance(file, table.to_csv(index_label="quantity", float_format="%.5g"), [fused, yade])
+    return table.to_string(float_format="{:.4g}".format)
+
+
+def _column(run: Run) -> dict[str, float]:
+    """Quantity -> value of a run."""
+    data = run.data
+    p = data.lab.mean_stress()
+    quantities = {
+        "q/p": data.lab.deviatoric_stress() / p,
+        "p (MPa)": p / 1e6,
+        "Z": data["coordination_number"],
+        "Lambda": data["mean_normalised_force"],
+    }
+    nearest = {at: int(abs(data["axial_strain"].values - at).argmin()) for at in COMPARED}
+    values = {f"{name} at {at:.0%}": float(x[k]) for name, x in quantities.items() for at, k in nearest.items()}
+    return {**values, "wall time (s)": run.wall_time}

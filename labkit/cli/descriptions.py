@@ -141,8 +141,9 @@ DESCRIPTIONS = {
         "labkit umat -o law --build",
     ),
     "demo": (
-        "Makes a specimen of 4,000 grains, runs a CV test in YADE and compares C0 with Love's stress, in a few "
-        "minutes. Writes a state file, a run file and a figure.",
+        "Makes a specimen of 4,000 grains, runs a CV test on the fused engine and compares C0 with Love's stress, in "
+        "half a minute; then runs the same test in YADE, in a few minutes, and compares the engines. Writes a state "
+        "file, two run files, a figure and a table.",
         "labkit demo -o demo",
     ),
 }
