@@ -36,9 +36,9 @@ COMMANDS = {
 def commands(specimen: str, strain: float, steps: int, rounds: int, progress: Progress) -> pandas.DataFrame:
     """Speeds of whole commands and of the loops of other programs, all on one thread, measured alternately.
 
-    strain: of the whole commands (0.1 % on YADE), which have the standard records and saves and are timed from outside, from the start
-    of Python to its end; steps: of the other programs' loops. One row for each variant and round: `variant`, `round`,
-    `steps`, `seconds`, `steps_per_second`.
+    strain: of the whole commands (0.1 % on YADE), which have the standard records and saves and are timed from outside,
+    from the start of Python to its end; steps: of the other programs' loops. One row for each variant and round:
+    `variant`, `round`, `steps`, `seconds`, `steps_per_second`.
     """
     state = read_state(specimen)
     file = str(Path(specimen).resolve())
