@@ -47,10 +47,15 @@ def labkit_process():
 
 
 @pytest.fixture(scope="session")
-def labkit_command(ctrl_c_reaches_processes):
-    """Runs `labkit words` in a process of its own that has labkit imported; returns it with its output as text."""
+def forks(ctrl_c_reaches_processes):
     with Forks() as forks:
-        yield forks.run
+        yield forks
+
+
+@pytest.fixture(scope="session")
+def labkit_command(forks):
+    """Runs `labkit words` in a process of its own that has labkit imported; returns it with its output as text."""
+    return forks.run
 
 
 @pytest.fixture(scope="session")

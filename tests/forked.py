@@ -1,4 +1,4 @@
-"""`labkit` commands in processes forked from one that has imported labkit, which saves a second for every command.
+"""Commands in processes forked from one that has imported labkit, which saves a second for every command.
 
 A command still runs in a process of its own, with its own command line, working folder, environment and exit code.
 What a new interpreter reads at its start, such as PYTHONPATH, is that of the tests: change it in a process of its own.
@@ -18,7 +18,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 1800  # s, after which a command is killed
+PROGRAMS = {"labkit": "labkit.cli", "analysis": "analysis.__main__"}
 IMPORTED = (
+    *PROGRAMS.values(),
     "labkit.campaign",
     "labkit.cli.dispatch",
     "labkit.engines.fused",
@@ -46,28 +48,28 @@ class Forks:
             self._server.stdout.close()
             self._server.wait()
 
-    def run(self, *words, cwd=None, environment=None):
-        """`labkit words` as a user runs it; the finished process with its output as text."""
+    def run(self, *words, cwd=None, environment=None, program="labkit"):
+        """A program with these words as a user runs it; the finished process with its output as text."""
         if self._server is None:
             command = [sys.executable, "-m", "tests.forked"]
             self._server = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         words = [str(word) for word in words]
         with tempfile.TemporaryDirectory() as folder:
             files = [f"{folder}/{name}" for name in ("stdout", "stderr")]
-            request = words, str(cwd or os.getcwd()), dict(environment or os.environ), files
+            request = program, words, str(cwd or os.getcwd()), dict(environment or os.environ), files
             print(json.dumps(request), file=self._server.stdin, flush=True)
             code = int(self._server.stdout.readline())
             return subprocess.CompletedProcess(words, code, *(Path(file).read_text() for file in files))
 
 
 def serve():
-    """Reads one request a line from stdin and writes its exit code; returns in each forked process: its words."""
+    """Reads one request a line from stdin and writes its exit code; returns in each forked process: what to run."""
     for line in sys.stdin:
-        words, folder, environment, files = json.loads(line)
+        program, words, folder, environment, files = json.loads(line)
         child = os.fork()
         if child == 0:
             become(words, folder, environment, files)
-            return words
+            return program, words
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
     return None
 
@@ -85,10 +87,10 @@ def become(words, folder, environment, files):
         os.close(opened)
 
 
-def finish(main, words):
-    """Runs the command and ends the process, without the half second in which an interpreter takes itself apart."""
+def finish(program, words):
+    """Runs a program and ends the process, without the half second in which an interpreter takes itself apart."""
     try:
-        code = main(words)
+        code = importlib.import_module(PROGRAMS[program]).main(words)
     except SystemExit as ended:  # of --help
         code = ended.code
     except BaseException:
@@ -101,11 +103,9 @@ def finish(main, words):
 
 
 if __name__ == "__main__":
-    from labkit.cli import main
-
     for name in IMPORTED:
         importlib.import_module(name)
     gc.freeze()
     given = serve()
     if given is not None:
-        finish(main, given)
+        finish(*given)

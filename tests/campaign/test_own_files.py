@@ -129,8 +129,6 @@ def times(folder):
 
 def test_a_changed_file_repeats_what_depends_on_it(place, labkit_command):
     before = times(place / "c")
-    done = labkit_command("campaign", "c.yaml", "--cores", 1, cwd=place)
-    assert done.returncode == 0 and times(place / "c") == before, done.stderr
     write(place, own=OWN.replace("0.999", "0.99"))
     done = labkit_command("campaign", "c.yaml", "--cores", 1, cwd=place)
     assert done.returncode == 0, done.stderr
@@ -202,16 +200,17 @@ def test_a_file_that_cannot_be_loaded_is_the_only_error(own, message, tmp_path, 
     assert line.startswith("  line 1: the file: use ") and message in line
 
 
-def test_files_of_the_command_line_are_those_of_the_campaign(tmp_path, labkit_command):
-    """With --use instead of `use:`, the folder is complete too."""
-    pytest.importorskip("snakemake", reason="needs Snakemake, the extra `campaign`")
-    write(tmp_path, FILE.partition("\n")[2].replace("runs:\n", "runs:  # one\n").partition("  cv:")[0])
-    done = labkit_command("campaign", "c.yaml", "--use", "files/own.py", "--cores", 1, cwd=tmp_path)
+def test_files_of_the_command_line_are_those_of_the_campaign(place, labkit_command):
+    """With --use instead of `use:`, the folder is complete too, and its results are those that are there."""
+    write(place, FILE.partition("\n")[2].replace("runs:\n", "runs:  # one\n").partition("  cv:")[0])
+    before = times(place / "c")
+    done = labkit_command("campaign", "c.yaml", "--use", "files/own.py", "--cores", 1, cwd=place)
     assert done.returncode == 0 and "1 of 1 runs are finished" in done.stdout, done.stderr
-    assert (tmp_path / "c/campaign.yaml").read_text().startswith('use: ["extensions/own.py"]\nsettings: quick\n')
-    environment = {**os.environ, "LABKIT_USE": str(tmp_path / "files/own.py")}  # the original as well as its copy
+    assert times(place / "c") == before
+    assert (place / "c/campaign.yaml").read_text().startswith('use: ["extensions/own.py"]\nsettings: quick\n')
+    environment = {**os.environ, "LABKIT_USE": str(place / "files/own.py")}  # the original as well as its copy
     words = [sys.executable, "-m", "labkit.cli.job", "statistics", "own"]
-    again = subprocess.run(words, cwd=tmp_path / "c", env=environment, capture_output=True, text=True)
+    again = subprocess.run(words, cwd=place / "c", env=environment, capture_output=True, text=True)
     assert again.returncode == 0, again.stderr
 
 
