@@ -143,7 +143,7 @@ def data_sha256(dataset: netCDF4.Dataset) -> str:
     return digest.hexdigest()
 
 
-CHUNK = 4_000_000  # values read at a time
+CHUNK = 500_000  # values read at a time
 
 
 def _add_group(digest, group):

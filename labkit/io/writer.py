@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 LEAST_PAUSE = 5.0  # s between the starts of two writes
-SHARE = 0.02  # of the time may be spent on writing
+SHARE = 0.05  # of the time may be spent on writing
 
 
 class Writer:
