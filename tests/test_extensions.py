@@ -292,15 +292,15 @@ def test_a_run_resumes_only_with_the_same_statistics(folder, labkit_command):
         import json, os
         from labkit.cli import main
         from labkit.dem import recorder
-        save = recorder.Recorder.save
+        write = recorder.Recorder._append_to_file
 
         def die(self, *arguments):
-            save(self, *arguments)
+            write(self, *arguments)
             if self.records == 4:
                 print(json.dumps(4), flush=True)
                 os._exit(0)
 
-        recorder.Recorder.save = die
+        recorder.Recorder._append_to_file = die
         main(json.loads(os.environ["WORDS"]))
         """
     assert python(program, folder, WORDS=json.dumps([*map(str, words), "--use", "mine.py"])) == 4
