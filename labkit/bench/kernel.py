@@ -17,7 +17,8 @@ from labkit.dem.servo import STANDARD, velocity_gradient
 from labkit.dem.state import State, grains_in_cell
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.compiling import compiled
-from labkit.engines.kernel.layout import FORCE_COLUMNS, SITE_COLUMNS, WIDTH
+from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH
+from labkit.engines.kernel.steps import Arrays
 
 FIRST = "rolling_resistance law, all features"
 SIZES = (1_000, 10_000, 40_000, 100_000)  # approximate numbers of grains, reached by copying the specimen
@@ -130,12 +131,9 @@ def _search_share(state: State, steps: int) -> Iterator[str]:
 def _limit(state: State, seconds: float) -> Iterator[str]:
     """Compare the memory traffic and the operations of one step with the measured limits of this core."""
     packing = FusedEngine(state).packing
-    pairs, rows = len(packing.slot), packing.arrays.blocks.shape[1] // WIDTH
-    contact_bytes = 8 * (rows + 6 + 1)  # the history is also written
-    # contacts read the sites and grains write them; both read and write the forces
-    site_bytes = 8 * (2 * SITE_COLUMNS + 4 * FORCE_COLUMNS)
-    grain_bytes = 8 * (11 + 9)
-    moved = pairs * contact_bytes + len(packing.arrays.sites) * site_bytes + state.number_of_grains * grain_bytes
+    pairs = len(packing.slot)
+    contact_bytes, site_bytes, grain_bytes = traffic(packing.arrays)
+    moved = pairs * contact_bytes + len(packing.arrays.places) * site_bytes + state.number_of_grains * grain_bytes
     flops = pairs * FLOPS[state.scene.law] + state.number_of_grains * 120
     bandwidth, peak = bandwidth_of_cache(), peak_flops()
     yield (
@@ -148,6 +146,17 @@ def _limit(state: State, seconds: float) -> Iterator[str]:
         f"lower bound per step: {1e6 * moved / bandwidth:.0f} us for the memory traffic, {1e6 * flops / peak:.0f} us "
         f"for the operations; measured: {1e6 * seconds:.0f} us"
     )
+
+
+def traffic(arrays: Arrays) -> tuple[int, int, int]:
+    """Bytes that one step reads and writes per pair, per site and per grain."""
+    history = arrays.blocks[0, HISTORY:].nbytes  # is also written
+    contact_bytes = (arrays.blocks[0].nbytes + history) // WIDTH + arrays.pairs[:, 0].nbytes
+    # contacts read places and motions and grains write them; both read and write the forces
+    site_bytes = 2 * (arrays.places[0].nbytes + arrays.motions[0].nbytes) + 4 * arrays.forces[0].nbytes
+    moved = arrays.places[0].nbytes + arrays.motions[0, SITE_W:].nbytes  # grains also read these
+    grain_bytes = moved + (2 * arrays.grains[0].nbytes + arrays.masses[0].nbytes) // WIDTH
+    return contact_bytes, site_bytes, grain_bytes
 
 
 def bandwidth_of_cache() -> float:

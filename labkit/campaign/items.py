@@ -23,6 +23,7 @@ class Specimen:
     scene: Scene = dataclasses.field(default_factory=Scene)
     engine: str = "yade"
     threads: int = 1
+    precision: str = "double"
 
     @property
     def expected_grains(self) -> int:
@@ -39,6 +40,7 @@ class Consolidated:
     pressure: float
     engine: str = "yade"
     threads: int = 1
+    precision: str = "double"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Run:
     changes: tuple[tuple[str, Any], ...] = ()
     engine: str = "yade"
     threads: int = 1
+    precision: str = "double"
 
     def scene(self, specimen: Specimen) -> Scene:
         """The Scene of the run, for the Specimen that it starts from."""
@@ -98,12 +101,13 @@ class Campaign:
         """
         at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
         pressure = run.path.start_pressure()
-        return None if pressure is None or pressure == at else consolidation_name(run.specimen, pressure, run.engine)
+        return None if pressure is None or pressure == at else consolidation_name(run, pressure)
 
 
-def consolidation_name(specimen: str, pressure: float, engine: str) -> str:
+def consolidation_name(run: Run, pressure: float) -> str:
     """Name of a specimen that labkit consolidates to a pressure, Pa, before a run."""
-    return f"{specimen}-at-p{pressure / 1e3:.10g}kPa-{engine}"
+    working = run.engine if run.precision == "double" else f"{run.engine}-{run.precision}"
+    return f"{run.specimen}-at-p{pressure / 1e3:.10g}kPa-{working}"
 
 
 def schedule_of(run: Run, specimen: Specimen) -> Schedule:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from labkit.dem.engine import PRECISIONS
 from labkit.dem.paths import PATHS, Consolidation, Path
 from labkit.dem.scene import MADE_WITH, Scene
 from labkit.dem.schedule import Options
@@ -28,6 +29,7 @@ class Common:
     settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
     engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
+    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the fused engine")
 
 
 def _word(name: str, help: str, choices: object = None) -> Parameter:
@@ -66,7 +68,8 @@ def consolidated_keys() -> Keys:
     """Keys of a specimen that is consolidated from another."""
     common = options_of(Common)
     pressure = parameters_of(Consolidation)["pressure"]
-    return {FROM.name: FROM, "pressure": pressure, "engine": common["engine"], "threads": common["threads"]}
+    working = {name: common[name] for name in ("engine", "threads", "precision")}
+    return {FROM.name: FROM, "pressure": pressure, **working}
 
 
 def changes_of_runs() -> Keys:

@@ -116,7 +116,7 @@ def plan_of(campaign: Campaign) -> Plan:
         start, origin = {**made, **consolidated}[run.specimen], campaign.origin(run.specimen)
         name, pressure = campaign.consolidation(run), run.path.start_pressure()
         if name is not None and pressure is not None:
-            item = Consolidated(name, run.specimen, pressure, run.engine, run.threads)
+            item = Consolidated(name, run.specimen, pressure, run.engine, run.threads, run.precision)
             start = consolidated.setdefault(name, _consolidation_job(item, start, origin.scene, hashes))
         runs.append(_run_job(run, start, origin, hashes))
     return Plan(campaign, tuple(made.values()), tuple(consolidated.values()), tuple(runs))
@@ -173,6 +173,7 @@ def _text(value: Any, unit: str) -> str:
 
 def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extensions: tuple[str, ...]) -> Job:
     arguments = [*arguments, f"--engine={item.engine}", f"--threads={item.threads}"]
+    arguments += [] if item.precision == "double" else [f"--precision={item.precision}"]
     determining = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
     digest = hashlib.sha256(json.dumps(determining).encode()).hexdigest()
     output = f"{RUNS}/{item.name}.run.nc" if kind == "run" else f"{STATES}/{item.name}.state.nc"

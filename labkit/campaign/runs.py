@@ -129,7 +129,7 @@ def _changes(fields: Fields, top: Mapping[str, Any]) -> tuple[tuple[str, Any], .
 
 
 def _workings(fields: Fields, top: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Engine and threads for each listed engine."""
+    """Engine, threads and precision for each listed engine."""
     engines = fields.listed("engine")
     return [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]
 
@@ -146,7 +146,7 @@ def _suffixes(
 def check_run(campaign: Campaign, run: Run, fields: Fields) -> None:
     """Checks that also need the specimen: the contact law, and whether the number of steps suits the path."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
-    fields.attempt(lambda: require_engine(run.engine, run.scene(origin)), where)
+    fields.attempt(lambda: require_engine(run.engine, run.scene(origin), run.precision), where)
     if campaign.consolidation(run):
-        fields.attempt(lambda: require_engine(run.engine, origin.scene), f"{where}, its consolidation")
+        fields.attempt(lambda: require_engine(run.engine, origin.scene, run.precision), f"{where}, its consolidation")
     fields.attempt(lambda: schedule_of(run, origin), where)

@@ -61,7 +61,8 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], errors: Err
     origins = {item.name: item for item in made}
     consolidated = _all_consolidated(others, groups, origins, lines, top, errors)
     named = [(one, lines[name]) for name, ones in groups.items() for one in ones]
-    reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({'|'.join(map(re.escape, ENGINES))})")  # Campaign.consolidation
+    engines = "|".join(map(re.escape, ENGINES))
+    reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({engines})(-mixed)?")  # Campaign.consolidation
     for one, line in named:
         if reserved.fullmatch(one):
             errors.add(line, f"specimen {one}: labkit reserves this name for its own consolidations: choose another")
@@ -75,8 +76,9 @@ def chosen_settings(values: Mapping[str, Any], top: Mapping[str, Any]) -> Settin
 
 
 def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    """Engine and threads of an entry, or else those at the top of the file."""
-    return {name: value for name in ("engine", "threads") if (value := values.get(name, top.get(name))) is not None}
+    """Engine, threads and precision of an entry, or else those at the top of the file."""
+    names = ("engine", "threads", "precision")
+    return {name: value for name in names if (value := values.get(name, top.get(name))) is not None}
 
 
 def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
@@ -93,7 +95,7 @@ def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
     if recipe is None or fields.broken:
         return []
     specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
-    fields.attempt(lambda: require_engine(specimen.engine, scene))
+    fields.attempt(lambda: require_engine(specimen.engine, scene, specimen.precision))
     if fields.attempt(lambda: recipe.side_of(scene)) and specimen.expected_grains > MOST_GRAINS:
         most = side_for(MOST_GRAINS, recipe.void_ratio, scene) * 1e3
         problem = f"side makes about {specimen.expected_grains} grains: give at most {most:.2g} mm, or `grains`"
@@ -131,7 +133,7 @@ def _all_consolidated(
         fields = others[name]
         for item in _consolidated(name, fields, groups, top):
             origins[item.name] = origin = origins[item.source]
-            fields.attempt(functools.partial(require_engine, item.engine, origin.scene))
+            fields.attempt(functools.partial(require_engine, item.engine, origin.scene, item.precision))
             path = restored(Consolidation, {"pressure": item.pressure})
             fields.attempt(functools.partial(require_pressure, path, origin.scene))
             groups[name].append(item.name)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 from labkit.cli.parser import Options, Parser
+from labkit.dem.engine import PRECISIONS
 from labkit.dem.paths import Path
 from labkit.dem.settings import SETTINGS
 from labkit.engines import ENGINES
@@ -65,10 +66,22 @@ def given(options: argparse.Namespace, kind: type) -> dict[str, Any]:
 
 
 def add_engine_options(parser: Options) -> None:
-    """Adds --engine and --threads."""
+    """Adds --engine, --threads and --precision."""
     engine = f"simulation engine, one of {', '.join(ENGINES)} (default: yade)"
     parser.add_argument("--engine", type=one_of(ENGINES), default="yade", help=engine)
     parser.add_argument("--threads", type=threads, default=1, metavar="N", help="number of threads (default: 1)")
+    parser.add_argument(
+        "--precision",
+        type=one_of(PRECISIONS),
+        default="double",
+        help="double, or mixed on the fused engine: faster, with half of the numbers in single precision (default: "
+        "double)",
+    )
+
+
+def computation(options: argparse.Namespace) -> dict[str, Any]:
+    """The fields of a Task that add_engine_options defines."""
+    return {"engine": options.engine, "threads": options.threads, "precision": options.precision}
 
 
 def add_settings_option(parser: Options) -> None:

@@ -31,7 +31,12 @@ def do_density(options: argparse.Namespace, argv: list[str]) -> None:
     states = {file: read_state(file) for file in options.specimen}
     scene = Scene(**given(options, Scene))
     limits = density_limits(
-        scene, options.grains, range(1, options.seeds + 1), engine=options.engine, progress=reporter("density")
+        scene,
+        options.grains,
+        range(1, options.seeds + 1),
+        engine=options.engine,
+        progress=reporter("density"),
+        precision=options.precision,
     )
     for name, values in (("e_min", limits.e_min), ("e_max", limits.e_max)):
         print(f"{name} {values.mean():.4f}, from {values.min():.4f} to {values.max():.4f}")
@@ -55,7 +60,7 @@ def do_twins(options: argparse.Namespace, argv: list[str]) -> None:
 
     output = options.output or figure_name(options.specimen, "twin").removesuffix(".png") + ".state.nc"
     require_writable(output, "state")
-    twins = make_twins(read_state(options.specimen), options.engine, reporter("twins"))
+    twins = make_twins(read_state(options.specimen), options.engine, reporter("twins"), options.precision)
     write_state(output, twins.second)
     e, p, Z = twins.differences()
     print(f"{output}: one cycle of {twins.amplitude:.2%}; void ratio {e:+.5f}, pressure {p:+.3%}, Z {Z:+.2f}")

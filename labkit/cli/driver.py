@@ -11,7 +11,7 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 from labkit.cli.announce import announcing
-from labkit.cli.arguments import add_engine_options, add_parameters, given, one_of, require
+from labkit.cli.arguments import add_engine_options, add_parameters, computation, given, one_of, require
 from labkit.cli.naming import stem
 from labkit.cli.registry import command
 from labkit.cli.simulate import history_of
@@ -114,7 +114,7 @@ def _on_grains(options: argparse.Namespace, test: DriverFile, argv: list[str]) -
     if options.parameters:
         raise InputError("is for the model, and grains have their own material: leave it out", field="parameters")
     state = read_state(options.on)
-    require_engine(options.engine, state.scene)
+    require_engine(options.engine, state.scene, options.precision)
     initial = read_initial(options.initial, options.stress_unit) if options.initial else None
     path = test.path(options.rate, initial.pressure if initial is not None and initial.isotropic else None)
     task = RunTask(
@@ -122,10 +122,9 @@ def _on_grains(options: argparse.Namespace, test: DriverFile, argv: list[str]) -
         source=options.on,
         path=path,
         options=Options(**given(options, Options)),
-        engine=options.engine,
-        threads=options.threads,
         output=options.output,
         history=history_of(argv),
+        **computation(options),
     )
     if initial is not None and not initial.isotropic:
         before = options.output.removesuffix(".run.nc") + ".initial.run.nc"

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from labkit.cli.arguments import add_engine_options, add_parameters, given
+from labkit.cli.arguments import add_engine_options, add_parameters, computation, given
 from labkit.cli.model import add_model_options
 from labkit.cli.naming import stem
 from labkit.cli.registry import command
@@ -52,7 +52,7 @@ def do_probe(options: argparse.Namespace, argv: list[str]) -> None:
 
     probing = Probing(**given(options, Probing))
     state = state_in(options.file)
-    require_engine(options.engine, state.scene)
+    require_engine(options.engine, state.scene, options.precision)
     output = options.output or str(Path(options.file).with_name(f"{stem(options.file)}.probes.nc"))
     as_table = output.lower().endswith(".csv")
     require_writable(output, None if as_table else "probes")
@@ -84,14 +84,14 @@ def probe_all(state: State, probing: Probing, options: argparse.Namespace) -> Pr
     from labkit.model.state import state_of
     from labkit.runs.probes import at_rest, probes_of
 
-    start = at_rest(state, options.engine, options.threads)
+    start = at_rest(state, **computation(options))
     predicted = None
     if options.model:
         model = read_model(options.parameters).reading(beyond_e_cmax=options.beyond_e_cmax)
         predicted = of_model.probes_of(state_of(start.snapshot()), model, probing)
-    found = probes_of(start, probing, False, options.engine, options.threads, reporter("probes"))
+    found = probes_of(start, probing, False, progress=reporter("probes"), **computation(options))
     if options.elastic:
-        found += probes_of(start, probing, True, options.engine, options.threads, reporter("elastic probes"))
+        found += probes_of(start, probing, True, progress=reporter("elastic probes"), **computation(options))
     return found if predicted is None else found + predicted
 
 

@@ -20,6 +20,7 @@ from labkit.cli.arguments import (
     add_parameters,
     add_path_parameters,
     add_settings_option,
+    computation,
     given,
     require,
 )
@@ -79,13 +80,11 @@ def specimen_task(options: argparse.Namespace, history: str) -> SpecimenTask:
         size["grains"] = str(chosen.grains)
     scene = Scene(**{"time_step_factor": chosen.time_step_factor, **material})
     recipe = Recipe(**size)
-    require_engine(options.engine, scene)
+    require_engine(options.engine, scene, options.precision)
     recipe.side_of(scene)
     output = options.output or specimen_name(recipe, scene)
     require_writable(output, "state")
-    return SpecimenTask(
-        recipe=recipe, material=scene, engine=options.engine, threads=options.threads, output=output, history=history
-    )
+    return SpecimenTask(recipe=recipe, material=scene, output=output, history=history, **computation(options))
 
 
 @command("specimen", specimen_options)
@@ -118,7 +117,8 @@ def _holds(state: State, task: SpecimenTask) -> bool:
     except (TypeError, ValueError):  # a layer, or imported grains
         return False
     wanted = dataclasses.replace(task.recipe, side=task.recipe.side_of(task.scene), grains=None)
-    return (size, state.scene, state.engine) == (wanted, task.scene, task.engine)
+    made = size, state.scene, state.engine, state.precision
+    return made == (wanted, task.scene, task.engine, task.precision)
 
 
 def consolidation_options(parser: argparse.ArgumentParser) -> None:
@@ -136,7 +136,7 @@ def consolidation_task(options: argparse.Namespace, history: str) -> Consolidati
     require(options.pressure, "pressure", "one, e.g. 500kPa")
     path = make_path("cr", {"pressure": options.pressure})
     state = read_state(require(options.specimen, "specimen", "a state file"))
-    require_engine(options.engine, state.scene)
+    require_engine(options.engine, state.scene, options.precision)
     require_pressure(path, state.scene)
     pressure = path.start_pressure() or 0.0
     output = options.output or consolidated_name(options.specimen, pressure)
@@ -145,10 +145,9 @@ def consolidation_task(options: argparse.Namespace, history: str) -> Consolidati
         state=state,
         source=options.specimen,
         pressure=pressure,
-        engine=options.engine,
-        threads=options.threads,
         output=output,
         history=history,
+        **computation(options),
     )
 
 
@@ -196,7 +195,7 @@ def run_task(options: argparse.Namespace, history: str) -> RunTask:
     state = read_state(require(options.specimen, "specimen", "a state file"))
     chosen = settings(options.settings) if options.settings is not None else None
     state = state.replace(scene=run_scene(options, state.scene, chosen))
-    require_engine(options.engine, state.scene)
+    require_engine(options.engine, state.scene, options.precision)
     path = run_path(options, kind, state.scene, chosen, written)
     path = path.starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
@@ -210,10 +209,9 @@ def run_task(options: argparse.Namespace, history: str) -> RunTask:
         source=options.specimen,
         path=path,
         options=recording,
-        engine=options.engine,
-        threads=options.threads,
         output=output,
         history=history,
+        **computation(options),
     )
 
 
@@ -292,9 +290,7 @@ def layer_task(options: argparse.Namespace, history: str) -> LayerTask:
     """The task described by the options. Raises InputError for invalid input."""
     layer = Layer(**given(options, Layer))
     require_writable(options.output, "state")
-    return LayerTask(
-        layer=layer, engine=options.engine, threads=options.threads, output=options.output, history=history
-    )
+    return LayerTask(layer=layer, output=options.output, history=history, **computation(options))
 
 
 def stratified(options: argparse.Namespace, history: str) -> None:

@@ -12,6 +12,8 @@ import numpy as np
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 
+PRECISIONS = ("double", "mixed")  # of all engines
+
 
 class Engine(abc.ABC):
     """Holds a State and advances it in time.
@@ -21,6 +23,7 @@ class Engine(abc.ABC):
     """
 
     name: ClassVar[str]
+    precisions: ClassVar[tuple[str, ...]] = ("double",)  # the constructor takes any other as `precision`
     version: str
 
     @classmethod
@@ -68,16 +71,18 @@ class Engine(abc.ABC):
 class Start:
     """Starts an engine: `start(state)`.
 
-    name: name of the engine; threads: number of threads; make: class of the engine, or a function of (state, threads).
+    name: name of the engine; threads: number of threads; make: class of the engine, or a function of (state, threads);
+    precision: in which it computes.
     """
 
     name: str
     threads: int
     make: Callable[[State, int], Engine]
+    precision: str = "double"
 
     def __call__(self, state: State) -> Engine:
         """The engine, loaded with the state. Raises InputError if it does not support the scene."""
-        return self.make(state, self.threads)
+        return self.make(state.replace(precision=self.precision), self.threads)
 
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)

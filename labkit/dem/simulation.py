@@ -56,6 +56,7 @@ def run(
         **{f"servo_{name}": value for name, value in vars(options.servo).items()},
         "guarded": options.guarded,
         **{name: value for name in LATER if (value := getattr(options, name)) is not None},
+        **({"precision": start.precision} if start.precision != "double" else {}),
     }
     extra = TRAVELLED if options.inertial_number is not None else {}
     with Recorder(file, path, settings, specimen, extra, all_saved=options.save_every is not None) as recorder:

@@ -67,6 +67,7 @@ class State:
     seed: int = 0
     engine: str = ""
     engine_version: str = ""
+    precision: str = "double"  # in which the engine computed
     history: str = ""
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
@@ -160,6 +161,8 @@ def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
     dataset.scene = state.scene.to_json()
     for name in ATTRIBUTES:
         setattr(dataset, name, getattr(state, name))
+    if state.precision != "double":  # files of earlier versions lack it
+        dataset.precision = state.precision
     dataset.ledger = np.array(dataclasses.astuple(state.ledger))
 
 
@@ -172,7 +175,8 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     for name, variable in STATE.items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = np.ascontiguousarray(group[name][rows].filled())
-    kept: dict[str, Any] = {name: getattr(attributes, name) for name in ATTRIBUTES if name in attributes.ncattrs()}
+    names = (*ATTRIBUTES, "precision")
+    kept: dict[str, Any] = {name: getattr(attributes, name) for name in names if name in attributes.ncattrs()}
     for name in ("step", "seed"):
         kept[name] = int(kept[name])
     for name in ("time", "time_step"):

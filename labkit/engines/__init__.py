@@ -10,9 +10,12 @@ speed         speed of an engine, measured in a separate process
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from labkit.dem.engine import Engine, Start
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
+from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.lazy import attach
 
@@ -21,24 +24,34 @@ ENGINES: Registry = Registry(
 )
 
 
-def require_engine(name: str, scene: Scene) -> type[Engine]:
-    """Return the engine class of that name. Raises InputError if it is unknown or does not support the scene."""
+def require_engine(name: str, scene: Scene, precision: str = "double") -> type[Engine]:
+    """Return the engine class of that name.
+
+    Raises InputError if it is unknown or does not support the scene or the precision.
+    """
     kind: type[Engine] = ENGINES.require(name)
     kind.require(scene)
+    if precision not in kind.precisions:
+        allowed = " or ".join(kind.precisions)
+        raise InputError(
+            f"is not available on the engine {name}", field="precision", value=precision, allowed=allowed, quoted=True
+        )
     return kind
 
 
-def starter(name: str, threads: int = 1) -> Start:
+def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
     """Return the Start that makes engines of that name.
 
-    Raises InputError for an unknown name. The Start raises InputError for a scene that the engine does not support.
+    Raises InputError for an unknown name. The Start raises InputError for a scene or a precision that the engine does
+    not support.
     """
     ENGINES.require(name)
 
     def make(state: State, threads: int) -> Engine:
-        return require_engine(name, state.scene)(state, threads)  # type: ignore[call-arg]
+        kind: Callable[..., Engine] = require_engine(name, state.scene, precision)
+        return kind(state, threads) if precision == "double" else kind(state, threads, precision=precision)
 
-    return Start(name, threads, make)
+    return Start(name, threads, make, precision)
 
 
 def register_engine(kind: type[Engine]) -> type[Engine]:

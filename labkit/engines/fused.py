@@ -8,6 +8,7 @@ The results are bit-identical for any number of threads.
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,14 +16,22 @@ import numpy as np
 import labkit
 from labkit.dem.energy import kinetic_energy
 from labkit.dem.engine import Engine
+from labkit.dem.laws.base import Features
 from labkit.dem.state import State
-from labkit.engines.kernel import steps
 from labkit.engines.kernel.arranging import touching
 from labkit.engines.kernel.build import kernel_of
-from labkit.engines.kernel.compiling import CONFIG
-from labkit.engines.kernel.layout import CELL_WORK, DAMPING_LOSS, DASHPOT_LOSS, FRICTION_LOSS, ROLLING_LOSS, WIDTH
+from labkit.engines.kernel.compiling import CONFIG, rounded
+from labkit.engines.kernel.layout import (
+    CELL_WORK,
+    CONTACT_SUMS,
+    DAMPING_LOSS,
+    DASHPOT_LOSS,
+    FRICTION_LOSS,
+    ROLLING_LOSS,
+    WIDTH,
+)
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, Grains, History, Packing, pack
-from labkit.engines.kernel.sites import write_all_sites
+from labkit.engines.kernel.sites import image_sites
 from labkit.engines.kernel.steps import Motion
 from labkit.engines.threads import ThreadChoice, report
 from labkit.errors import InputError, PhysicsError
@@ -32,6 +41,8 @@ from labkit.io.memory import return_large_arrays
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
+
+KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of the numbers that may be single
 
 # arrays of a State that the kernel stores in its own layout
 IN_KERNEL = (
@@ -52,15 +63,18 @@ class FusedEngine(Engine):
 
     `skin`: the Verlet skin as a fraction of the mean diameter; None: the engine adapts it.
 
+    `precision`: `double`, or `mixed` with half of the numbers single (labkit.engines.kernel.layout).
+
     The engine uses `threads` threads only while they are faster than one (labkit.engines.threads), and at most one per
     3,000 grains.
     """
 
     name = "fused"
+    precisions = ("double", "mixed")
     version = labkit.__version__
     energy = True  # sum work and losses; only `labkit bench` switches this off
 
-    def __init__(self, state: State, threads: int = 1, skin: float | None = None) -> None:
+    def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
         """Load the state; compile the kernel at the first use of a contact law. Raises InputError."""
         return_large_arrays()
         if threads > CONFIG.NUMBA_NUM_THREADS:
@@ -68,7 +82,7 @@ class FusedEngine(Engine):
             raise InputError(
                 "are too many for the fused engine on this computer", field="threads", value=threads, allowed=most
             )
-        self._skin = skin
+        self._skin, self._precision, self._kind = skin, precision, KINDS[precision]
         self._threads = threads
         self._choice = ThreadChoice(1)
         self.load(state)
@@ -82,7 +96,8 @@ class FusedEngine(Engine):
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
-        self._kernel, self._features = kernel_of(scene.contact_law), scene.contact_law.features(scene)
+        self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
+        self._features = scene.contact_law.features(scene)
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
             values
@@ -163,7 +178,7 @@ class FusedEngine(Engine):
         """Call the compiled loop (labkit.engines.kernel.steps.advance)."""
         if self._choice.most > 1:
             numba.set_num_threads(self._choice.count)
-        law = self._features
+        law = Features(*(self._of_kind(value) for value in self._features))
         motion = Motion(
             self._cell, self._before, self._first_cell, self._spread, 2.0 * self._start.radius.max(), self._margin
         )
@@ -174,14 +189,19 @@ class FusedEngine(Engine):
             gradient,
             motion,
             self.packing.arrays,
+            self._kind(dt),
             law.constants,
             law.friction,
             law.rolling,
             law.dashpots,
-            law.damping,
-            gradient if self.energy else None,
+            self._features.damping,
+            gradient.astype(self._kind) if self.energy else None,
             law.turning,
         )
+
+    def _of_kind(self, value: Any) -> Any:
+        """A parameter of the contact law, in the precision of the contacts."""
+        return rounded(value, self._kind is np.float32)
 
     def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
         """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
@@ -189,31 +209,36 @@ class FusedEngine(Engine):
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, radius = self._start.scene, self._start.radius
         self._packing = p = pack(
-            Grains(*kinematics, radius, *self._mass), history, self._cell, self._margin, scene.normal_stiffness
+            Grains(*kinematics, radius, *self._mass),
+            history,
+            self._cell,
+            self._margin,
+            scene.normal_stiffness,
+            self._kind,
         )
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        write_all_sites(p.arrays.sites, p.arrays.grains)
-        owner, shift = p.arrays.owner, p.arrays.shift
-        steps.image_sites(p.arrays.sites, owner, 0, len(owner), shift, self._cell, drift)
+        a = p.arrays
+        image_sites(a.places, a.motions, a.owner, 0, len(a.owner), a.shift, self._cell, drift)
 
     def _enter_flows(self) -> None:
         """Move work and losses from the kernel's sums to the ledger."""
         if self._packing is None:
             return
-        sums = [
-            self._packing.arrays.work[:, row : row + WIDTH]
-            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, DASHPOT_LOSS)
+        work, doubles = self._packing.arrays.work, self._packing.arrays.doubles
+        flows = [
+            work[:, row : row + WIDTH].sum(dtype=float) + doubles[:, row - CELL_WORK + CONTACT_SUMS :][:, :WIDTH].sum()
+            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS)
         ]
-        work, friction, rolling, damping, dashpots = (float(values.sum()) for values in sums)
-        for values in sums:
-            values[:] = 0.0
-        self._ledger = self._ledger.plus(work, friction, rolling, damping + dashpots)
+        cell_work, friction, rolling, dashpots = map(float, flows)
+        damping = float(doubles[:, DAMPING_LOSS : DAMPING_LOSS + WIDTH].sum())
+        work[:, CELL_WORK : DASHPOT_LOSS + WIDTH], doubles[:] = 0.0, 0.0
+        self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots)
         if not np.isfinite(self._ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
     def stress(self) -> np.ndarray:
-        total = self._kernel.branch_force(self.packing.arrays, self._features.friction)
+        total = self._kernel.branch_force(self.packing.arrays, self._of_kind(self._features.friction))
         return -total / np.linalg.det(self._cell)
 
     def stop_grains(self) -> None:
@@ -240,11 +265,12 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=contact_grain,
             contact_shift=contact_shift,
-            tangential_force=rows[:, :3].copy() if friction else zero,
-            rolling_moment=rows[:, -3:].copy() if rolling else zero,
+            tangential_force=rows[:, :3].astype(float) if friction else zero,
+            rolling_moment=rows[:, -3:].astype(float) if rolling else zero,
             time=self._time,
             step=self._step,
             engine=self.name,
             engine_version=self.version,
+            precision=self._precision,
             ledger=self._ledger,
         )

@@ -15,7 +15,7 @@ from pathlib import Path as File
 from typing import Any, ClassVar
 
 from labkit.dem import compression, consolidation, probes, simulation, specimen, stratified
-from labkit.dem.engine import Progress, silent
+from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.limits import rate_warning, require_pressure
 from labkit.dem.paths import Path, path_of
 from labkit.dem.recorded import recorded
@@ -36,10 +36,11 @@ from labkit.parameters import restored
 
 @dataclasses.dataclass(frozen=True)
 class Task(abc.ABC):
-    """A job for an engine. engine: its name; threads; output: file to write; history: the command."""
+    """A job for an engine. engine: its name; threads; precision; output: file to write; history: the command."""
 
     engine: str = "fused"
     threads: int = 1
+    precision: str = "double"
     output: str | None = None
     history: str = ""
 
@@ -49,6 +50,11 @@ class Task(abc.ABC):
     @abc.abstractmethod
     def scene(self) -> Scene:
         """Scene of the grains."""
+
+    @property
+    def start(self) -> Start:
+        """What starts the engine."""
+        return starter(self.engine, self.threads, self.precision)
 
     @abc.abstractmethod
     def do(self, progress: Progress) -> State | None:
@@ -61,7 +67,7 @@ class Task(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> Task:
-        """Build the task from the result of `values`; `common`: engine, threads, output, history."""
+        """Build the task from the result of `values`; `common`: engine, threads, precision, output, history."""
 
     def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
         """Return the State with the history and provenance of this task."""
@@ -92,7 +98,7 @@ class SpecimenTask(Task):
 
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.make_specimen
-        return self.finished(make(self.material, self.recipe, starter(self.engine, self.threads), progress))
+        return self.finished(make(self.material, self.recipe, self.start, progress))
 
     def values(self, folder: File) -> dict[str, Any]:
         return {"recipe": dataclasses.asdict(self.recipe), "scene": dataclasses.asdict(self.material)}
@@ -115,7 +121,7 @@ class LayerTask(Task):
         return Scene(planar=True)
 
     def do(self, progress: Progress) -> State:
-        return self.finished(stratified.make_layer(self.layer, starter(self.engine, self.threads), progress))
+        return self.finished(stratified.make_layer(self.layer, self.start, progress))
 
     def values(self, folder: File) -> dict[str, Any]:
         return {"layer": dataclasses.asdict(self.layer)}
@@ -160,8 +166,7 @@ class ConsolidationTask(_OfState):
     kind = "consolidation"
 
     def do(self, progress: Progress) -> State:
-        start = starter(self.engine, self.threads)
-        return self.finished(consolidation.consolidate(self.state, self.pressure, start, progress), self.inputs)
+        return self.finished(consolidation.consolidate(self.state, self.pressure, self.start, progress), self.inputs)
 
     def values(self, folder: File) -> dict[str, Any]:
         return {**super().values(folder), "pressure": self.pressure}
@@ -178,7 +183,7 @@ class RestTask(_OfState):
     kind = "rest"
 
     def do(self, progress: Progress) -> State:
-        return self.finished(probes.rest(self.state, starter(self.engine, self.threads), progress), self.inputs)
+        return self.finished(probes.rest(self.state, self.start, progress), self.inputs)
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any], common: Mapping[str, Any]) -> RestTask:
@@ -204,8 +209,7 @@ class RunTask(_OfState):
             raise InputError("a run needs an output file: set `output`")
         require_pressure(self.path, self.scene)
         state = self.with_origin(self.state, self.inputs)
-        start = starter(self.engine, self.threads)
-        simulation.run(state, self.path, File(self.output), start, self.options, progress)
+        simulation.run(state, self.path, File(self.output), self.start, self.options, progress)
 
     def values(self, folder: File) -> dict[str, Any]:
         known = {"path": self.path.name, "parameters": self.path.parameters()}
@@ -232,11 +236,10 @@ class ProbesTask(_OfState):
     def do(self, progress: Progress) -> None:
         if self.output is None:
             raise InputError("probes need an output folder: set `output`")
-        start = starter(self.engine, self.threads)
         for number, path in enumerate(self.paths):
             progress(number / len(self.paths), f"probe {number + 1} of {len(self.paths)}")
             options = Options(record_strain=abs(path.strain), snapshots=1)
-            simulation.run(self.state, path, File(self.output) / f"{number}.run.nc", start, options)
+            simulation.run(self.state, path, File(self.output) / f"{number}.run.nc", self.start, options)
         progress(1.0, "done")
 
     def values(self, folder: File) -> dict[str, Any]:
@@ -265,7 +268,7 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
 
     Raises InputError, PhysicsError or Interrupted, in either process.
     """
-    if require_engine(task.engine, task.scene).here():
+    if require_engine(task.engine, task.scene, task.precision).here():
         with one_blas_thread():
             return task.do(progress)
     from labkit.engines.yade_process import run_script
@@ -283,7 +286,8 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
 
 def to_job(task: Task, folder: File) -> dict[str, Any]:
     """Return a task as JSON, with the extension files that it needs."""
-    common = {"engine": task.engine, "threads": task.threads, "output": task.output, "history": task.history}
+    names = ("engine", "threads", "precision", "output", "history")
+    common = {name: getattr(task, name) for name in names}
     return {"kind": task.kind, "common": common, "values": task.values(folder), "use": _extensions(task)}
 
 

@@ -39,15 +39,24 @@ def make_specimen(
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
+    precision: str = "double",
 ) -> State:
     """Make a specimen at rest, and write its state file if `file` is given.
 
     scene: default labkit.Scene(), Table 1 of the paper; progress: True to show it, or a function of the completed
-    fraction and a text. Raises InputError for invalid values, PhysicsError if the specimen does not come to rest.
+    fraction and a text; precision: `double`, or `mixed` on the fused engine, which is faster. Raises InputError for
+    invalid values, PhysicsError if the specimen does not come to rest.
     """
     _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
-    task = SpecimenTask(recipe=recipe, material=scene or Scene(), engine=engine, threads=threads, output=_output(file))
+    task = SpecimenTask(
+        recipe=recipe,
+        material=scene or Scene(),
+        engine=engine,
+        threads=threads,
+        precision=precision,
+        output=_output(file),
+    )
     return _state(execute(task, _shown(progress, "specimen")))
 
 
@@ -58,10 +67,11 @@ def consolidate(
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
+    precision: str = "double",
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    pressure: Pa, or text with a unit; progress: as for make_specimen. Raises InputError, PhysicsError.
+    pressure: Pa, or text with a unit; precision, progress: as for make_specimen. Raises InputError, PhysicsError.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     path = make_path("cr", {"pressure": pressure})
@@ -69,7 +79,9 @@ def consolidate(
     if reached is None:
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
     require_pressure(path, state.scene)
-    task = ConsolidationTask(state=state, pressure=reached, engine=engine, threads=threads, output=_output(file))
+    task = ConsolidationTask(
+        state=state, pressure=reached, engine=engine, threads=threads, precision=precision, output=_output(file)
+    )
     return _state(execute(task, _shown(progress, "consolidation")))
 
 
@@ -81,13 +93,15 @@ def run(
     threads: int = 1,
     progress: bool | Progress = True,
     options: Options | None = None,
+    precision: str = "double",
     **recording: Any,
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
     it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
-    recording: fields of labkit.Options (record_strain, snapshots, save_every), which override those of `options`.
+    precision: as for make_specimen; recording: fields of labkit.Options (record_strain, snapshots, save_every), which
+    override those of `options`.
     Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
     Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
@@ -106,14 +120,17 @@ def run(
     if warning is not None:
         warnings.warn(warning, stacklevel=2)
     shown = _shown(progress, path.name)
+    task = RunTask(
+        state=state, path=path, engine=engine, threads=threads, precision=precision, output=str(file), options=options
+    )
     if file is not None:
         require_writable(file, "run")
-        execute(_task(state, path, engine, threads, str(file), options), shown)
+        execute(task, shown)
         return Run.open(file)
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         output = str(File(folder) / "memory.run.nc")
         try:
-            execute(_task(state, path, engine, threads, output, options), shown)
+            execute(dataclasses.replace(task, output=output), shown)
         except Interrupted as error:
             message = "stopped by a signal; nothing was saved, because the run has no file"
             raise Interrupted(message, error.code) from None
@@ -123,10 +140,6 @@ def run(
         with Run.open(output).data as data:
             data.load().encoding.pop("source", None)  # the temporary file, about to be deleted
             return Run(data)
-
-
-def _task(state: State, path: Path, engine: str, threads: int, output: str, options: Options) -> RunTask:
-    return RunTask(state=state, path=path, engine=engine, threads=threads, output=output, options=options)
 
 
 def _output(file: str | os.PathLike[str] | None) -> str | None:

@@ -67,6 +67,7 @@ def density_limits(
     pressure: float = PRESSURE,
     engine: str = "fused",
     progress: Progress = silent,
+    precision: str = "double",
 ) -> DensityLimits:
     """e_min and e_max of a material, measured on specimens with these seeds. Raises InputError, PhysicsError."""
     found: dict[float, list[float]] = {0.0: [], LOCKED: []}
@@ -74,7 +75,7 @@ def density_limits(
         for seed in seeds:
             progress((len(found[0.0]) + len(found[LOCKED])) / (2 * len(seeds)), f"friction {friction:g}, seed {seed}")
             recipe = at_friction(_recipe(grains, seed, pressure), friction, friction)
-            made = make_specimen(recipe, scene, engine=engine, progress=False)
+            made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
             ratios.append(void_ratio_nominal(made.snapshot()))
     return DensityLimits(np.array(found[0.0]), np.array(found[LOCKED]), pressure)
 
@@ -87,6 +88,7 @@ def specimen_at(
     seed: int = 1,
     engine: str = "fused",
     progress: Progress = silent,
+    precision: str = "double",
 ) -> State:
     """A specimen with this nominal void ratio at this pressure, Pa: finds the friction of step 1 by bisection.
 
@@ -97,7 +99,7 @@ def specimen_at(
     friction = 0.15
     for trial in range(TRIALS):
         recipe = at_friction(_recipe(grains, seed, pressure), friction, friction)
-        made = make_specimen(recipe, scene, engine=engine, progress=False)
+        made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
         reached = void_ratio_nominal(made.snapshot())
         progress(trial / TRIALS, f"friction {friction:.3g}: void ratio {reached:.4f}")
         if abs(reached - void_ratio) < TOLERANCE:
@@ -124,7 +126,7 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(specimen: State, engine: str = "fused", progress: Progress = silent) -> Twins:
+def make_twins(specimen: State, engine: str = "fused", progress: Progress = silent, precision: str = "double") -> Twins:
     """Twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
@@ -138,8 +140,9 @@ def make_twins(specimen: State, engine: str = "fused", progress: Progress = sile
         progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
         held = with_unit(pressure, "Pa")
         path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))  # type: ignore[arg-type]
-        cycled = _after(specimen, path, engine)
-        twins = Twins(specimen, consolidate(cycled, held, engine=engine, progress=False), amplitude)
+        cycled = _after(specimen, path, engine, precision)
+        second = consolidate(cycled, held, engine=engine, progress=False, precision=precision)
+        twins = Twins(specimen, second, amplitude)
         e, p, Z = twins.differences()
         if abs(e) >= TOLERANCE:
             raise PhysicsError(
@@ -151,7 +154,7 @@ def make_twins(specimen: State, engine: str = "fused", progress: Progress = sile
     raise PhysicsError(f"Z changed by only {Z:.2f}: start from a specimen compressed without friction")
 
 
-def _after(specimen: State, path: CyclicConstantMeanStress, engine: str) -> State:
+def _after(specimen: State, path: CyclicConstantMeanStress, engine: str, precision: str) -> State:
     """The state at the end of a path."""
     import tempfile
     from pathlib import Path
@@ -160,7 +163,7 @@ def _after(specimen: State, path: CyclicConstantMeanStress, engine: str) -> Stat
 
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         file = Path(folder) / "cycle.run.nc"
-        run(specimen, path, engine=engine, file=file, progress=False, record_strain=1e-3)
+        run(specimen, path, engine=engine, file=file, progress=False, precision=precision, record_strain=1e-3)
         return read_checkpoint(file)
 
 

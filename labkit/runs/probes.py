@@ -54,19 +54,22 @@ def probe(
     engine: str = "fused",
     threads: int = 1,
     progress: bool | Progress = True,
+    precision: str = "double",
 ) -> Probes:
     """Apply small increments of strain or stress to a state, each to the identical state; returns Probes.
 
-    plane, directions, amplitude, kind, duration: see labkit.Probing. If `elastic`, the friction of the contacts is so
-    high that none slides. The grains first come to rest in their fixed cell. Raises InputError, PhysicsError.
+    plane, directions, amplitude, kind, duration: see labkit.Probing; precision: see labkit.make_specimen. If `elastic`,
+    the friction of the contacts is so high that none slides. The grains first come to rest in their fixed cell. Raises
+    InputError, PhysicsError.
     """
     probing = Probing(plane, directions, kind, amplitude, duration)
-    return probes_of(at_rest(state, engine, threads), probing, elastic, engine, threads, progress)
+    rested = at_rest(state, engine, threads, precision)
+    return probes_of(rested, probing, elastic, engine, threads, progress, precision)
 
 
-def at_rest(state: State, engine: str = "fused", threads: int = 1) -> State:
+def at_rest(state: State, engine: str = "fused", threads: int = 1, precision: str = "double") -> State:
     """The state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
-    rested = execute(RestTask(state=state, engine=engine, threads=threads))
+    rested = execute(RestTask(state=state, engine=engine, threads=threads, precision=precision))
     assert rested is not None
     return rested
 
@@ -78,6 +81,7 @@ def probes_of(
     engine: str = "fused",
     threads: int = 1,
     progress: bool | Progress = True,
+    precision: str = "double",
 ) -> Probes:
     """The probes of a state at rest with the settings of `probing`; see `probe`."""
     plane = plane_of(probing.plane)
@@ -88,7 +92,10 @@ def probes_of(
     shown = progress if callable(progress) else reporter("probes") if progress else silent
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         try:
-            execute(ProbesTask(state=state, paths=paths, engine=engine, threads=threads, output=folder), shown)
+            task = ProbesTask(
+                state=state, paths=paths, engine=engine, threads=threads, precision=precision, output=folder
+            )
+            execute(task, shown)
         except Interrupted as error:
             raise Interrupted("stopped by a signal; nothing was saved", error.code) from None
         null, *rows = (_row(File(folder) / f"{number}.run.nc") for number in range(len(paths)))
@@ -97,7 +104,9 @@ def probes_of(
         row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
     material = "elastic" if elastic else "grains"
     data = dataset_of(plane, probing, material, angle, rows, affine_stiffness(state.snapshot()))
-    return Probes(data.assign_attrs(engine=engine, scene=state.scene.to_json(), grains=state.number_of_grains))
+    attributes = {"engine": engine, "scene": state.scene.to_json(), "grains": state.number_of_grains}
+    attributes |= {"precision": precision} if precision != "double" else {}
+    return Probes(data.assign_attrs(attributes))
 
 
 def affine_stiffness(snapshot: Snapshot) -> np.ndarray:

@@ -92,6 +92,11 @@ class Run:
         return str(self.data.attrs["engine"])
 
     @property
+    def precision(self) -> str:
+        """Precision in which the engine computed the run: double or mixed."""
+        return str(self.data.attrs.get("precision", "double"))
+
+    @property
     def threads(self) -> int | None:
         """Number of threads of the last command that extended the run; None if the file does not record it."""
         return int(self.data.attrs["threads"]) if "threads" in self.data.attrs else None

@@ -6,6 +6,8 @@ a contact law. The compiler keeps the tuples in registers, so that they need no 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 Vector = tuple[float, float, float]
@@ -46,6 +48,15 @@ def inverse_root(x: float) -> float:
     y = np.int64(0x5FE6EB50C7B537A9 - (np.float64(x).view(np.int64) >> 1)).view(np.float64)
     half = 0.5 * x
     y = y * (1.5 - half * y * y)
+    y = y * (1.5 - half * y * y)
+    y = y * (1.5 - half * y * y)
+    return y + y * (0.5 - half * y * y)
+
+
+def inverse_root_single(x: float) -> float:
+    """The same for a number in single precision, by which the kernel replaces `inverse_root` in mixed precision."""
+    y: Any = np.int32(np.int32(0x5F375A86) - (np.float32(x).view(np.int32) >> np.int32(1))).view(np.float32)
+    half = 0.5 * x
     y = y * (1.5 - half * y * y)
     y = y * (1.5 - half * y * y)
     return y + y * (0.5 - half * y * y)

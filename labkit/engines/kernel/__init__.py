@@ -1,7 +1,9 @@
 """The compiled kernel of the fused engine.
 
 layout.py      memory layout of contacts and grains
-lanes.py       transfers eight grain records at once to and from the rows of a block
+lanes.py       instructions for whole vectors: records of grains to rows of a block, and back
+transfers.py   transfers of several records at once between sites and blocks
+sites.py       records of grains and images, from which contacts read and to which they add forces
 neighbours.py  which grains may touch: spatial order, pairs, periodic shifts
 arranging.py   compiled loops over grains and pairs for a neighbour search
 packing.py     converts grains and contacts to blocks, sites and domains, and back

@@ -10,7 +10,16 @@ import math
 import numpy as np
 
 from labkit.engines.kernel.compiling import compiled, kept
-from labkit.engines.kernel.layout import INVERSE_INERTIA, INVERSE_MASS, WIDTH, V, W, X
+from labkit.engines.kernel.layout import (
+    INVERSE_INERTIA,
+    INVERSE_MASS,
+    PLACE_RADIUS,
+    SITE_RADIUS,
+    SITE_V,
+    SITE_W,
+    WIDTH,
+    V,
+)
 
 LOST = 1000  # periods: a grain farther away is considered lost
 
@@ -104,14 +113,16 @@ def carry(
     new_pairs: np.ndarray,
     new_shift: np.ndarray,
     slot: np.ndarray,
+    stiffness: np.ndarray,
     blocks: np.ndarray,
-    first_row: int,
 ) -> None:
-    """Write the history of new pairs into blocks (block, row, WIDTH), zero for pairs that have none.
+    """Write new pairs into blocks (block, row, WIDTH): stiffness and history, zero for pairs that have none.
 
     pairs (2, m), shift (m, 3), rows (m, k): the History; number (grain,): index in it of each grain of the new pairs
-    (2, n); new_shift (n, 3), slot (n,): shifts of these and their positions in the blocks.
+    (2, n); new_shift (n, 3), slot, stiffness (n,): shifts of these, positions in the blocks, kn. Contacts that fill up
+    a block get the stiffness one.
     """
+    blocks[:, 0] = 1.0
     columns, many = rows.shape[1], pairs.shape[1]
     start, entries = by_number(np.minimum(pairs[0], pairs[1]), len(number))
     next_one = 0  # the order of the pairs hardly changes from one search to the next: try this one first
@@ -119,6 +130,7 @@ def carry(
         block, i = slot[new] // WIDTH, slot[new] % WIDTH
         first, second = number[new_pairs[0, new]], number[new_pairs[1, new]]
         x, y, z = new_shift[new, 0], new_shift[new, 1], new_shift[new, 2]
+        blocks[block, 0, i] = stiffness[new]
         found, sign = -1, 1
         if next_one < many and pairs[0, next_one] == first and pairs[1, next_one] == second:
             s = shift[next_one]
@@ -134,69 +146,63 @@ def carry(
                         found = old
                         break
         for k in range(columns):
-            blocks[block, first_row + k, i] = sign * rows[found, k] if found >= 0 else 0.0
+            blocks[block, 1 + k, i] = sign * rows[found, k] if found >= 0 else 0.0
         if found >= 0:
             next_one = found + 1
 
 
 @kept
-def take_rows(blocks: np.ndarray, slot: np.ndarray, first_row: int) -> np.ndarray:
-    """Return the rows (n, k) of the contacts in the positions slot (n,) of blocks, from `first_row` on."""
-    rows = np.empty((len(slot), blocks.shape[1] - first_row))
+def take_history(blocks: np.ndarray, slot: np.ndarray) -> np.ndarray:
+    """Return the history (n, k) of the contacts in the positions slot (n,) of blocks (block, row, WIDTH)."""
+    rows = np.empty((len(slot), blocks.shape[1] - 1), blocks.dtype)
     for k in range(len(slot)):
         block, i = slot[k] // WIDTH, slot[k] % WIDTH
         for j in range(rows.shape[1]):
-            rows[k, j] = blocks[block, first_row + j, i]
+            rows[k, j] = blocks[block, 1 + j, i]
     return rows
 
 
 @kept
-def lay(
-    blocks: np.ndarray, slot: np.ndarray, stiffness: np.ndarray, radius_a: np.ndarray, radius_b: np.ndarray
+def put_grains(
+    places: np.ndarray,
+    motions: np.ndarray,
+    blocks: np.ndarray,
+    masses: np.ndarray,
+    order: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    spin: np.ndarray,
+    radius: np.ndarray,
+    inverse_mass: np.ndarray,
+    inverse_inertia: np.ndarray,
 ) -> None:
-    """Write the constants of pairs (n,) into blocks (block, row, WIDTH); contacts that fill up a block get ones."""
-    for row in range(3):
-        blocks[:, row] = 1.0
-    for k in range(len(slot)):
-        block, i = slot[k] // WIDTH, slot[k] % WIDTH
-        blocks[block, 0, i], blocks[block, 1, i], blocks[block, 2, i] = stiffness[k], radius_a[k], radius_b[k]
+    """Write grains into their sites and blocks; they are in the order of the State, `order` is as in a Packing."""
+    for k in range(len(order)):
+        block, of_masses, i, g = blocks[k // WIDTH], masses[k // WIDTH], k % WIDTH, order[k]
+        for j in range(3):
+            places[k, j] = position[g, j]
+            block[V + j * WIDTH + i] = velocity[g, j]
+            motions[k, SITE_V + j], motions[k, SITE_W + j] = velocity[g, j], spin[g, j]
+        places[k, PLACE_RADIUS] = motions[k, SITE_RADIUS] = radius[g]
+        of_masses[INVERSE_MASS + i], of_masses[INVERSE_INERTIA + i] = inverse_mass[g], inverse_inertia[g]
 
 
 @kept
-def put_grains(
+def take_grains(
+    places: np.ndarray,
+    motions: np.ndarray,
     blocks: np.ndarray,
     order: np.ndarray,
     position: np.ndarray,
     velocity: np.ndarray,
     spin: np.ndarray,
-    inverse_mass: np.ndarray,
-    inverse_inertia: np.ndarray,
 ) -> None:
-    """Write grains into blocks; position, velocity and spin (grain, 3), and `order`, are as in a Packing.
-
-    Numbers without a grain, at the end of the last block, are ones.
-    """
-    blocks[-1] = 1.0
+    """Write position, velocity and spin (grain, 3) of the grains, the inverse of put_grains."""
     for k in range(len(order)):
         block, i, g = blocks[k // WIDTH], k % WIDTH, order[k]
         for j in range(3):
-            block[X + j * WIDTH + i] = position[g, j]
-            block[V + j * WIDTH + i] = velocity[g, j]
-            block[W + j * WIDTH + i] = spin[g, j]
-        block[INVERSE_MASS + i], block[INVERSE_INERTIA + i] = inverse_mass[g], inverse_inertia[g]
-
-
-@kept
-def take_grains(
-    blocks: np.ndarray, order: np.ndarray, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray
-) -> None:
-    """Write position, velocity and spin (grain, 3) of the grains in blocks, the inverse of put_grains."""
-    for k in range(len(order)):
-        block, i, g = blocks[k // WIDTH], k % WIDTH, order[k]
-        for j in range(3):
-            position[g, j] = block[X + j * WIDTH + i]
+            position[g, j], spin[g, j] = places[k, j], motions[k, SITE_W + j]
             velocity[g, j] = block[V + j * WIDTH + i]
-            spin[g, j] = block[W + j * WIDTH + i]
 
 
 @kept

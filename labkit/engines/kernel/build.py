@@ -32,36 +32,40 @@ class Kernel(NamedTuple):
     branch_force: Callable[..., Any]
 
 
-def kernel_of(law: ContactLaw) -> Kernel:
+def kernel_of(law: ContactLaw, single: bool = False) -> Kernel:
     """Return the Kernel of a contact law: compiled at its first call, or read from disk if no source has changed.
 
-    Laws that inherit both `pair` and `spring` share the kernel of the law that defines them.
+    single: True for mixed precision, in which the law is compiled in single precision. Laws that inherit both `pair`
+    and `spring` share the kernel of the law that defines them.
     """
-    return _compiled_kernel(next(kind for kind in type(law).__mro__ if {"pair", "spring"} & set(vars(kind))))
+    return _compiled_kernel(next(kind for kind in type(law).__mro__ if {"pair", "spring"} & set(vars(kind))), single)
 
 
 @functools.cache
-def _compiled_kernel(kind: type[ContactLaw]) -> Kernel:
+def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     law = kind()
     if not law.labkits:
         try_out(law)
     known: dict[Any, Any] = {}
-    pair, spring = compiled_with_callees(law.pair, known), compiled_with_callees(law.spring, known)
-    names = {**_compiled_functions(contact, known), "pair": pair, "spring": spring}
-    block_forces = compiled(with_globals(contact.block_forces, names))
-    block_stress = compiled(with_globals(contact.block_stress, names))
-    domain_contacts = compiled(with_globals(steps.domain_contacts, {"block_forces": block_forces}))
+    if single:
+        known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, {}, single)
+    pair, spring = (compiled_with_callees(function, known, single) for function in (law.pair, law.spring))
+    overlap = compiled_with_callees(contact.overlap_single if single else contact.overlap, known, single)
+    names = {**_compiled_functions(contact, known, single), "pair": pair, "spring": spring, "overlap": overlap}
+    block_forces = compiled(with_globals(contact.block_forces, names, single))
+    block_stress = compiled(with_globals(contact.block_stress, names, single))
+    contacts = {"block_forces": block_forces, "SINGLE": single}
+    domain_contacts = compiled(with_globals(steps.domain_contacts, contacts))
     stamp = _stamp(law, known)
 
     def loop(function: Callable[..., Any], name: str, names: dict[str, Any], **options: Any) -> Any:
         fresh = with_globals(function, names)
-        fresh.__qualname__ = f"{name}_{law.name}"  # Numba's cache distinguishes functions by name
+        fresh.__qualname__ = f"{name}_{law.name}" + "_single" * single  # Numba's cache distinguishes functions by name
         return cached(fresh, stamp, **OPTIONS, **options)
 
-    contacts = {"domain_contacts": domain_contacts}
     return Kernel(
-        loop(steps.advance, "advance", contacts),
-        loop(steps.advance, "advance_threads", contacts, parallel=True),
+        loop(steps.advance, "advance", {"domain_contacts": domain_contacts}),
+        loop(steps.advance, "advance_threads", {"domain_contacts": domain_contacts}, parallel=True),
         loop(steps.branch_force, "branch_force", {"block_stress": block_stress}),
     )
 
@@ -83,10 +87,10 @@ def try_out(law: ContactLaw) -> None:
         raise InputError(f"contact law {law.name}: pair returned {result!r}: return a Response of finite numbers")
 
 
-def _compiled_functions(module: Any, known: dict[Any, Any]) -> dict[str, Any]:
+def _compiled_functions(module: Any, known: dict[Any, Any], single: bool) -> dict[str, Any]:
     """Compile the plain Python helpers that a module uses: name -> function."""
     helpers = {**vars(vectors), "load": module.load, "store": module.store, "stretched": module.stretched}
-    return {name: compiled_with_callees(f, known) for name, f in helpers.items() if inspect.isfunction(f)}
+    return {name: compiled_with_callees(f, known, single) for name, f in helpers.items() if inspect.isfunction(f)}
 
 
 def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:

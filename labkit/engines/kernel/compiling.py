@@ -15,6 +15,7 @@ from typing import Any
 
 import llvmlite.binding
 import numba
+import numpy as np
 
 CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
 
@@ -69,28 +70,42 @@ def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> A
     return dispatcher
 
 
-def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any]) -> Any:
+def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any], single: bool = False) -> Any:
     """Compile a plain Python function together with the plain Python functions that it calls.
 
     All are inlined, so that LLVM can vectorise the loop around them. `known`: functions compiled so far, function ->
-    compiled; extended in place.
+    compiled; extended in place. single: see `with_globals`.
     """
     if function not in known:
         names = {name: function.__globals__.get(name) for name in function.__code__.co_names}
         callees = {
-            name: compiled_with_callees(value, known) for name, value in names.items() if inspect.isfunction(value)
+            name: compiled_with_callees(value, known, single)
+            for name, value in names.items()
+            if inspect.isfunction(value)
         }
-        known[function] = numba.njit(forceinline=True, **OPTIONS)(with_globals(function, callees))
+        known[function] = numba.njit(forceinline=True, **OPTIONS)(with_globals(function, callees, single))
     return known[function]
 
 
-def with_globals(function: Callable[..., Any], names: dict[str, Any]) -> Callable[..., Any]:
+def with_globals(function: Callable[..., Any], names: dict[str, Any], single: bool = False) -> Callable[..., Any]:
     """Return a copy of a function with some of its global names redefined.
 
-    The copy belongs to this module, because Numba's cache imports the module of every compiled function, and a contact
-    law may come from a file that another process cannot import.
+    single: True to round the numbers written in the function to single precision, because Numba would convert an
+    expression in which one number is double. The copy belongs to this module, because Numba's cache imports the module
+    of every compiled function, and a contact law may come from a file that another process cannot import.
     """
-    values = {**function.__globals__, **names, "__name__": __name__}
-    fresh = types.FunctionType(function.__code__, values, function.__name__, function.__defaults__)
+    code = function.__code__
+    values = {**function.__globals__, "__name__": __name__}
+    if single:
+        code = code.replace(co_consts=tuple(rounded(value) for value in code.co_consts))
+        values |= {name: rounded(values[name]) for name in code.co_names if name in values}
+    fresh = types.FunctionType(code, {**values, **names}, function.__name__, rounded(function.__defaults__, single))
     fresh.__qualname__ = function.__qualname__
     return fresh
+
+
+def rounded(value: Any, single: bool = True) -> Any:
+    """A float, or the floats in a tuple, in single precision; other values as they are."""
+    if single and isinstance(value, tuple):
+        return type(value)(*map(rounded, value)) if hasattr(value, "_fields") else tuple(map(rounded, value))
+    return np.float32(value) if single and isinstance(value, float) else value

@@ -1,8 +1,8 @@
 """Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
 The law is `pair` of a labkit.dem.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
-compiler vectorises that loop. `pair` and `spring` are placeholders: labkit.engines.kernel.build replaces them by the
-functions of the law for which it compiles a kernel.
+compiler vectorises that loop. `pair`, `spring` and `overlap` are placeholders: labkit.engines.kernel.build replaces
+them by functions of the law and the precision for which it compiles a kernel.
 """
 
 from __future__ import annotations
@@ -21,9 +21,11 @@ from labkit.engines.kernel.layout import (
     FORCE,
     FRICTION_LOSS,
     HISTORY,
+    RADII,
     RADIUS_A,
     RADIUS_B,
     ROLLING_LOSS,
+    SQUARES,
     STIFFNESS,
     TORQUE_A,
     TORQUE_B,
@@ -66,7 +68,6 @@ def block_forces(
     the energy sums.
     """
     for i in range(n):
-        ra, rb = block[RADIUS_A + i], block[RADIUS_B + i]
         d = load(work, D, i)
         distance, inverse = length_and_inverse(dot(d, d))
         v = a = b = t = m = ZERO
@@ -79,7 +80,18 @@ def block_forces(
                 m = load(block, HISTORY + 3 * WIDTH, i)
             else:
                 m = load(block, HISTORY, i)
-        contact = Contact(block[STIFFNESS + i], ra, rb, ra + rb - distance, inverse, d, times(inverse, d), v, a, b)
+        contact = Contact(
+            block[STIFFNESS + i],
+            work[RADIUS_A + i],
+            work[RADIUS_B + i],
+            overlap(work, i, distance),
+            inverse,
+            d,
+            times(inverse, d),
+            v,
+            a,
+            b,
+        )
         response = pair(contact, t, m, dt, constants, friction, rolling, dashpots, gradient)
         store(work, FORCE, i, response.force)
         if turning is not None:
@@ -102,6 +114,16 @@ def block_forces(
             work[CELL_WORK + i] += dt * dot(response.force, stretched(gradient, d))
 
 
+def overlap(work: np.ndarray, i: int, distance: float) -> float:
+    """Overlap R - |d| of a contact, m, with the sum R of the radii and the branch d."""
+    return work[RADII + i] - distance
+
+
+def overlap_single(work: np.ndarray, i: int, distance: float) -> float:
+    """The same as (R^2 - d^2)/(R + |d|), with the numerator from double precision: accurate to single precision."""
+    return work[SQUARES + i] / (work[RADII + i] + distance)
+
+
 def stretched(L: np.ndarray, d: Vector) -> Vector:
     """Product L d."""
     return (
@@ -119,8 +141,8 @@ def block_stress(block: np.ndarray, work: np.ndarray, n: int, friction: Any, sum
     for i in range(n):
         d = load(work, D, i)
         distance = math.sqrt(dot(d, d))
-        overlap = block[RADIUS_A + i] + block[RADIUS_B + i] - distance
-        share = -spring(block[STIFFNESS + i], overlap) / distance if overlap >= 0.0 else 0.0
+        depth = overlap(work, i, distance)
+        share = -spring(block[STIFFNESS + i], depth) / distance if depth >= 0.0 else 0.0
         f = times(share, d)
         if friction is not None:
             f = plus(f, load(block, HISTORY, i))

@@ -2,8 +2,11 @@
 
 The kernel computes with blocks of WIDTH contacts or grains. A block consists of consecutive rows of WIDTH numbers, one
 quantity per row, so that quantities are a constant stride apart and the compiler can vectorise a loop over a block.
-The quantities of a grain that contacts read, and the forces that they return, are stored together in one record per
-grain (its site), because contacts access grains in no particular order.
+What contacts read of a grain, and the forces that they return, are stored in records, three per grain (its site),
+because contacts access grains in no particular order: its place, its motion, and its force.
+
+In mixed precision, positions, the velocities that move the grains, energies and all sums over the specimen are double.
+The rest is single: velocities as contacts read them, spins, forces, history and constants of contacts, masses.
 
 The kernel gets None for each feature that a scene does not use, and Numba compiles it without that feature.
 """
@@ -11,25 +14,32 @@ The kernel gets None for each feature that a scene does not use, and Numba compi
 from __future__ import annotations
 
 WIDTH = 64  # contacts or grains per block
-LANES = 8  # numbers per vector register
+LANES = 16  # contacts or grains that are transferred at once: one or two vector registers
 
 # rows of a block of contacts: constants, then the history that the scene uses
-STIFFNESS, RADIUS_A, RADIUS_B, HISTORY = (row * WIDTH for row in range(4))
+STIFFNESS, HISTORY = (row * WIDTH for row in range(2))
 
-# rows of a block of grains
-X, V, W, INVERSE_MASS, INVERSE_INERTIA = (row * WIDTH for row in (0, 3, 6, 9, 10))
-GRAIN_ROWS = 11
+# rows of a block of grains: velocity, always double; and of a block of their masses
+V, GRAIN_ROWS = 0, 3
+INVERSE_MASS, INVERSE_INERTIA, MASS_ROWS = 0, WIDTH, 2
 
-# columns of a site: position, velocity, angular velocity; and of its force and torque; every fourth is unused, so that
-# a vector never crosses a cache line
-SITE_X, SITE_V, SITE_W, SITE_COLUMNS = 0, 4, 8, 12
+# columns of the records of a site: position and radius, always double; velocity, spin and radius; force and torque. A
+# vector takes four columns, so that it never crosses a cache line.
+PLACE_RADIUS, PLACE_COLUMNS = 3, 4
+SITE_V, SITE_W, SITE_RADIUS, SITE_COLUMNS = 0, 4, 7, 8
 SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
 
-# rows of the workspace of a domain, for contacts: values read from sites, results for sites, energy sums
-D, VREL, WA, WB = (row * WIDTH for row in (0, 3, 6, 9))
-FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (12, 15, 18))
-CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS = (row * WIDTH for row in (21, 22, 23, 24))
-# and for grains: force and torque, energy sums, largest speed
-GRAIN_FORCE = 25 * WIDTH
-DAMPING_LOSS, SPEED2 = (row * WIDTH for row in (31, 32))
-WORK_ROWS = 33
+# rows of the workspace of a domain, for contacts: values read from sites, in mixed precision with the difference of
+# the squares of the sum of the radii and of the distance; results for sites; energy sums
+D, RADII, SQUARES = (row * WIDTH for row in (0, 3, 4))
+VREL, WA, RADIUS_A, WB, RADIUS_B = (row * WIDTH for row in (5, 8, 11, 12, 15))
+FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (16, 19, 22))
+CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS = (row * WIDTH for row in (25, 26, 27, 28))
+# and for grains: force and torque, spin and radius
+GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (29, 32, 35))
+WORK_ROWS = 39
+
+# rows of its workspace in double precision: position and radius of grains, energy dissipated by damping, largest speed;
+# in mixed precision, sums of the energy sums of contacts, CELL_WORK to DASHPOT_LOSS
+X, DAMPING_LOSS, SPEED2, CONTACT_SUMS = (row * WIDTH for row in (0, 4, 5, 6))
+DOUBLE_ROWS = 10

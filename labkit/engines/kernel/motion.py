@@ -20,6 +20,7 @@ from labkit.engines.kernel.compiling import compiled
 from labkit.engines.kernel.layout import (
     DAMPING_LOSS,
     GRAIN_FORCE,
+    GRAIN_TORQUE,
     INVERSE_INERTIA,
     INVERSE_MASS,
     SPEED2,
@@ -40,7 +41,9 @@ def damped_fraction(acceleration: float, velocity: float, dt: float, damping: fl
 @compiled
 def move_block(
     block: np.ndarray,
+    masses: np.ndarray,
     work: np.ndarray,
+    doubles: np.ndarray,
     n: int,
     dt: float,
     L: np.ndarray,
@@ -50,20 +53,21 @@ def move_block(
 ) -> None:
     """Move n grains by one step. L, before (3, 3). damping: a number, or None for no damping.
 
-    energy: not None to sum the energy dissipated by damping. The row SPEED2 of `work` collects the largest c^2.
+    block, masses, work, doubles: rows as in layout.py. energy: not None to sum the energy dissipated by damping. The
+    row SPEED2 of `doubles` collects the largest c^2.
     """
     jxx, jxy, jxz = L[0, 0] - before[0, 0], L[0, 1] - before[0, 1], L[0, 2] - before[0, 2]
     jyx, jyy, jyz = L[1, 0] - before[1, 0], L[1, 1] - before[1, 1], L[1, 2] - before[1, 2]
     jzx, jzy, jzz = L[2, 0] - before[2, 0], L[2, 1] - before[2, 1], L[2, 2] - before[2, 2]
     spin_x, spin_y, spin_z = 0.5 * (jzy - jyz), 0.5 * (jxz - jzx), 0.5 * (jyx - jxy)
     for i in range(n):
-        x, y, z = block[X + i], block[X + WIDTH + i], block[X + 2 * WIDTH + i]
+        x, y, z = doubles[X + i], doubles[X + WIDTH + i], doubles[X + 2 * WIDTH + i]
         vx, vy, vz = block[V + i], block[V + WIDTH + i], block[V + 2 * WIDTH + i]
-        wx, wy, wz = block[W + i], block[W + WIDTH + i], block[W + 2 * WIDTH + i]
-        inverse_mass, inverse_inertia = block[INVERSE_MASS + i], block[INVERSE_INERTIA + i]
-        f = GRAIN_FORCE
+        wx, wy, wz = work[W + i], work[W + WIDTH + i], work[W + 2 * WIDTH + i]
+        inverse_mass, inverse_inertia = masses[INVERSE_MASS + i], masses[INVERSE_INERTIA + i]
+        f, m = GRAIN_FORCE, GRAIN_TORQUE
         fx, fy, fz = work[f + i], work[f + WIDTH + i], work[f + 2 * WIDTH + i]
-        mx, my, mz = work[f + 3 * WIDTH + i], work[f + 4 * WIDTH + i], work[f + 5 * WIDTH + i]
+        mx, my, mz = work[m + i], work[m + WIDTH + i], work[m + 2 * WIDTH + i]
         ax, ay, az = fx * inverse_mass, fy * inverse_mass, fz * inverse_mass
         bx, by, bz = mx * inverse_inertia, my * inverse_inertia, mz * inverse_inertia
         if damping is not None:
@@ -86,7 +90,7 @@ def move_block(
                 h = 0.5 * dt
                 lost = px * fx * (cx + h * ax) + py * fy * (cy + h * ay) + pz * fz * (cz + h * az)
                 turn = qx * mx * (wx + h * bx) + qy * my * (wy + h * by) + qz * mz * (wz + h * bz)
-                work[DAMPING_LOSS + i] += dt * (lost + turn)
+                doubles[DAMPING_LOSS + i] += dt * (lost + turn)
         ax += before[0, 0] * vx + before[0, 1] * vy + before[0, 2] * vz
         ay += before[1, 0] * vx + before[1, 1] * vy + before[1, 2] * vz
         az += before[2, 0] * vx + before[2, 1] * vy + before[2, 2] * vz
@@ -97,12 +101,12 @@ def move_block(
         cy = vy - (L[1, 0] * x + L[1, 1] * y + L[1, 2] * z)
         cz = vz - (L[2, 0] * x + L[2, 1] * y + L[2, 2] * z)
         speed2 = cx * cx + cy * cy + cz * cz
-        work[SPEED2 + i] = speed2 if speed2 > work[SPEED2 + i] else work[SPEED2 + i]
+        doubles[SPEED2 + i] = speed2 if speed2 > doubles[SPEED2 + i] else doubles[SPEED2 + i]
         block[V + i], block[V + WIDTH + i], block[V + 2 * WIDTH + i] = vx, vy, vz
-        block[X + i], block[X + WIDTH + i], block[X + 2 * WIDTH + i] = x + dt * vx, y + dt * vy, z + dt * vz
-        block[W + i] = wx + dt * bx + spin_x
-        block[W + WIDTH + i] = wy + dt * by + spin_y
-        block[W + 2 * WIDTH + i] = wz + dt * bz + spin_z
+        doubles[X + i], doubles[X + WIDTH + i], doubles[X + 2 * WIDTH + i] = x + dt * vx, y + dt * vy, z + dt * vz
+        work[W + i] = wx + dt * bx + spin_x
+        work[W + WIDTH + i] = wy + dt * by + spin_y
+        work[W + 2 * WIDTH + i] = wz + dt * bz + spin_z
 
 
 @compiled
@@ -115,10 +119,10 @@ def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
 
 
 @compiled
-def largest_speed(work: np.ndarray) -> float:
-    """Return the largest |c| of the last motion, m/s, and reset it in the workspace."""
+def largest_speed(doubles: np.ndarray) -> float:
+    """Return the largest |c| of the last motion, m/s, and reset it."""
     largest = 0.0
     for i in range(WIDTH):
-        largest = max(largest, work[SPEED2 + i])
-        work[SPEED2 + i] = 0.0
+        largest = max(largest, doubles[SPEED2 + i])
+        doubles[SPEED2 + i] = 0.0
     return math.sqrt(largest)

@@ -7,8 +7,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from labkit.engines.kernel.arranging import carry, find_images, lay, put_grains, take_grains, take_rows
-from labkit.engines.kernel.layout import FORCE_COLUMNS, GRAIN_ROWS, HISTORY, SITE_COLUMNS, WIDTH, WORK_ROWS
+from labkit.engines.kernel.arranging import carry, find_images, put_grains, take_grains, take_history
+from labkit.engines.kernel.layout import (
+    DOUBLE_ROWS,
+    FORCE_COLUMNS,
+    GRAIN_ROWS,
+    MASS_ROWS,
+    PLACE_COLUMNS,
+    PLACE_RADIUS,
+    SITE_COLUMNS,
+    SITE_RADIUS,
+    WIDTH,
+    WORK_ROWS,
+)
 from labkit.engines.kernel.neighbours import find_pairs, sort_grains
 from labkit.engines.kernel.steps import Arrays
 
@@ -60,15 +71,17 @@ class Packing:
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
         position, velocity, spin = (np.empty((len(self.order), 3)) for _ in range(3))
-        take_grains(self.arrays.grains, self.order, position, velocity, spin)
+        arrays = self.arrays
+        take_grains(arrays.places, arrays.motions, arrays.grains, self.order, position, velocity, spin)
         return position, velocity, spin
 
     def unpack_history(self) -> History:
         """Return the History of all pairs, touching or not, with grains in the order of the grid."""
         blocks = self.arrays.blocks.reshape(len(self.arrays.blocks), -1, WIDTH)
+        rows = take_history(blocks, self.slot)
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
-        return History(self.pairs, self.pair_shift, take_rows(blocks, self.slot, HISTORY // WIDTH), number)
+        return History(self.pairs, self.pair_shift, rows, number)
 
 
 def pack(
@@ -77,10 +90,12 @@ def pack(
     cell: np.ndarray,
     margin: float,
     stiffness: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    kind: type[np.floating],
 ) -> Packing:
-    """Find all pairs closer than `margin`, m, and lay out all arrays; sites and images are left empty.
+    """Find all pairs closer than `margin`, m, and lay out all arrays; images are left empty.
 
-    cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m. Raises PhysicsError if a grain is lost.
+    cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m; kind: type of the numbers that may be single, np.float64 or
+    np.float32. Raises PhysicsError if a grain is lost.
     """
     number = len(grains.radius)
     grid = sort_grains(grains.position, cell, 2.0 * grains.radius.max() + margin)
@@ -88,8 +103,7 @@ def pack(
     position = grains.position[order]
     pairs, shift = find_pairs(position, radius, cell, grid, margin)
     domains = int(np.clip(number // GRAINS_PER_DOMAIN, 1, MOST_DOMAINS))
-    per_domain = -(-number // (domains * WIDTH)) * WIDTH
-    grain_first = np.minimum(per_domain * np.arange(domains + 1), number)
+    grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
 
     first_pair = np.searchsorted(pairs[0], grain_first)
     counts = np.diff(first_pair)
@@ -103,35 +117,40 @@ def pack(
     unused = first_image + len(owner)
     placed = np.full((2, blocks * WIDTH), unused, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
-    a, b = radius[pairs[0]], radius[pairs[1]]
+    laid = aligned((blocks, 1 + history.rows.shape[1], WIDTH), kind)
+    old = history.pairs, history.shift, history.rows.astype(kind, copy=False), history.number[order]
+    carry(*old, pairs, shift, slot, stiffness(radius[pairs[0]], radius[pairs[1]]), laid)
+    grain_blocks = -(-number // WIDTH)
+    velocities, masses = aligned((grain_blocks, GRAIN_ROWS * WIDTH)), aligned((grain_blocks, MASS_ROWS * WIDTH), kind)
+    places, motions = aligned((unused + 1, PLACE_COLUMNS)), aligned((unused + 1, SITE_COLUMNS), kind)
+    kinematics = grains.position, grains.velocity, grains.spin
+    of_grains = *kinematics, grains.radius, 1.0 / grains.mass, 1.0 / grains.inertia
+    put_grains(places, motions, velocities, masses, order, *of_grains)
     # the unused site pads each block with contacts with itself, which have neither normal nor history and so no force
-    laid = aligned((blocks, HISTORY // WIDTH + history.rows.shape[1], WIDTH))
-    lay(laid, slot, stiffness(a, b), a, b)
-    old = history.pairs, history.shift, history.rows, history.number[order]
-    carry(*old, pairs, shift, slot, laid, HISTORY // WIDTH)
-    packed = aligned((-(-number // WIDTH), GRAIN_ROWS * WIDTH))
-    put_grains(packed, order, grains.position, grains.velocity, grains.spin, 1.0 / grains.mass, 1.0 / grains.inertia)
+    places[unused, PLACE_RADIUS] = motions[unused, SITE_RADIUS] = 1.0
     arrays = Arrays(
         grain_first=grain_first,
         contact_first=contact_first,
         contact_last=contact_first + counts,
-        sites=aligned((unused + 1, SITE_COLUMNS)),
-        forces=aligned((unused + 1, FORCE_COLUMNS)),
-        grains=packed,
+        places=places,
+        motions=motions,
+        forces=aligned((unused + 1, FORCE_COLUMNS), kind),
+        grains=velocities,
+        masses=masses,
         image_first=np.searchsorted(owner, grain_first),
         owner=owner,
         shift=image_shift,
         pairs=placed,
-        blocks=laid.reshape(len(laid), -1),
-        work=aligned((domains, WORK_ROWS * WIDTH)),
+        blocks=laid.reshape(blocks, -1),
+        work=aligned((domains, WORK_ROWS * WIDTH), kind),
+        doubles=aligned((domains, DOUBLE_ROWS * WIDTH)),
         start=position,
     )
     return Packing(arrays, order, slot, pairs, shift)
 
 
-def aligned(shape: tuple[int, ...]) -> np.ndarray:
+def aligned(shape: tuple[int, ...], kind: type = float) -> np.ndarray:
     """Return an array of zeros that is aligned to a cache line."""
-    count = int(np.prod(shape))
-    memory = np.zeros(count + LINE // 8)
-    first = -memory.ctypes.data % LINE // 8
-    return memory[first : first + count].reshape(shape)
+    memory = np.zeros(int(np.prod(shape)) * np.dtype(kind).itemsize + LINE, np.uint8)
+    first = -memory.ctypes.data % LINE
+    return memory[first : first + len(memory) - LINE].view(kind).reshape(shape)

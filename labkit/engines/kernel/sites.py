@@ -1,16 +1,110 @@
-"""Sites: the per-grain rows from which contacts read the motion of the grains."""
+"""Sites: one record per grain or image, from which contacts read the motion of grains and to which they add forces.
+
+A site has three records: its place (position and radius), its motion (velocity, spin and radius), and its force (force
+and torque).
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
-from labkit.engines.kernel.compiling import kept
-from labkit.engines.kernel.layout import WIDTH
-from labkit.engines.kernel.steps import write_sites
+from labkit.engines.kernel.compiling import compiled, kept
+from labkit.engines.kernel.layout import (
+    FORCE,
+    LANES,
+    PLACE_COLUMNS,
+    SITE_COLUMNS,
+    SITE_V,
+    TORQUE_A,
+    TORQUE_B,
+    VREL,
+    WA,
+    WB,
+    D,
+)
+from labkit.engines.kernel.transfers import (
+    add_forces,
+    add_forces_and_torques,
+    collect_image,
+    put_image,
+    read_branches,
+    read_spins,
+    read_velocities,
+)
 
 
 @kept
-def write_all_sites(sites: np.ndarray, grains: np.ndarray) -> None:
-    """Write the sites of all blocks of grains."""
-    for number in range(len(grains)):
-        write_sites(sites, grains[number], number * WIDTH, WIDTH)
+def read_places(places: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray) -> None:
+    """Fill the rows D to SQUARES of contacts from the places of their grains."""
+    for i in range(0, len(first), LANES):
+        read_branches(places, first, second, i, work, D + i)
+
+
+@kept
+def read_sites(
+    places: np.ndarray,
+    motions: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    work: np.ndarray,
+    turning: bool | None,
+) -> None:
+    """Fill the rows D to RADIUS_B of contacts from the sites of their grains; no velocities if `turning` is None."""
+    for i in range(0, len(first), LANES):
+        read_branches(places, first, second, i, work, D + i)
+        if turning is not None:
+            read_velocities(motions, first, second, i, work, VREL + i)
+        read_spins(motions, first, i, work, WA + i)
+        read_spins(motions, second, i, work, WB + i)
+
+
+@kept
+def add_to_sites(
+    forces: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
+) -> None:
+    """Add forces and torques of contacts to the sites of their grains; no torques if `turning` is None."""
+    for i in range(0, len(first), LANES):
+        if turning is not None:
+            add_forces_and_torques(forces, first, second, i, work, FORCE + i, TORQUE_A + i, TORQUE_B + i)
+        else:
+            add_forces(forces, first, second, i, work, FORCE + i)
+
+
+@compiled
+def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
+    """Index of the first image among the sites: whole blocks of grains precede the images."""
+    return len(sites) - 1 - len(owner)
+
+
+@kept
+def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int) -> None:
+    """Add the forces on the images first <= k < last to the grains `owner`, and reset them."""
+    images = first_image(forces, owner)
+    for image in range(first, last):
+        collect_image(forces, owner[uint(image)], images + image)
+
+
+@kept
+def image_sites(
+    places: np.ndarray,
+    motions: np.ndarray,
+    owner: np.ndarray,
+    first: int,
+    last: int,
+    shift: np.ndarray,
+    offset: np.ndarray,
+    drift: np.ndarray,
+) -> None:
+    """Write the sites of the images first <= k < last, `shift` (image, 3) periods away from the grains `owner`.
+
+    offset and drift (3, 3): the position and velocity that a period adds, which are the cell and L times the cell
+    before the motion.
+    """
+    images = first_image(places, owner)
+    vectors, drifts = np.zeros((3, PLACE_COLUMNS)), np.zeros((3, SITE_COLUMNS), motions.dtype)
+    for k in range(3):
+        for j in range(3):
+            vectors[k, j], drifts[k, SITE_V + j] = offset[j, k], drift[j, k]
+    for image in range(first, last):
+        put_image(places, motions, owner[uint(image)], images + image, shift, image, vectors, drifts)

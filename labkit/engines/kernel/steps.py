@@ -14,57 +14,53 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
 from labkit.engines.kernel.compiling import compiled, kept
 from labkit.engines.kernel.contact import block_forces, block_stress
-from labkit.engines.kernel.lanes import add, add_opposite, prefetch, put, read, read_difference, take
 from labkit.engines.kernel.layout import (
-    FORCE,
-    FORCE_COLUMNS,
+    CELL_WORK,
+    CONTACT_SUMS,
     GRAIN_FORCE,
     LANES,
-    SITE_FORCE,
-    SITE_TORQUE,
-    SITE_V,
     SITE_W,
-    SITE_X,
-    TORQUE_A,
-    TORQUE_B,
-    VREL,
-    WA,
-    WB,
     WIDTH,
-    D,
     V,
     W,
     X,
 )
 from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
+from labkit.engines.kernel.sites import add_to_sites, collect_images, image_sites, read_places, read_sites
+from labkit.engines.kernel.transfers import prefetch, put_motions, put_places, take_forces, take_records
+
+SINGLE = False  # replaced by labkit.engines.kernel.build for mixed precision
+LINE = 64  # bytes per cache line
 
 
 class Arrays(NamedTuple):
     """Arrays of the loop; see layout.py for the rows and columns.
 
     grain_first (domain + 1,), contact_first, contact_last (domain,): first and last grains and contacts of each domain;
-    sites, forces: records of grains and images; grains, blocks: blocks of grains and of contacts; pairs (2, contact):
-    sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of each domain, the
-    grain that an image copies, and its periodic shift; work (domain, ...): workspaces; start (grain, 3): positions at
-    the last neighbour search, m.
+    places, motions, forces: records of grains and images; grains, masses, blocks: blocks of grains and of contacts;
+    pairs (2, contact): sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of
+    each domain, the grain that an image copies, and its periodic shift; work, doubles (domain, ...): workspaces; start
+    (grain, 3): positions at the last neighbour search, m.
     """
 
     grain_first: np.ndarray
     contact_first: np.ndarray
     contact_last: np.ndarray
-    sites: np.ndarray
+    places: np.ndarray
+    motions: np.ndarray
     forces: np.ndarray
     grains: np.ndarray
+    masses: np.ndarray
     image_first: np.ndarray
     owner: np.ndarray
     shift: np.ndarray
     pairs: np.ndarray
     blocks: np.ndarray
     work: np.ndarray
+    doubles: np.ndarray
     start: np.ndarray
 
 
@@ -86,41 +82,18 @@ class Motion(NamedTuple):
 
 @compiled
 def whole_lanes(n: int) -> int:
-    """Round n up to whole vectors of LANES numbers."""
+    """Round n up to a multiple of LANES."""
     return (n + LANES - 1) // LANES * LANES
 
 
-@kept
-def read_sites(
-    sites: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
-) -> None:
-    """Fill the rows D to WB of contacts from the sites of their grains; without velocities if `turning` is None."""
-    for i in range(0, len(first), LANES):
-        read_difference(sites, SITE_X, first, second, i, work, D + i)
-        if turning is not None:
-            read_difference(sites, SITE_V, first, second, i, work, VREL + i)
-            read(sites, SITE_W, first, i, work, WA + i)
-            read(sites, SITE_W, second, i, work, WB + i)
-
-
-@kept
-def add_forces(
-    forces: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
-) -> None:
-    """Add forces and torques of contacts to the sites of their grains."""
-    for i in range(0, len(first), LANES):
-        add_opposite(forces, SITE_FORCE, first, second, i, work, FORCE + i)
-        if turning is not None:
-            add(forces, SITE_TORQUE, first, i, work, TORQUE_A + i)
-            add(forces, SITE_TORQUE, second, i, work, TORQUE_B + i)
-
-
 def domain_contacts(
-    sites: np.ndarray,
+    places: np.ndarray,
+    motions: np.ndarray,
     forces: np.ndarray,
     pairs: np.ndarray,
     blocks: np.ndarray,
     work: np.ndarray,
+    doubles: np.ndarray,
     first: int,
     last: int,
     dt: float,
@@ -135,37 +108,30 @@ def domain_contacts(
     for start in range(first, last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
         block = blocks[start // WIDTH]
-        for i in range(0, len(block) // 2, LANES):
+        line = LINE // block.itemsize
+        for i in range(0, len(block) // 2, line):
             prefetch(block, len(block) + i)  # the next block, in two halves so that requests do not queue
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
-        read_sites(sites, a, b, work, turning)
+        read_sites(places, motions, a, b, work, turning)
         block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gradient, turning)
-        for i in range(len(block) // 2, len(block), LANES):
+        for i in range(len(block) // 2, len(block), line):
             prefetch(block, len(block) + i)
-        add_forces(forces, a, b, work, turning)
-
-
-@compiled
-def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
-    """Index of the first image among the sites: whole blocks of grains precede the images."""
-    return len(sites) - 1 - len(owner)
-
-
-@compiled
-def write_sites(sites: np.ndarray, block: np.ndarray, start: int, n: int) -> None:
-    """Write the sites of the n grains of a block."""
-    for i in range(0, n, LANES):
-        put(sites, SITE_X, start + i, block, X + i)
-        put(sites, SITE_V, start + i, block, V + i)
-        put(sites, SITE_W, start + i, block, W + i)
+        add_to_sites(forces, a, b, work, turning)
+    if SINGLE and gradient is not None:
+        for k in range(4 * WIDTH):
+            doubles[CONTACT_SUMS + k] += work[CELL_WORK + k]
+            work[CELL_WORK + k] = 0.0
 
 
 @kept
 def domain_grains(
-    sites: np.ndarray,
+    places: np.ndarray,
+    motions: np.ndarray,
     forces: np.ndarray,
     grains: np.ndarray,
+    masses: np.ndarray,
     work: np.ndarray,
+    doubles: np.ndarray,
     first: int,
     last: int,
     dt: float,
@@ -179,60 +145,26 @@ def domain_grains(
         n = min(WIDTH, last - start)
         block = grains[start // WIDTH]
         for i in range(0, n, LANES):
-            take(forces, SITE_FORCE, start + i, work, GRAIN_FORCE + i)
-            take(forces, SITE_TORQUE, start + i, work, GRAIN_FORCE + 3 * WIDTH + i)
-        move_block(block, work, n, dt, L, before, damping, energy)
-        write_sites(sites, block, start, n)
-
-
-@kept
-def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int) -> None:
-    """Add the forces on the images first <= k < last to the grains `owner`, and reset them."""
-    images = first_image(forces, owner)
-    for image in range(first, last):
-        row, copy = forces[owner[uint(image)]], forces[uint(images + image)]
-        for k in range(FORCE_COLUMNS):
-            row[k] += copy[k]
-            copy[k] = 0.0
-
-
-@kept
-def image_sites(
-    sites: np.ndarray,
-    owner: np.ndarray,
-    first: int,
-    last: int,
-    shift: np.ndarray,
-    offset: np.ndarray,
-    drift: np.ndarray,
-) -> None:
-    """Write the sites of the images first <= k < last, `shift` (image, 3) periods away from the grains `owner`.
-
-    offset and drift (3, 3): the position and velocity that a period adds, which are the cell and L times the cell
-    before the motion.
-    """
-    images = first_image(sites, owner)
-    for image in range(first, last):
-        row, copy, periods = sites[owner[uint(image)]], sites[uint(images + image)], shift[uint(image)]
-        x, y, z = periods[0], periods[1], periods[2]
-        for k in range(3):
-            copy[SITE_X + k] = row[SITE_X + k] + (offset[k, 0] * x + offset[k, 1] * y + offset[k, 2] * z)
-            copy[SITE_V + k] = row[SITE_V + k] + (drift[k, 0] * x + drift[k, 1] * y + drift[k, 2] * z)
-            copy[SITE_W + k] = row[SITE_W + k]
+            take_forces(forces, start + i, work, GRAIN_FORCE + i)
+            take_records(places, 0, start + i, doubles, X + i)
+            take_records(motions, SITE_W, start + i, work, W + i)
+        move_block(block, masses[start // WIDTH], work, doubles, n, dt, L, before, damping, energy)
+        for i in range(0, n, LANES):
+            put_places(places, start + i, doubles, X + i)
+            put_motions(motions, start + i, block, V + i, work, W + i)
 
 
 @compiled
-def farthest(grains: np.ndarray, start: np.ndarray, number: int, back: np.ndarray) -> float:
+def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
     """Largest distance of a grain from its position `start` (grain, 3) at the last search, in the cell at that time, m.
 
     back (3, 3): inverse of the deformation gradient of the cell since the search.
     """
     largest = 0.0
-    for g in range(number):
-        block, i = grains[g // WIDTH], g % WIDTH
+    for g in range(len(start)):
         squared = 0.0
         for k in range(3):
-            moved = back[k, 0] * block[i] + back[k, 1] * block[WIDTH + i] + back[k, 2] * block[2 * WIDTH + i]
+            moved = back[k, 0] * places[g, 0] + back[k, 1] * places[g, 1] + back[k, 2] * places[g, 2]
             squared += (moved - start[g, k]) ** 2
         largest = max(largest, squared)
     return math.sqrt(largest)
@@ -246,7 +178,7 @@ def drift_of(cell: np.ndarray, L: np.ndarray) -> np.ndarray:
 
 @kept
 def search_is_due(
-    motion: Motion, L: np.ndarray, dt: float, speed: np.ndarray, grains: np.ndarray, start: np.ndarray
+    motion: Motion, L: np.ndarray, dt: float, speed: np.ndarray, places: np.ndarray, start: np.ndarray
 ) -> bool:
     """Enter a motion of the cell and of the grains, at speeds of at most `speed` (domain,), in `motion`.
 
@@ -261,7 +193,7 @@ def search_is_due(
     left = motion.skin - motion.largest_diameter * (spread[1] - 1.0)
     if 2.0 * spread[0] > left:
         back = motion.first_cell @ np.linalg.inv(motion.cell)
-        spread[0] = farthest(grains, start, len(start), back)
+        spread[0] = farthest(places, start, back)
         return 2.0 * spread[0] > 0.9 * left
     return False
 
@@ -273,6 +205,7 @@ def advance(
     L: np.ndarray,
     motion: Motion,
     arrays: Arrays,
+    contact_dt: float,
     constants: tuple[float, ...],
     friction: Any,
     rolling: Any,
@@ -284,13 +217,14 @@ def advance(
     """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
 
     If a search is needed, the grains have already been moved for the next step, but its forces have not been computed:
-    run the search, then call again with moved_already. L (3, 3): velocity gradient, 1/s; gradient: L if energies are
-    summed, else None. The other arguments from `constants` to `turning` are fields of labkit.dem.laws.Features. Numba
-    compiles the loop without the features that are None. It can do so only for function arguments, so they are not
-    packed in a tuple.
+    run the search, then call again with moved_already. L (3, 3): velocity gradient, 1/s; contact_dt, gradient: dt, and
+    L if energies are summed, else None, in the precision of contacts. The other arguments from `constants` to `turning`
+    are fields of labkit.dem.laws.Features. Numba compiles the loop without the features that are None. It can do so
+    only for function arguments, so they are not packed in a tuple.
     """
     grain_first, contact_first, contact_last = arrays.grain_first, arrays.contact_first, arrays.contact_last
-    sites, forces, grains, work = arrays.sites, arrays.forces, arrays.grains, arrays.work
+    places, motions, forces = arrays.places, arrays.motions, arrays.forces
+    grains, masses, work, doubles = arrays.grains, arrays.masses, arrays.work, arrays.doubles
     image_first, owner, shift = arrays.image_first, arrays.owner, arrays.shift
     pairs, blocks, start = arrays.pairs, arrays.blocks, arrays.start
     cell, before = motion.cell, motion.before
@@ -301,24 +235,40 @@ def advance(
             drift = drift_of(cell, L)
             move_cell(cell, L, dt)
             for d in numba.prange(domains):
-                collect_images(forces, owner, image_first[d], image_first[d + 1])
+                first, last = image_first[d], image_first[d + 1]
+                collect_images(forces, owner, first, last)
                 domain_grains(
-                    sites, forces, grains, work[d], grain_first[d], grain_first[d + 1], dt, L, before, damping, gradient
+                    places,
+                    motions,
+                    forces,
+                    grains,
+                    masses,
+                    work[d],
+                    doubles[d],
+                    grain_first[d],
+                    grain_first[d + 1],
+                    dt,
+                    L,
+                    before,
+                    damping,
+                    gradient,
                 )
-                image_sites(sites, owner, image_first[d], image_first[d + 1], shift, cell, drift)
-                speed[d] = largest_speed(work[d])
-            if search_is_due(motion, L, dt, speed, grains, start):
+                image_sites(places, motions, owner, first, last, shift, cell, drift)
+                speed[d] = largest_speed(doubles[d])
+            if search_is_due(motion, L, dt, speed, places, start):
                 return step, True
         for d in numba.prange(domains):
             domain_contacts(
-                sites,
+                places,
+                motions,
                 forces,
                 pairs,
                 blocks,
                 work[d],
+                doubles[d],
                 contact_first[d],
                 contact_last[d],
-                dt,
+                contact_dt,
                 constants,
                 friction,
                 rolling,
@@ -341,7 +291,7 @@ def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
             n = min(WIDTH, last - start)
             end = start + whole_lanes(n)
             work = arrays.work[0]
-            read_sites(arrays.sites, arrays.pairs[0, start:end], arrays.pairs[1, start:end], work, None)
+            read_places(arrays.places, arrays.pairs[0, start:end], arrays.pairs[1, start:end], work)
             block_stress(arrays.blocks[start // WIDTH], work, n, friction, sums)
     total = np.zeros((3, 3))
     for k in range(9):
