@@ -16,6 +16,7 @@ from labkit.dem import SETTINGS, STANDARD, Path, Scene, Servo, State, make_path,
 
 VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
 RATE = 10.0  # 1/s, the default of the shear tests for the grains of Table 1
+INERTIAL_NUMBER = 1.6e-4  # at this rate and pressure
 BASELINE, PRESET = "baseline", "settings"
 
 Fields = tuple[tuple[str, Any], ...]  # (name, value) of fields of a Scene
@@ -43,6 +44,8 @@ class Case:
     snapshots: int = 2
     engine: str = "fused"
     threads: int = 1
+    precision: str = "double"
+    inertial_number: float | None = None  # in place of the rate
     servo: Servo = STANDARD
     guarded: bool = True
 
@@ -58,11 +61,13 @@ class Case:
     def loading(self, strain: float | None = None) -> Path:
         """The path, to the axial strain of the case or to another."""
         pressure = {"pressure": PRESSURE} if self.path == "cp" else {}
-        return make_path(self.path, {"rate": self.rate, "strain": strain or self.strain, **pressure})
+        rate = self.rate if self.inertial_number is None else None
+        return make_path(self.path, {"rate": rate, "strain": strain or self.strain, **pressure})
 
     def steps(self, scene: Scene) -> int:
-        """Number of time steps of the test, for the scene of its specimen."""
-        return round(self.strain / (self.rate * dataclasses.replace(scene, **dict(self.scene)).time_step))
+        """Number of time steps of the test, for the scene of its specimen; about, if it has an inertial number."""
+        rate = self.rate if self.inertial_number is None else RATE * self.inertial_number / INERTIAL_NUMBER
+        return round(self.strain / (rate * dataclasses.replace(scene, **dict(self.scene)).time_step))
 
     @property
     def cost(self) -> float:
@@ -95,6 +100,22 @@ def _with_scene(case: Case, factor: str, level: object, **fields: Any) -> Case:
     return dataclasses.replace(case, factor=factor, level=level, scene=tuple(fields.items()))
 
 
+def _at(case: Case, number: float) -> Case:
+    """The case at an inertial number."""
+    return dataclasses.replace(case, factor="inertial number", level=number, inertial_number=number)
+
+
+def _mixed(case: Case) -> Case:
+    """The case in mixed precision."""
+    return dataclasses.replace(case, factor="precision", level="mixed", precision="mixed")
+
+
+def _at_mixed(case: Case, number: float) -> Case:
+    return dataclasses.replace(
+        _mixed(_at(case, number)), factor="inertial number x precision", level=f"{number:g}, mixed"
+    )
+
+
 def preset(name: str, seeds: tuple[int, ...], most_grains: int | None = None) -> Case:
     """The case for one of the presets (quick, standard, reference); `most_grains` caps its size."""
     chosen = SETTINGS[name]
@@ -120,6 +141,8 @@ def one_factor(base: Case) -> Iterator[Case]:
     yield dataclasses.replace(base, factor="rate", level=0.67, rate=0.67, seeds=base.seeds[:2])
     for rate in (2.5, 5.0, 20.0, 50.0, 100.0, 200.0, 670.0):
         yield dataclasses.replace(base, factor="rate", level=rate, rate=rate)
+    yield from (_at(base, number) for number in (1e-4, 2.5e-4, 5e-4, 1e-3))
+    yield _mixed(base)
     for interval in (1, 20, 100, 500):
         yield dataclasses.replace(base, factor="servo interval", level=interval, servo=Servo(interval=interval))
     for gain in (0.2, 0.7, 6.0, 20.0):
@@ -141,6 +164,7 @@ def one_factor(base: Case) -> Iterator[Case]:
 
 def pairs(base: Case) -> Iterator[Case]:
     """Pairs of factors that could interact: a high strain rate with factors whose effects decay slowly, etc."""
+    yield from (_at_mixed(base, number) for number in (2.5e-4, 1e-3))
     for rate in (50.0, 200.0):
         fast = dataclasses.replace(base, rate=rate)
         yield _with_scene(fast, "rate x local damping", f"{rate:g}, 0.05", local_damping=0.05)
@@ -178,6 +202,9 @@ def constant_volume(base: Case) -> Iterator[Case]:
     yield base
     yield from (dataclasses.replace(base, factor="rate", level=rate, rate=rate) for rate in (2.5, 50.0, 200.0))
     yield from (_with_scene(base, "time step", factor, time_step_factor=factor) for factor in (0.1, 0.36))
+    yield from (_at(base, number) for number in (2.5e-4, 1e-3))
+    yield _mixed(base)
+    yield _at_mixed(base, 2.5e-4)
     yield _with_scene(base, "local damping", 0.7, local_damping=0.7)
     yield _with_scene(base, "law", "paper", law="spring_dashpot")
 
@@ -208,11 +235,13 @@ def small() -> Design:
         "local damping=0.7",
         "law=paper",
         "servo interval=20",
+        "precision=mixed",
         "Young's modulus=750000000.0",
     }
     cases = [base, *(case for case in one_factor(base) if f"{case.factor}={case.level}" in chosen)]
     cases.append(dataclasses.replace(base, path="cv"))
     cases.append(dataclasses.replace(base, factor="rate", level=400.0, rate=400.0))
+    cases.append(_at(base, 2e-3))
     cases += sizes(base, ((300, seeds),))
     cases += engines(base, 150, (1,))
     for name in SETTINGS:

@@ -37,6 +37,7 @@ GROUPS = {  # label in the legend -> colour, marker, factors
     "number of grains": ("#0072b2", "o", (BASELINE, "grains")),
     "time step": ("#e69f00", "s", ("time step",)),
     "rate": ("#cc79a7", "D", ("rate",)),
+    "inertial number, precision": ("#f0e442", "X", ("inertial number", "precision", "inertial number x precision")),
     "servo, records": ("#009e73", "^", ("servo interval", "servo gain", "record interval")),
     "contact law, damping, E": ("#56b4e9", "v", ("law", "rolling", "local damping", "Young's modulus")),
     "engine": ("#d55e00", "P", ("engine",)),

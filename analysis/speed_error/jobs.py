@@ -44,9 +44,9 @@ def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -
     first = design.baseline(), design.baseline().seeds[0]
     make(work, *first)
     yardstick = specimen_file(work, *first)
-    specimens = {specimen_file(work, *task): task for task in tasks}
-    missing = [task for file, task in specimens.items() if not file.exists()]
     todo = [task for task in tasks if not result_file(work, *task).exists()]
+    specimens = {specimen_file(work, *task): task for task in [first, *todo]}
+    missing = [task for file, task in specimens.items() if not file.exists()]
     makes: list[Job] = [(make, (work, *task), SPECIMEN_COST * task[0].cost) for task in _longest_first(missing)]
     tests: list[Job] = [(run_case, (work, *task, yardstick), task[0].cost) for task in _longest_first(todo)]
     total = sum(cost for *_, cost in makes + tests)
@@ -78,15 +78,16 @@ def run_file(work: str | Path, case: Case, seed: int) -> Path:
     return Path(work) / "runs" / f"{case.name}_{seed}.run.nc"
 
 
-def make(work: str | Path, case: Case, seed: int) -> None:
-    """Makes the specimen of a case, at rest at PRESSURE, unless its file exists."""
+def make(work: str | Path, case: Case, seed: int) -> Path:
+    """Makes the specimen of a case, at rest at PRESSURE, unless its file exists; returns the file."""
     file = specimen_file(work, case, seed)
     if file.exists():
-        return
+        return file
     scene = lk.Scene(**dict(case.material))
     side = case.side or side_for(case.grains, VOID_RATIO, scene)
     recipe = lk.Recipe(VOID_RATIO, STEP1_FRICTION, side=side, seed=seed)
     lk.consolidate(lk.make_specimen(recipe, scene, progress=False), PRESSURE, file=file, progress=False)
+    return file
 
 
 def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
@@ -121,7 +122,9 @@ def _run(state: State, case: Case, file: Path) -> lk.Run:
         case.engine,
         file,
         case.threads,
+        precision=case.precision,
         progress=False,
+        inertial_number=case.inertial_number,
         record_strain=case.record_strain,
         snapshots=case.snapshots,
         servo=case.servo,

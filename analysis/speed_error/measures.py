@@ -18,7 +18,7 @@ import pandas
 import labkit as lk
 from analysis.speed_error.collisions import collision_errors
 from analysis.speed_error.design import BASELINE, PRESET, Case, Design
-from analysis.speed_error.jobs import run_case, run_file, specimen_file
+from analysis.speed_error.jobs import make, run_case, run_file
 from analysis.speed_error.lammps import shear_in_lammps
 from analysis.speed_error.observables import strength
 from labkit.bench import bench, measure_all
@@ -76,16 +76,16 @@ def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame
     seconds: dict[Case, list[float]] = {case: [] for case in cases}
     for _turn in range(SETTINGS_ROUNDS + 1):  # the first turn compiles
         for case in cases:
-            state = case.state(read_state(specimen_file(work, case, case.seeds[0])))
+            state = case.state(read_state(make(work, case, case.seeds[0])))
             path = case.loading(case.rate * state.scene.time_step * SETTINGS_STEPS)
             run = lk.run(state, path, progress=False, record_strain=case.record_strain, snapshots=0, servo=case.servo)
             seconds[case].append(run.wall_time / run.steps)
     rows = []
     for case in cases:
-        steps = case.steps(read_state(specimen_file(work, case, case.seeds[0])).scene)
+        steps = case.steps(read_state(make(work, case, case.seeds[0])).scene)
         standard = next(other for other in cases if (other.path, other.level) == (case.path, "standard"))
         each, over = seconds[case][1:], [a / b for a, b in zip(seconds[case][1:], seconds[standard][1:], strict=True)]
-        ratio = steps / standard.steps(read_state(specimen_file(work, standard, standard.seeds[0])).scene)
+        ratio = steps / standard.steps(read_state(make(work, standard, standard.seeds[0])).scene)
         rows.append(
             {
                 "case": case.name,
@@ -102,7 +102,7 @@ def engines(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     """Steps per second of each engine in turn, on the specimens of the baseline and of the standard settings."""
     rows = []
     for case in (design.baseline(), design.of_settings("standard")):
-        file = specimen_file(work, case, case.seeds[0])
+        file = make(work, case, case.seeds[0])
         grains = read_state(file).number_of_grains
         timings = bench(str(file), max(20, int(600_000 / grains)), 3, lambda fraction, text: None)
         base = [turn["steps_per_second"] for turn in next(iter(timings.values()))]
@@ -127,7 +127,7 @@ def skin(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     """Time per step, and largest difference of positions in mean diameters, for several Verlet skins."""
     rows = []
     for case in (design.baseline(), design.of_settings("standard")):
-        state = read_state(specimen_file(work, case, case.seeds[0]))
+        state = read_state(make(work, case, case.seeds[0]))
         for rate in (10.0, 200.0):
             seconds, ends = _skins(state, velocity_gradient(ConstantVolume(rate), 1.0, state.time_step))
             for value in SKINS:
@@ -164,7 +164,7 @@ def sff_family(design: Design, work: str | Path, folder: Path) -> pandas.DataFra
     """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
     case = design.of_settings("standard")
     if not run_file(work, case, case.seeds[0]).exists():  # the result comes from an earlier study
-        run_case(work, case, case.seeds[0], specimen_file(work, design.baseline(), design.baseline().seeds[0]))
+        run_case(work, case, case.seeds[0], make(work, design.baseline(), design.baseline().seeds[0]))
     with lk.open_run(run_file(work, case, case.seeds[0])) as run:
         figure, table = micro_figures.family(run)
     plots.save(figure, folder / "sff_family.png")
@@ -206,7 +206,7 @@ def lammps(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     if program is None:
         return pandas.DataFrame(columns=LAMMPS_COLUMNS)
     for seed in base.seeds:
-        state = read_state(specimen_file(work, base, seed))
+        state = read_state(make(work, base, seed))
         state = state.replace(scene=dataclasses.replace(state.scene, law="spring_dashpot"))
         state = state.replace(time_step=state.scene.time_step)
         test = shear_in_lammps(program, state, LAMMPS_RATE, base.strain, round(base.strain / base.record_strain))

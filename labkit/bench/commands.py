@@ -30,6 +30,7 @@ YADE_STRAIN = 1e-3  # of the whole command on YADE: one record
 
 COMMANDS = {
     "labkit run cv, fused": ("--engine", "fused"),
+    "labkit run cv, fused, mixed precision": ("--engine", "fused", "--precision", "mixed"),
 }
 
 
