@@ -89,7 +89,10 @@ def summary(speeds: pandas.DataFrame, grains: int) -> str:
     """Medians and ranges of the speeds, and ratios to the other programs within each round, the limits of a core."""
     each = {name: group.set_index("round")["steps_per_second"] for name, group in speeds.groupby("variant", sort=False)}
     others = [name for name in each if "loop" in name]
-    lines = [f"{'':<58} {'steps/s':>9} {'range':>15}" + "".join(f" {'to ' + one.split()[0]:>12}" for one in others)]
+    lines = [
+        f"{'':<58} {'steps/s':>9} {'range':>15}"
+        + "".join(f" {'to ' + one.split()[0].strip(','):>12}" for one in others)
+    ]
     for name, values in each.items():
         line = f"{name:<58} {values.median():9.1f} {values.min():7.1f}-{values.max():<7.1f}"
         lines.append(line + "".join(f" {statistics.median(values / each[one]):12.2f}" for one in others))

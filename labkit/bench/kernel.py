@@ -21,7 +21,7 @@ from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH
 from labkit.engines.kernel.steps import Arrays
 
 FIRST = "rolling_resistance law, all features"
-SIZES = (1_000, 10_000, 40_000, 100_000)  # approximate numbers of grains, reached by copying the specimen
+SIZES = (1_000, 14_000, 110_000, 1_000_000)  # approximate numbers of grains, reached by copying the specimen
 FLOPS = {"rolling_resistance": 300, "spring_dashpot": 390}  # per contact with all features, counted in the formulas
 
 
@@ -188,8 +188,8 @@ def _time(work: Callable[[], object]) -> float:
     return time.perf_counter() - begin
 
 
-def sizes(state: State, steps: int, progress: Progress) -> str:
-    """Tabulate the time per grain and step and the peak memory for about 1,000 to 100,000 grains."""
+def sizes(state: State, steps: int, progress: Progress, precision: str = "double") -> str:
+    """Tabulate the time per grain and step and the peak memory for about 1,000 to 1,000,000 grains."""
     lines = [f"{'grains':>8} {'steps/s':>9} {'ns per grain-step':>18} {'ratio':>13} {'peak memory, MB':>16}"]
     first, engine = None, None
     for number, grains in enumerate(SIZES):
@@ -198,7 +198,7 @@ def sizes(state: State, steps: int, progress: Progress) -> str:
         ratio = max(1.0, (grains / state.number_of_grains) ** (1 / 3))
         times = [int(ratio) + (ratio % 1 > share) for share in (0.75, 0.5, 0.25)]
         many = copies(state, times)
-        engine = FusedEngine(many)
+        engine = FusedEngine(many, precision=precision)
         count = max(20, round(steps * 10_000 / many.number_of_grains))
         seconds_per_step(engine, many, count // 5)
         seconds = min(seconds_per_step(engine, many, count) for _ in range(5))

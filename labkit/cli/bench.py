@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from labkit.cli.arguments import fraction, positive_int
+from labkit.cli.arguments import fraction, one_of, positive_int
 from labkit.cli.registry import command
+from labkit.dem.engine import PRECISIONS
 from labkit.io.progress import reporter
 from labkit.io.provenance import write_with_provenance
 
@@ -32,6 +33,12 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--strain", type=fraction, default=0.1, metavar="E", help="axial strain of whole commands (default: 0.1)"
+    )
+    parser.add_argument(
+        "--precision",
+        type=one_of(PRECISIONS),
+        default="double",
+        help="of the specimens of several sizes (default: double)",
     )
     parser.add_argument("--csv", metavar="FILE", help="also write each measurement of whole commands to a CSV file")
 
@@ -73,7 +80,7 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
     if options.what == "features":
         print(kernel.features(state, options.steps, options.rounds, progress))
     else:
-        print(kernel.sizes(state, options.steps, progress))
+        print(kernel.sizes(state, options.steps, progress, options.precision))
 
 
 def statistics_options(parser: argparse.ArgumentParser) -> None:
