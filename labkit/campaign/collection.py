@@ -29,7 +29,7 @@ from labkit.errors import InputError
 from labkit.io.files import open_netcdf
 from labkit.io.schema import RECORD, SIZES, Variable
 from labkit.parameters import Parameter, parameters_of
-from labkit.runs.dataset import open_run
+from labkit.runs.dataset import in_seconds, open_run
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
     "path": "loading path",
@@ -216,7 +216,8 @@ class Runs:
         rows = []
         for file in files:
             with xr.open_dataset(file, engine="netcdf4", decode_cf=False, cache=False) as records:
-                rows.append(function(records.set_coords([n for n in ("time", "axial_strain") if n in records])))
+                coordinates = [name for name in ("time", "axial_strain") if name in records]
+                rows.append(function(in_seconds(records).set_coords(coordinates)))
         names = list(dict.fromkeys(name for row in rows for name in row))
         missing = (np.nan, "", "")
         columns = {

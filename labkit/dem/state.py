@@ -19,6 +19,7 @@ import numpy as np
 import labkit
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.io.conventions import describe
 from labkit.io.files import create_variables, open_netcdf, whole_file
 from labkit.io.provenance import data_sha256
 from labkit.io.schema import SIZES, STATE
@@ -155,7 +156,6 @@ ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "
 
 def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
     """Write the attributes common to state and run files. `kind`: state or run."""
-    dataset.Conventions = "CF-1.10"
     dataset.labkit_file = kind
     dataset.labkit_version = labkit.__version__
     dataset.scene = state.scene.to_json()
@@ -163,6 +163,7 @@ def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
         setattr(dataset, name, getattr(state, name))
     if state.precision != "double":  # files of earlier versions lack it
         dataset.precision = state.precision
+    describe(dataset, f"labkit {kind} of {state.number_of_grains} grains", state.history)
     dataset.ledger = np.array(dataclasses.astuple(state.ledger))
 
 

@@ -13,6 +13,7 @@ from typing import Literal
 import netCDF4
 
 from labkit.errors import InputError
+from labkit.io.conventions import TIME
 from labkit.io.schema import CONTACTS, ESSENTIAL, GRAINS, SIZES, Variable
 
 netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 MB: data are read and written only once
@@ -154,6 +155,8 @@ def create_variables(
         )
         created.units = variable.units
         created.long_name = variable.long_name
+        if variable.name == "time":
+            created.setncatts(TIME)
 
 
 _CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}

@@ -21,6 +21,7 @@ import labkit
 import labkit.runs.dataset  # registers the accessor .lab for as_run
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.io.conventions import describe
 from labkit.io.files import create_variables, whole_file
 from labkit.io.provenance import data_sha256, provenance
 from labkit.io.schema import CONTACTS, GRAINS, RECORD
@@ -91,7 +92,7 @@ def write_result(
     history: the command; wall_time: s; parameters: further values that determine the result, for JSON. Raises OSError.
     """
     with whole_file(file) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
-        dataset.Conventions = "CF-1.10"
+        describe(dataset, "labkit run predicted by the constitutive model", history)
         dataset.labkit_file = "run"
         dataset.labkit_version = dataset.engine_version = labkit.__version__
         dataset.engine = ENGINE
@@ -103,7 +104,6 @@ def write_result(
         dataset.ended_because = result.failure or result.ended_because
         dataset.wall_time = float(wall_time)
         dataset.steps = np.int64(result.calls)
-        dataset.history = history
         dataset.provenance = provenance(history or None, output=file)
         create_variables(dataset, {**RECORD, **result.path.recorded()}, {})
         dataset.createDimension("snapshot", None)

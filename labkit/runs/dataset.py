@@ -11,6 +11,7 @@ import xarray as xr
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.errors import InputError
+from labkit.io.conventions import EPOCH
 from labkit.io.files import labkit_kind, open_netcdf
 from labkit.io.schema import RECORD
 from labkit.micro.snapshot import Snapshot
@@ -45,9 +46,19 @@ def tree_accessor(tree: xr.DataTree) -> Lab:
     return _joined(parts).lab
 
 
+def in_seconds(part: xr.Dataset) -> xr.Dataset:
+    """The Dataset with the time in s since the start of the path, also if xarray has decoded it as dates, in ns."""
+    if "time" not in part.variables:
+        return part
+    time = part["time"].values
+    if time.dtype.kind == "M":
+        time = (time - np.datetime64(EPOCH)) / np.timedelta64(1, "s")
+    return part.assign_coords(time=("time", time, {"units": "s", "long_name": RECORD["time"].long_name}))
+
+
 def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     """One Dataset made from the root, the contacts and the grains of a run file."""
-    run = xr.merge(parts, compat="no_conflicts", join="exact", combine_attrs="override")
+    run = xr.merge([in_seconds(part) for part in parts], compat="no_conflicts", join="exact", combine_attrs="override")
     starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
     run = run.assign_coords(
         row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),

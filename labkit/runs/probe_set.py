@@ -21,6 +21,7 @@ import xarray
 import labkit
 from labkit.dem.probes import Plane, Probing, plane_of
 from labkit.errors import InputError
+from labkit.io.conventions import CONVENTIONS, NO_COMMAND
 from labkit.io.files import open_netcdf, whole_file
 from labkit.io.provenance import data_sha256, provenance
 from labkit.micro.tensors import to_six
@@ -219,10 +220,11 @@ class Probes:
     def write(self, file: str | os.PathLike[str], inputs: Sequence[str] = (), history: str = "") -> None:
         """Write a probes file atomically. inputs: files that were read; history: the command."""
         attributes = {
-            "Conventions": "CF-1.10",
+            "Conventions": CONVENTIONS,
+            "title": f"labkit {self.kind} probes",
             "labkit_file": "probes",
             "labkit_version": labkit.__version__,
-            "history": history,
+            "history": history or NO_COMMAND,
             "provenance": provenance(history or None, inputs, file),
         }
         encoding: dict[str, Any] = {name: {"dtype": "S1"} for name in TEXTS}
