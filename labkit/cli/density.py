@@ -9,16 +9,19 @@ from labkit.cli.look import figure_name
 from labkit.cli.registry import command
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state, write_state
-from labkit.io.files import require_writable
+from labkit.errors import InputError
+from labkit.io.files import labkit_kind, open_netcdf, require_writable
 from labkit.io.progress import reporter
+from labkit.io.provenance import write_with_provenance
 from labkit.micro.void_ratio import void_ratio_nominal
 
 
 def density_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit density`."""
-    parser.add_argument("specimen", metavar="SPECIMEN", nargs="*", help="state files whose relative density to print")
+    parser.add_argument("specimen", metavar="SPECIMEN", nargs="*", help="state files, or run files, whose first record counts")
     parser.add_argument("--grains", type=positive_int, default=1000, metavar="N", help="per specimen (default: 1000)")
     parser.add_argument("--seeds", type=positive_int, default=3, metavar="N", help="number of specimens (default: 3)")
+    parser.add_argument("--csv", metavar="FILE", help="also write the table as CSV, to this file")
     add_parameters(parser.add_argument_group("material and contact law"), Scene)
     add_engine_options(parser)
 
@@ -28,7 +31,9 @@ def do_density(options: argparse.Namespace, argv: list[str]) -> None:
     """Prints e_min, e_max and the relative densities."""
     from labkit.runs.preparation import density_limits
 
-    states = {file: read_state(file) for file in options.specimen}
+    if options.csv:
+        require_writable(options.csv)
+    void_ratios = {file: _void_ratio(file) for file in options.specimen}
     scene = Scene(**given(options, Scene))
     limits = density_limits(
         scene,
@@ -38,12 +43,24 @@ def do_density(options: argparse.Namespace, argv: list[str]) -> None:
         progress=reporter("density"),
         precision=options.precision,
     )
-    for name, values in (("e_min", limits.e_min), ("e_max", limits.e_max)):
-        print(f"{name} {values.mean():.4f}, from {values.min():.4f} to {values.max():.4f}")
-    print(f"compressed from a gas to {limits.pressure / 1e3:g} kPa without friction, and without sliding or rolling")
-    for file, state in states.items():
-        e = void_ratio_nominal(state.snapshot())
-        print(f"{file}: void ratio {e:.4f}, relative density {limits.relative_density(e):.0%}")
+    table = limits.table(void_ratios)
+    print(table.to_string(index=False, na_rep="", float_format="%.4f"))
+    print(
+        f"nominal void ratios; +-: 95 % intervals from {options.seeds} specimens of {options.grains} grains, compressed "
+        f"from a gas to {limits.pressure / 1e3:g} kPa without friction (e_min), and without sliding or rolling (e_max)"
+    )
+    if options.csv:
+        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), options.specimen)
+
+
+def _void_ratio(file: str) -> float:
+    """Nominal void ratio of a specimen: of a state file, or of the first record of a run file."""
+    if labkit_kind(file) != "run":
+        return void_ratio_nominal(read_state(file).snapshot())
+    with open_netcdf(file, "run") as dataset:
+        if "void_ratio_nominal" not in dataset.variables or not len(dataset.dimensions["time"]):
+            raise InputError("has no record of the void ratio: give the state file", field="SPECIMEN", value=file)
+        return float(dataset["void_ratio_nominal"][0])
 
 
 def twins_options(parser: argparse.ArgumentParser) -> None:

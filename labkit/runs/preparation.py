@@ -9,9 +9,11 @@ state it with every relative density.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas
+from scipy import stats
 
 from labkit.dem.compression import at_friction
 from labkit.dem.engine import Progress, silent
@@ -49,10 +51,36 @@ class DensityLimits:
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return (high - void_ratio) / (high - low)
 
+    def interval(self, relative_density: float) -> float:
+        """Half-width of the 95 % interval of a relative density, from the scatter of e_min and e_max over the seeds."""
+        gap = float(self.e_max.mean() - self.e_min.mean())
+        return float(
+            np.hypot((1.0 - relative_density) * half_width(self.e_max), relative_density * half_width(self.e_min)) / gap
+        )
+
+    def table(self, void_ratios: Mapping[str, float]) -> pandas.DataFrame:
+        """e_min and e_max, then specimens (name -> nominal void ratio), with half-widths of 95 % intervals as `+-`."""
+        rows: list[dict[str, object]] = [
+            {"name": name, "void_ratio": values.mean(), "+-": half_width(values), "relative_density": density}
+            for name, values, density in (("e_min", self.e_min, 1.0), ("e_max", self.e_max, 0.0))
+        ]
+        for name, void_ratio in void_ratios.items():
+            density = self.relative_density(void_ratio)
+            known = {"relative_density": density, "relative_density +-": self.interval(density)}
+            rows.append({"name": name, "void_ratio": void_ratio, **known})
+        return pandas.DataFrame(rows)
+
     def void_ratio(self, relative_density: float) -> float:
         """Void ratio of a relative density."""
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return high - relative_density * (high - low)
+
+
+def half_width(values: np.ndarray) -> float:
+    """Half-width of the 95 % interval of a mean, by Student's t; NaN for a single value."""
+    if values.size < 2:
+        return float("nan")
+    return float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
 
 
 def _recipe(grains: int, seed: int, pressure: float) -> Recipe:
