@@ -18,7 +18,9 @@ from labkit.micro.void_ratio import void_ratio_nominal
 
 def density_options(parser: argparse.ArgumentParser) -> None:
     """Options of `labkit density`."""
-    parser.add_argument("specimen", metavar="SPECIMEN", nargs="*", help="state files, or run files, whose first record counts")
+    parser.add_argument(
+        "specimen", metavar="SPECIMEN", nargs="*", help="state files, or run files, whose first record counts"
+    )
     parser.add_argument("--grains", type=positive_int, default=1000, metavar="N", help="per specimen (default: 1000)")
     parser.add_argument("--seeds", type=positive_int, default=3, metavar="N", help="number of specimens (default: 3)")
     parser.add_argument("--csv", metavar="FILE", help="also write the table as CSV, to this file")

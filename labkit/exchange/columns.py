@@ -85,7 +85,7 @@ def grains_from(
         raise InputError(f"{where} has no column {missing[0]}: name its columns with --columns, e.g. x,y,z,radius")
     size_is = next((name for name in (RADIUS, DIAMETER) if name in columns), None)
     size = columns[size_is] if size_is else columns.get("size")
-    identity = columns["id"].astype(np.int64) if "id" in columns else None
+    identity = _whole(columns["id"], where) if "id" in columns else None
     return np.stack([columns[axis] for axis in "xyz"], axis=1), size, size_is, identity
 
 
@@ -96,18 +96,35 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
             raise InputError(
                 f"{where} has no column {name}: name its columns with --contact-columns, e.g. id1,id2,fx,fy,fz"
             )
+    if len(columns["id1"]) != len(columns["id2"]):
+        raise InputError(f"{where} names {len(columns['id1'])} first and {len(columns['id2'])} second grains")
     vectors = {name: _vector(columns, name, where) for name in VECTORS}
     force, normal = vectors["force"], vectors["normal_force_vector"]
     tangential = vectors["tangential_force"]
     if force is None and normal is not None:
         force, tangential = normal if tangential is None else normal + tangential, None
     return ContactList(
-        grain=np.stack([columns["id1"], columns["id2"]], axis=1).astype(np.int64),
+        grain=np.stack([_whole(columns["id1"], where), _whole(columns["id2"], where)], axis=1),
         normal_force=None if force is not None else columns.get("fn"),
         tangential_force=None if force is not None else tangential,
         force=force,
         overlap=columns.get("overlap"),
     )
+
+
+def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
+    """Rows of numbers as an array (n, k). Raises ValueError if their lengths differ."""
+    short = next((number for number, row in enumerate(rows, 1) if len(row) != len(rows[0])), None)
+    if short is not None:
+        raise ValueError(f"row {short} has {len(rows[short - 1])} numbers, row 1 has {len(rows[0])}")
+    return np.array(rows)
+
+
+def _whole(values: np.ndarray, where: object) -> np.ndarray:
+    """Ids as integers. Raises InputError if they are not whole numbers."""
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or (values != np.rint(values)).any():
+        raise InputError(f"{where} has numbers of grains that are not whole: repair the file, or name its columns")
+    return values.astype(np.int64)
 
 
 def contact_units(spelled: Mapping[str, str]) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from labkit.dem.scene import Scene
-from labkit.dem.state import State, grains_in_cell
+from labkit.dem.state import FAR, State, grains_in_cell
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
 from labkit.exchange.checks import Finding, check_balance, check_contacts, check_grains, check_missing
@@ -90,7 +90,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
     if contacts is not None:
         packing = _with_contacts(packing, Path(contacts), given)
     packing = given.applied(packing)
-    _require_finite(packing, path)
+    _require_usable(packing, path)
     return imported(packing, given.first_id)
 
 
@@ -141,15 +141,35 @@ def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
     return dataclasses.replace(packing, contacts=contacts, force_unit=newton or packing.force_unit)
 
 
-def _require_finite(packing: Packing, file: Path) -> None:
-    assert packing.size is not None
-    for name, values in (("positions", packing.position), ("sizes", packing.size)):
-        if not np.isfinite(values).all():
-            raise InputError(f"{file} has {name} that are not numbers: repair the file")
-    if not (packing.size > 0.0).all():
+def _require_usable(packing: Packing, file: Path) -> None:
+    """Raises InputError unless the arrays have the right shapes and contain numbers with which one can compute."""
+    grains, cell = len(packing), cast(np.ndarray, packing.cell)
+    _require_numbers(packing.position, (grains, 3), "positions", file)
+    _require_numbers(packing.size, (grains,), "sizes", file)
+    _require_numbers(cell, (3, 3), "a box", file)
+    if not (cast(np.ndarray, packing.size) > 0.0).all():
         raise InputError(f"{file} has sizes that are not positive: repair the file")
-    if packing.id is not None and len(np.unique(packing.id)) < len(packing):
+    if not np.linalg.det(cell) > 0.0:
+        raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
+    far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
+    if far > FAR:
+        raise InputError(f"{file} has a grain {far:.3g} boxes away: give the right --box, or repair the file")
+    if packing.id is not None and len(np.unique(packing.id)) < grains:
         raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
+    if (contacts := packing.contacts) is not None:
+        for name in ("normal_force", "tangential_force", "force"):
+            values = getattr(contacts, name)
+            shape = (len(contacts),) if name == "normal_force" else (len(contacts), 3)
+            if values is not None:
+                _require_numbers(values, shape, f"{name.replace('_', ' ')}s", "the contact list")
+
+
+def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: str, where: object) -> None:
+    values = np.asarray(values)
+    if values.shape != shape:
+        raise InputError(f"{where} has {what} of shape {values.shape}, not {shape}: repair the file")
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        raise InputError(f"{where} has {what} with values that are not numbers: repair the file")
 
 
 def _grains_of(
@@ -167,7 +187,10 @@ def _grains_of(
         raise InputError("the contact list names no grain of the file of grains: do the two files belong together?")
     if not known.all():
         notes.append(f"{int((~known).sum())} contacts with bodies that are not among the grains are left out")
-    rows = np.flatnonzero(known)
+    own = known & (contacts.grain[:, 0] == contacts.grain[:, 1])
+    if own.any():
+        notes.append(f"{int(own.sum())} contacts of a grain with itself are left out")
+    rows = np.flatnonzero(known & ~own)
     grain = order[place[rows]]
     _, unique = np.unique(np.sort(grain, axis=1), axis=0, return_index=True)
     if len(unique) < len(rows):

@@ -10,7 +10,7 @@ import numpy as np
 from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers, names_of
-from labkit.exchange.columns import GRAIN, chosen, grains_from
+from labkit.exchange.columns import GRAIN, chosen, grains_from, same_length
 from labkit.exchange.formats import Format, damaged, text_of
 from labkit.exchange.lammps_units import units_of_style
 from labkit.exchange.packing import Packing, triclinic
@@ -54,7 +54,7 @@ class LammpsData(Format):
                 "e.g. id,-,diameter,-,x,y,z"
             )
         try:
-            values = np.array([[float(word) for word in row[: len(names)]] for row in rows])
+            values = same_length([[float(word) for word in row[: len(names)]] for row in rows])
         except ValueError as error:
             raise damaged(file, error) from None
         if len(values) != int(count[1]) or values.ndim != 2:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from labkit.exchange.columns import CONTACT, GRAIN, canonical, chosen, contacts_
 from labkit.exchange.formats import Format, damaged, open_maybe_compressed
 from labkit.exchange.packing import ContactList, Packing
 
+MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz
 LISTS = {"position": ("pos", "positions", "centers", "points"), "radius": ("radii",)}
 
 
@@ -34,6 +37,8 @@ class NumpyArrays(Format):
         arrays = _arrays(file)
         named = {own: arrays[name] for name in arrays if (own := _own(name)) is not None}
         if "position" in named:
+            if named["position"].ndim != 2 or named["position"].shape[1] != 3:
+                raise damaged(file, f"its positions have the shape {named['position'].shape}, not (n, 3)")
             for number, axis in enumerate("xyz"):
                 named[axis] = named["position"][:, number]
         elif "array" in arrays:
@@ -65,9 +70,11 @@ class NumpyArrays(Format):
 def _arrays(file: Path) -> dict[str, np.ndarray]:
     """Name -> array; the one array of an .npy file is called `array`. Raises InputError for pickled objects."""
     with open_maybe_compressed(file) as handle:
-        content = io.BytesIO(handle.read())
+        content = handle.read()
+    if not content.startswith(MAGIC):
+        raise damaged(file, "it does not begin like a NumPy file")
     try:
-        loaded = np.load(content)
+        loaded = np.load(io.BytesIO(content))
         return {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
     except ValueError as error:
         if "pickle" in str(error):
@@ -75,7 +82,7 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
                 f"{file} holds Python objects, which could run any code: save plain arrays with numpy.savez"
             ) from None
         raise damaged(file, error) from None
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise damaged(file, error) from None
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
+from labkit.exchange.columns import same_length
 from labkit.exchange.formats import Format, damaged, text_of
 from labkit.exchange.packing import RADIUS, Packing
 from labkit.io.files import write_text
@@ -32,7 +33,7 @@ class SpherePack(Format):
         rows = [words for words in rows if not words[0].startswith("#")]
         try:
             box = np.array([float(word) for word in boxes[0][1:4]]) if boxes else None
-            values = np.array([[float(word) for word in words[:5]] for words in rows])
+            values = same_length([[float(word) for word in words[:5]] for words in rows])
         except ValueError as error:
             raise damaged(file, error) from None
         if values.ndim != 2 or values.shape[1] < 4 or (box is not None and box.shape != (3,)):

@@ -58,6 +58,7 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
         reader.ReadAllScalarsOn()
         reader.ReadAllVectorsOn()
         reader.ReadAllFieldsOn()
+    require_library("vtkmodules.vtkCommonCore", WHAT).vtkObject.GlobalWarningDisplayOff()  # the error below says it
     reader.SetFileName(str(file))
     reader.Update()
     data = reader.GetOutput()
