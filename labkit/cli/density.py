@@ -49,7 +49,7 @@ def do_density(options: argparse.Namespace, argv: list[str]) -> None:
     print(table.to_string(index=False, na_rep="", float_format="%.4f"))
     print(
         f"nominal void ratios; +-: 95 % intervals from {options.seeds} specimens of {options.grains} grains, compressed "
-        f"from a gas to {limits.pressure / 1e3:g} kPa without friction (e_min), and without sliding or rolling (e_max)"
+        f"from a gas to {limits.pressure / 1e3:g} kPa without friction (e_min), or without sliding and rolling"
     )
     if options.csv:
         write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), options.specimen)

@@ -127,11 +127,10 @@ def hertzian():
     return make_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
 
 
-@pytest.mark.parametrize("law", ["hertz_mindlin", "springs_in_series"])
+@pytest.mark.parametrize("law", LAWS)
 def test_a_sheared_specimen_conserves_energy(law, hertzian):
-    state = hertzian
-    if law == "springs_in_series":
-        state = make_specimen(Scene(law=law), Recipe(0.67, 0.3, grains=250), starter("fused"))
+    scene = Scene(law=law, young_modulus=5e9 if law in HERTZ else 0.15e9)
+    state = hertzian if law == "hertz_mindlin" else make_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
     assert 0.3 < state.time_step / critical_time_step(state) < 0.8
     state = opened(state)
     engine = FusedEngine(state)
@@ -140,7 +139,8 @@ def test_a_sheared_specimen_conserves_energy(law, hertzian):
     )
     end = engine.state()
     assert end.ledger.friction_loss > 0.1 * end.ledger.start
-    assert abs(balance_error(end)) < 1e-3
+    # YADE's factor against ratcheting, 1 + delta/(Ra + Rb) of the tangential work, is not part of a mechanical balance
+    assert abs(balance_error(end)) < (0.01 if law == "rolling_resistance" else 1e-3)
 
 
 def test_hertz_mindlin_forces_are_yades(hertzian, in_yade, tmp_path):

@@ -11,6 +11,7 @@ import pytest
 
 import labkit
 from labkit.dem.state import read_state
+from labkit.dem.time_step import critical_time_step
 from tests.conftest import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -46,7 +47,7 @@ def program(name, folder):
 
 def test_each_is_short_and_all_are_tested():
     files = sorted(EXAMPLES.glob("*.py"))
-    tested = ["first_test", "own_engine", "own_law", "own_material", "own_path", "own_statistic"]
+    tested = ["first_test", "own_engine", "own_law", "own_material", "own_packing", "own_path", "own_statistic"]
     assert [file.stem for file in files] == tested
     assert all(len(file.read_text().splitlines()) < 40 for file in files)
 
@@ -69,6 +70,24 @@ def test_own_material_is_stiffer_and_smoother_than_sand(tmp_path):
     assert np.isclose(ratio["mean stress"], 0.6 / 0.15, rtol=0.15)
     assert np.isclose(ratio["mean overlap"], 0.15 / 0.6, rtol=0.15)
     assert ratio["largest stress ratio"] < 0.7
+
+
+def test_own_packing_is_consolidated_and_sheared_drained_on_both_engines():
+    example = runpy.run_path(str(EXAMPLES / "own_packing.py"))
+    state = example["packing"]()
+    sizes = state.radius / state.radius.mean()
+    assert len(sizes) == 1000 and np.allclose([sizes.min(), sizes.max()], [0.58, 1.62], atol=1e-4)
+    assert state.time_step < 0.8 * critical_time_step(state)
+    state = labkit.consolidate(state, "100 kPa", progress=False)
+    ends = []
+    for engine in ("fused", "yade"):
+        data = example["test"](state, 5e-4, engine).data
+        assert data.attrs["complete"] and data.attrs["engine"] == engine
+        assert abs(data["energy_balance_error"]).max() < 1e-3
+        np.testing.assert_allclose(data["stress"][-1].values[0, 0], 100e3, rtol=0.01)
+        ends.append(data["stress"][-1].values)
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-3 * ends[0][2, 2])
+    assert ends[0][2, 2] > 1.2 * ends[0][0, 0]
 
 
 def test_own_material_is_the_same_on_the_command_line(tmp_path, labkit_command):
