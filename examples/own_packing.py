@@ -1,4 +1,4 @@
-"""A packing of another program: 1,000 grains from 0.58 to 1.62 times the mean diameter, saved by YADE as SpherePack text.
+"""A packing of YADE, saved as SpherePack text: 1,000 grains from 0.58 to 1.62 times the mean diameter.
 
     python examples/own_packing.py [fused or yade]
 

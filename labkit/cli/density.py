@@ -48,8 +48,8 @@ def do_density(options: argparse.Namespace, argv: list[str]) -> None:
     table = limits.table(void_ratios)
     print(table.to_string(index=False, na_rep="", float_format="%.4f"))
     print(
-        f"nominal void ratios; +-: 95 % intervals from {options.seeds} specimens of {options.grains} grains, compressed "
-        f"from a gas to {limits.pressure / 1e3:g} kPa without friction (e_min), or without sliding and rolling"
+        f"nominal void ratios; +-: 95 % intervals from {options.seeds} specimens of {options.grains} grains each, "
+        f"compressed from a gas to {limits.pressure / 1e3:g} kPa, without friction (e_min) or with that of the material"
     )
     if options.csv:
         write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), options.specimen)

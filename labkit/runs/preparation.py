@@ -1,9 +1,10 @@
 """Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
 
 Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.dem.compression), for
-e_min without friction, for e_max with friction coefficients of 10, with which contacts neither slide nor roll. The
-grains then come to rest with the friction of the scene. Void ratios are nominal. The limits depend on the protocol:
-state it with every relative density.
+e_min without friction, for e_max with the friction and rolling friction of the scene, and comes to rest with those of
+the scene. A higher friction during the compression gives denser specimens: they collapse when it is lowered to that of
+the scene (results/density). Void ratios are nominal. The limits depend on the protocol: state it with every relative
+density.
 """
 
 from __future__ import annotations
@@ -31,7 +32,6 @@ from labkit.runs.laboratory import consolidate, make_specimen, run
 
 PRESSURE = 100e3  # Pa, of the limits
 GUESS = 0.7  # void ratio that sizes the cells
-LOCKED = 10.0  # friction coefficients for e_max
 TOLERANCE = 0.002  # of a void ratio
 TRIALS = 10  # compressions in the search for a void ratio
 LEAST_GAP = 0.5  # of Z between twins
@@ -98,14 +98,20 @@ def density_limits(
     precision: str = "double",
 ) -> DensityLimits:
     """e_min and e_max of a material, measured on specimens with these seeds. Raises InputError, PhysicsError."""
-    found: dict[float, list[float]] = {0.0: [], LOCKED: []}
-    for friction, ratios in found.items():
+    found: dict[float, list[float]] = {0.0: [], 1.0: []}
+    for share, ratios in found.items():
         for seed in seeds:
-            progress((len(found[0.0]) + len(found[LOCKED])) / (2 * len(seeds)), f"friction {friction:g}, seed {seed}")
-            recipe = at_friction(_recipe(grains, seed, pressure), friction, friction)
+            done = len(found[0.0]) + len(found[1.0])
+            progress(done / (2 * len(seeds)), f"{'e_max' if share else 'e_min'}, seed {seed}")
+            recipe = _with_share(share, _recipe(grains, seed, pressure), scene)
             made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
             ratios.append(void_ratio_nominal(made.snapshot()))
-    return DensityLimits(np.array(found[0.0]), np.array(found[LOCKED]), pressure)
+    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), pressure)
+
+
+def _with_share(share: float, recipe: Recipe, scene: Scene) -> Recipe:
+    """The recipe with a share of the scene's friction and rolling friction during the compression."""
+    return at_friction(recipe, share * scene.friction, share * scene.rolling_friction)
 
 
 def specimen_at(
@@ -120,20 +126,19 @@ def specimen_at(
 ) -> State:
     """A specimen with this nominal void ratio at this pressure, Pa: finds the friction of step 1 by bisection.
 
-    The friction and rolling friction are equal during the compression. Raises PhysicsError if no friction gives the
-    void ratio within TOLERANCE.
+    The friction and rolling friction during the compression are the same share of those of the scene. Raises
+    PhysicsError if no share from 0 to 1 gives the void ratio within TOLERANCE.
     """
-    low, high = 0.0, 1.0
-    friction = 0.15
+    low, high, share = 0.0, 1.0, 0.3
     for trial in range(TRIALS):
-        recipe = at_friction(_recipe(grains, seed, pressure), friction, friction)
+        recipe = _with_share(share, _recipe(grains, seed, pressure), scene)
         made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
         reached = void_ratio_nominal(made.snapshot())
-        progress(trial / TRIALS, f"friction {friction:.3g}: void ratio {reached:.4f}")
+        progress(trial / TRIALS, f"{share:.1%} of the friction: void ratio {reached:.4f}")
         if abs(reached - void_ratio) < TOLERANCE:
             return made
-        low, high = (friction, high) if reached < void_ratio else (low, friction)
-        friction = 0.5 * (low + high)
+        low, high = (share, high) if reached < void_ratio else (low, share)
+        share = 0.5 * (low + high)
     raise PhysicsError(
         f"no friction gives a void ratio of {void_ratio:.4f} at {pressure:.3g} Pa (the last gave {reached:.4f}): "
         "choose one between e_min and e_max"

@@ -10,7 +10,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs.laboratory import make_specimen
-from labkit.runs.preparation import LOCKED, DensityLimits, make_twins
+from labkit.runs.preparation import DensityLimits, make_twins, specimen_at
 
 
 def compressed(friction, **changes):
@@ -26,7 +26,7 @@ def lubricated():
 
 
 def test_friction_during_compression_decides_density_and_coordination(lubricated):
-    loose = compressed(LOCKED)
+    loose = compressed(0.4)
     dense, loose = lubricated.snapshot(), loose.snapshot()
     for snapshot in (dense, loose):
         np.testing.assert_allclose(np.diag(love_stress(snapshot)), 300e3, rtol=2e-3)
@@ -34,6 +34,23 @@ def test_friction_during_compression_decides_density_and_coordination(lubricated
     assert limits.e_max - limits.e_min > 0.1
     assert statistics(dense).coordination_number > 6.0 > statistics(loose).coordination_number + 1.0
     assert np.isclose(limits.relative_density(limits.void_ratio(0.3)), 0.3)
+
+
+def test_intervals_of_relative_densities_follow_from_the_scatter_of_the_limits():
+    """Student's t: 4.303 for three specimens; the standard errors of e_min and e_max are 0.001 and 0.002."""
+    step = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3.0)
+    limits = DensityLimits(0.6 + 0.001 * step, 0.8 + 0.002 * step, 100e3)
+    table = limits.table({"mine": 0.75}).set_index("name")
+    assert table.loc["e_max", "+-"] == pytest.approx(4.303 * 0.002, rel=1e-3)
+    assert table.loc["mine", "relative_density"] == pytest.approx(0.25)
+    expected = 4.303 * np.hypot(0.75 * 0.002, 0.25 * 0.001) / 0.2
+    assert table.loc["mine", "relative_density +-"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_specimen_of_a_given_void_ratio_is_found():
+    state = specimen_at(Scene(), 0.7, 300e3, grains=200)
+    assert np.isclose(void_ratio_nominal(state.snapshot()), 0.7, atol=0.002)
+    np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
 
 
 def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
