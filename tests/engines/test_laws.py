@@ -13,6 +13,7 @@ from labkit.dem.state import read_state, write_state
 from labkit.dem.time_step import critical_time_step
 from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
+from labkit.engines.kernel.build import kernel_of
 from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured
@@ -119,6 +120,26 @@ def test_springs_in_series_equal_the_papers_for_equal_grains():
     assert series.time_step == paper.time_step
     with pytest.raises(InputError, match="no contact law springs_in_series"):
         YadeEngine.require(series)
+
+
+def compiled_functions(function, found):
+    """Names of the compiled functions that a compiled function calls, and of itself: name -> functions."""
+    found.setdefault(function.py_func.__qualname__, set()).add(function)
+    for name in function.py_func.__code__.co_names:
+        called = function.py_func.__globals__.get(name)
+        if hasattr(called, "py_func") and called not in found.get(called.py_func.__qualname__, ()):
+            compiled_functions(called, found)
+    return found
+
+
+def test_functions_of_different_kernels_have_different_names():
+    """Kernels read from disk may have equal symbols, made of these names: LLVM would then link them to one another."""
+    found = {}
+    for kernel in {kernel_of(LAWS[law](), single) for law in LAWS for single in (False, True)}:
+        for function in kernel:
+            compiled_functions(function, found)
+    assert {"block_forces_spring_dashpot", "pair_spring_dashpot"} <= {name.split(".")[-1] for name in found}
+    assert [name for name, functions in found.items() if len(functions) > 1] == []
 
 
 @pytest.fixture(scope="module")

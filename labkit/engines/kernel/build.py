@@ -14,7 +14,15 @@ from labkit.dem.laws import vectors
 from labkit.dem.laws.base import Contact, ContactLaw, Response
 from labkit.dem.scene import Scene
 from labkit.engines.kernel import contact, steps
-from labkit.engines.kernel.compiling import OPTIONS, cached, compiled, compiled_with_callees, stamp_of, with_globals
+from labkit.engines.kernel.compiling import (
+    OPTIONS,
+    Version,
+    cached,
+    compiled,
+    compiled_with_callees,
+    stamp_of,
+    with_globals,
+)
 from labkit.errors import InputError
 from labkit.extensions import file_of
 
@@ -46,21 +54,23 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     law = kind()
     if not law.labkits:
         try_out(law)
+    version = Version(law.name + "_single" * single, single)
+    double = Version(version.name)
     known: dict[Any, Any] = {}
     if single:
-        known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, {}, single)
-    pair, spring = (compiled_with_callees(function, known, single) for function in (law.pair, law.spring))
-    overlap = compiled_with_callees(contact.overlap_single if single else contact.overlap, known, single)
-    names = {**_compiled_functions(contact, known, single), "pair": pair, "spring": spring, "overlap": overlap}
-    block_forces = compiled(with_globals(contact.block_forces, names, single))
-    block_stress = compiled(with_globals(contact.block_stress, names, single))
+        known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, {}, version)
+    pair, spring = (compiled_with_callees(function, known, version) for function in (law.pair, law.spring))
+    overlap = compiled_with_callees(contact.overlap_single if single else contact.overlap, known, version)
+    names = {**_compiled_functions(contact, known, version), "pair": pair, "spring": spring, "overlap": overlap}
+    block_forces = compiled(with_globals(contact.block_forces, names, version))
+    block_stress = compiled(with_globals(contact.block_stress, names, version))
     contacts = {"block_forces": block_forces, "SINGLE": single}
-    domain_contacts = compiled(with_globals(steps.domain_contacts, contacts))
+    domain_contacts = compiled(with_globals(steps.domain_contacts, contacts, double))
     stamp = _stamp(law, known)
 
     def loop(function: Callable[..., Any], name: str, names: dict[str, Any], **options: Any) -> Any:
-        fresh = with_globals(function, names)
-        fresh.__qualname__ = f"{name}_{law.name}" + "_single" * single  # Numba's cache distinguishes functions by name
+        fresh = with_globals(function, names, double)
+        fresh.__qualname__ = f"{name}_{version.name}"  # Numba's cache distinguishes functions by name
         return cached(fresh, stamp, **OPTIONS, **options)
 
     return Kernel(
@@ -87,10 +97,10 @@ def try_out(law: ContactLaw) -> None:
         raise InputError(f"contact law {law.name}: pair returned {result!r}: return a Response of finite numbers")
 
 
-def _compiled_functions(module: Any, known: dict[Any, Any], single: bool) -> dict[str, Any]:
+def _compiled_functions(module: Any, known: dict[Any, Any], version: Version) -> dict[str, Any]:
     """Compile the plain Python helpers that a module uses: name -> function."""
     helpers = {**vars(vectors), "load": module.load, "store": module.store, "stretched": module.stretched}
-    return {name: compiled_with_callees(f, known, single) for name, f in helpers.items() if inspect.isfunction(f)}
+    return {name: compiled_with_callees(f, known, version) for name, f in helpers.items() if inspect.isfunction(f)}
 
 
 def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:

@@ -11,7 +11,7 @@ import inspect
 import types
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import llvmlite.binding
 import numba
@@ -70,37 +70,49 @@ def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> A
     return dispatcher
 
 
-def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any], single: bool = False) -> Any:
+class Version(NamedTuple):
+    """Of a kernel. name: of its contact law and precision; single: see `with_globals`."""
+
+    name: str
+    single: bool = False
+
+
+def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> Any:
     """Compile a plain Python function together with the plain Python functions that it calls.
 
     All are inlined, so that LLVM can vectorise the loop around them. `known`: functions compiled so far, function ->
-    compiled; extended in place. single: see `with_globals`.
+    compiled; extended in place.
     """
     if function not in known:
         names = {name: function.__globals__.get(name) for name in function.__code__.co_names}
         callees = {
-            name: compiled_with_callees(value, known, single)
+            name: compiled_with_callees(value, known, version)
             for name, value in names.items()
             if inspect.isfunction(value)
         }
-        known[function] = numba.njit(forceinline=True, **OPTIONS)(with_globals(function, callees, single))
+        known[function] = numba.njit(forceinline=True, **OPTIONS)(with_globals(function, callees, version))
     return known[function]
 
 
-def with_globals(function: Callable[..., Any], names: dict[str, Any], single: bool = False) -> Callable[..., Any]:
-    """Return a copy of a function with some of its global names redefined.
+def with_globals(function: Callable[..., Any], names: dict[str, Any], version: Version) -> Callable[..., Any]:
+    """Return a copy of a function with some of its global names redefined, and named after the version of its kernel.
 
-    single: True to round the numbers written in the function to single precision, because Numba would convert an
+    The name matters: kernels that different processes wrote to the cache may contain functions with equal symbols,
+    which Numba makes of names and argument types. LLVM would then link one kernel to functions of another.
+
+    version.single: True to round the numbers written in the function to single precision, because Numba would convert an
     expression in which one number is double. The copy belongs to this module, because Numba's cache imports the module
     of every compiled function, and a contact law may come from a file that another process cannot import.
     """
     code = function.__code__
     values = {**function.__globals__, "__name__": __name__}
-    if single:
+    if version.single:
         code = code.replace(co_consts=tuple(rounded(value) for value in code.co_consts))
         values |= {name: rounded(values[name]) for name in code.co_names if name in values}
-    fresh = types.FunctionType(code, {**values, **names}, function.__name__, rounded(function.__defaults__, single))
-    fresh.__qualname__ = function.__qualname__
+    fresh = types.FunctionType(
+        code, {**values, **names}, function.__name__, rounded(function.__defaults__, version.single)
+    )
+    fresh.__qualname__ = f"{function.__qualname__}_{version.name}"
     return fresh
 
 
