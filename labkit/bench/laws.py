@@ -14,7 +14,7 @@ HERTZIAN_MODULUS = 32.0  # times that of the linear laws, for about the same ove
 
 
 def laws(state: State, steps: int, rounds: int, progress: Progress) -> str:
-    """Tabulate the CPU time per step of every registered law; medians of alternating rounds, without neighbour searches."""
+    """Tabulate the CPU time per step of every registered law, without neighbour searches: medians of rounds."""
     engines = {}
     for name in LAWS:
         scene = dataclasses.replace(state.scene, law=name)
