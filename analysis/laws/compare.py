@@ -1,6 +1,8 @@
 """Hertz-Mindlin against linear contacts: critical values and the error of C0, from the runs of campaign.yaml.
 
 python -m analysis.laws.compare CAMPAIGN_FOLDER writes results/laws/values.csv and comparison.csv.
+python -m analysis.laws.compare FULL_CAMPAIGN_FOLDER full writes full_values.csv and full_comparison.csv: with few
+specimens of each kind, the scatter between seeds is taken to be the same for all laws and densities.
 """
 
 from __future__ import annotations
@@ -70,15 +72,44 @@ def comparison(table: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def main(folder: str) -> None:
-    """Write both tables."""
+def pooled_comparison(table: pandas.DataFrame) -> pandas.DataFrame:
+    """As `comparison`, with one standard deviation for all laws and densities: that of the seeds about their means.
+
+    `all` is the mean over densities.
+    """
+    groups = table.groupby(["density", "law"])
+    mean, size = groups[list(VALUES)].mean(), groups.size()
+    freedom = int((size - 1).sum())
+    scatter = np.sqrt(((table[list(VALUES)] - groups[list(VALUES)].transform("mean")) ** 2).sum() / max(freedom, 1))
+    rows = []
+    densities = list(mean.index.levels[0])
+    for density in (*densities, "all"):
+        parts = densities if density == "all" else [density]
+        for name in VALUES:
+            row: dict[str, object] = {"density": density, "value": name}
+            of_law: dict[str, tuple[float, float]] = {}
+            for law in ("linear", "hertz"):
+                value = float(np.mean([mean.loc[(part, law), name] for part in parts]))
+                share = sum(1.0 / size[part, law] for part in parts) / len(parts) ** 2
+                of_law[law] = value, share
+                half = student(float(scatter[name] * np.sqrt(share)), freedom)
+                row |= {law: value, f"{law} +-": half, f"{law} runs": sum(size[part, law] for part in parts)}
+            (a, share_a), (b, share_b) = of_law["linear"], of_law["hertz"]
+            error = float(scatter[name] * np.sqrt(share_a + share_b))
+            rows.append({**row, "difference": b - a, "difference +-": student(error, freedom)})
+    return pandas.DataFrame(rows)
+
+
+def main(folder: str, size: str = "") -> None:
+    """Write both tables. size: `full`, or empty for the small specimens."""
     RESULTS.mkdir(parents=True, exist_ok=True)
+    prefix, compare = ("full_", pooled_comparison) if size == "full" else ("", comparison)
     table = all_values(Path(folder))
-    table.to_csv(RESULTS / "values.csv", index=False, float_format="%.5g")
-    compared = comparison(table)
-    compared.to_csv(RESULTS / "comparison.csv", index=False, float_format="%.4g")
+    table.to_csv(RESULTS / f"{prefix}values.csv", index=False, float_format="%.5g")
+    compared = compare(table)
+    compared.to_csv(RESULTS / f"{prefix}comparison.csv", index=False, float_format="%.4g")
     print(compared.to_string(index=False, float_format="%.4g"))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(*sys.argv[1:])
