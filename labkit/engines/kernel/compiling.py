@@ -100,9 +100,9 @@ def with_globals(function: Callable[..., Any], names: dict[str, Any], version: V
     The name matters: kernels that different processes wrote to the cache may contain functions with equal symbols,
     which Numba makes of names and argument types. LLVM would then link one kernel to functions of another.
 
-    version.single: True to round the numbers written in the function to single precision, because Numba would convert an
-    expression in which one number is double. The copy belongs to this module, because Numba's cache imports the module
-    of every compiled function, and a contact law may come from a file that another process cannot import.
+    version.single: True to round the numbers written in the function to single precision, because Numba would convert
+    an expression in which one number is double. The copy belongs to this module, because Numba's cache imports the
+    module of every compiled function, and a contact law may come from a file that another process cannot import.
     """
     code = function.__code__
     values = {**function.__globals__, "__name__": __name__}
