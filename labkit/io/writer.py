@@ -1,7 +1,12 @@
-"""A thread that writes a file while the program computes, and decides how often that is worthwhile."""
+"""A thread that writes a netCDF file while the program computes, and decides how often that is worthwhile.
+
+The netCDF library serves one thread at a time. Whoever starts a write therefore waits for it before opening a file. No
+garbage is collected meanwhile: it may contain open files, and closing one of them would call the library.
+"""
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,10 +23,13 @@ class Writer:
         self._executor = ThreadPoolExecutor(1)
         self._running: Future[None] | None = None
         self._started, self._took = -LEAST_PAUSE, 0.0  # s, of the last write
+        self._collects = gc.isenabled()
 
     def start(self, write: Callable[[], None]) -> None:
         """Start to run a function; the previous one must have ended (`wait`)."""
         self._started = time.monotonic()
+        self._collects = gc.isenabled()
+        gc.disable()
         self._running = self._executor.submit(self._timed, write)
 
     def is_due(self) -> bool:
@@ -33,12 +41,20 @@ class Writer:
     def wait(self) -> None:
         """Wait for the running function. Raises the exception with which it ended."""
         running, self._running = self._running, None
-        if running is not None:
+        if running is None:
+            return
+        try:
             running.result()
+        finally:
+            if self._collects:
+                gc.enable()
 
     def close(self) -> None:
-        """Wait for the running function, whatever its result, and end the thread."""
-        self._executor.shutdown()
+        """Wait for the running function and end the thread. Raises the exception with which the function ended."""
+        try:
+            self.wait()
+        finally:
+            self._executor.shutdown()
 
     def _timed(self, write: Callable[[], None]) -> None:
         write()
