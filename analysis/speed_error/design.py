@@ -235,13 +235,12 @@ def small() -> Design:
         "local damping=0.7",
         "law=paper",
         "servo interval=20",
-        "precision=mixed",
         "Young's modulus=750000000.0",
     }
     cases = [base, *(case for case in one_factor(base) if f"{case.factor}={case.level}" in chosen)]
     cases.append(dataclasses.replace(base, path="cv"))
     cases.append(dataclasses.replace(base, factor="rate", level=400.0, rate=400.0))
-    cases.append(_at(base, 2e-3))
+    cases.append(_at(dataclasses.replace(base, seeds=(1,)), 2e-3))
     cases += sizes(base, ((300, seeds),))
     cases += engines(base, 150, (1,))
     for name in SETTINGS:
