@@ -219,7 +219,9 @@ def steps_per_second(program: str, state: State, rates: np.ndarray, steps: int, 
 
 def fastest(program: str, state: State, rates: np.ndarray, steps: int, rounds: int) -> Tuning:
     """The Tuning of TUNINGS with the highest speed in `rounds` alternating rounds of `steps` steps."""
-    speeds = {
-        tuning: [steps_per_second(program, state, rates, steps, tuning) for _ in range(rounds)] for tuning in TUNINGS
-    }
-    return max(TUNINGS, key=lambda tuning: max(speeds[tuning]))
+    speeds = [
+        (steps_per_second(program, state, rates, steps, tuning), number)
+        for _ in range(rounds)
+        for number, tuning in enumerate(TUNINGS)
+    ]
+    return TUNINGS[max(speeds)[1]]
