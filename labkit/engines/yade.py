@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.engine import Engine
+from labkit.dem.lattice import widths
 from labkit.dem.scene import Scene
 from labkit.dem.state import Ledger, State
 from labkit.errors import InputError, PhysicsError
@@ -233,5 +234,4 @@ def _require_loadable(state: State) -> None:
 
 def _widths(cell: np.ndarray, radius: np.ndarray) -> tuple[float, float]:
     """Return the smallest width of the cell and the width that YADE needs, m."""
-    widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
-    return widths.min(), 4.0 * radius.max() * (1.0 + VERLET_DISTANCE)
+    return widths(cell).min(), 4.0 * radius.max() * (1.0 + VERLET_DISTANCE)

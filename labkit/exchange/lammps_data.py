@@ -14,6 +14,7 @@ from labkit.exchange.columns import GRAIN, chosen, grains_from, same_length
 from labkit.exchange.formats import Format, damaged, text_of
 from labkit.exchange.lammps_units import units_of_style
 from labkit.exchange.packing import Packing, triclinic
+from labkit.exchange.pairs import wrapped_with_images
 from labkit.io.files import write_text
 
 STYLES = {  # columns of the section Atoms
@@ -114,9 +115,3 @@ def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for column, row in ((2, 1), (2, 0), (1, 0)):  # LAMMPS refuses a tilt above half an edge: choose an equivalent cell
         rotated[:, column] -= np.rint(rotated[row, column] / rotated[row, row]) * rotated[:, row]
     return rotated, rotation
-
-
-def wrapped_with_images(position: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(positions inside the cell, number of cells by which each was moved), shapes (n, 3)."""
-    image = np.floor(np.linalg.solve(cell, position.T).T).astype(int)
-    return position - image @ cell.T, image

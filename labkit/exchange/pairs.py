@@ -7,12 +7,15 @@ import itertools
 import numpy as np
 from scipy.spatial import cKDTree
 
+from labkit.dem.lattice import widths
+
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
 
-def widths(cell: np.ndarray) -> np.ndarray:
-    """Distances between opposite faces of a cell (3, 3), shape (3,)."""
-    return 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
+def wrapped_with_images(position: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(positions inside the cell, number of cells by which each was moved), shapes (n, 3)."""
+    image = np.floor(np.linalg.solve(cell, position.T).T).astype(int)
+    return position - image @ cell.T, image
 
 
 def overlapping_pairs(
@@ -24,8 +27,7 @@ def overlapping_pairs(
     positions as given (not wrapped). A grain that touches its own image is left out, as in engines. Same length unit
     for all arguments.
     """
-    home = np.floor(np.linalg.solve(cell, position.T).T)
-    wrapped = position - home @ cell.T
+    wrapped, home = wrapped_with_images(position, cell)
     reach = 2.0 * radius.max(initial=0.0)
     margin = reach / widths(cell)
     fraction = np.linalg.solve(cell, wrapped.T).T
@@ -44,7 +46,7 @@ def overlapping_pairs(
     overlap = radius[first] + radius[second] - distance
     kept = (first < second) & (overlap > 0.0)
     first, second, overlap = first[kept], second[kept], overlap[kept]
-    shift = image[found["j"][kept]] + (home[first] - home[second]).astype(int)
+    shift = image[found["j"][kept]] + home[first] - home[second]
     order = np.lexsort((*shift.T[::-1], second, first))
     return np.stack([first, second], axis=1)[order].astype(np.int32), shift[order].astype(np.int32), overlap[order]
 

@@ -11,6 +11,7 @@ import dataclasses
 
 import numpy as np
 
+from labkit.dem.lattice import widths
 from labkit.engines.kernel.arranging import LOST, by_number
 from labkit.engines.kernel.compiling import compiled, kept
 from labkit.errors import PhysicsError
@@ -21,10 +22,10 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
 
     Grid cells are at least `reach` wide if space permits, and there are not many more of them than grains.
     """
-    widths = 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
+    across = widths(cell)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
-    shape = np.clip(np.floor(widths / reach), 1, most).astype(np.int64)
-    return shape, np.ceil(reach * shape / widths * (1.0 - 1e-12)).astype(np.int64)
+    shape = np.clip(np.floor(across / reach), 1, most).astype(np.int64)
+    return shape, np.ceil(reach * shape / across * (1.0 - 1e-12)).astype(np.int64)
 
 
 @kept
