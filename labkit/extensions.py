@@ -113,6 +113,11 @@ def _origin(entry: Any) -> str:
     return f"{file_of(definition)}:{definition.__qualname__}"
 
 
+def is_labkits(entry: Any) -> bool:
+    """True if a class or function is part of labkit, not an extension."""
+    return str(entry.__module__).startswith("labkit.")
+
+
 def file_of(entry: Any) -> str | None:
     """Path of the file that defines a class or function; None if it was defined interactively."""
     try:

@@ -26,6 +26,7 @@ from labkit.dem.schedule import Options
 from labkit.dem.specimen import Recipe
 from labkit.engines import ENGINES
 from labkit.errors import option_name
+from labkit.extensions import is_labkits
 from labkit.io.provenance import file_sha256
 from labkit.parameters import Parameter, with_unit
 
@@ -148,7 +149,7 @@ def _run_job(item: Run, source: Job, origin: Specimen, hashes: tuple[str, ...]) 
 def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]) -> tuple[str, ...]:
     """Hashes of the user-supplied files, if the contact law or the engine is user-defined."""
     kinds = (type(scene.contact_law), ENGINES[item.engine])
-    return () if all(kind.__module__.startswith("labkit.") for kind in kinds) else hashes
+    return () if all(map(is_labkits, kinds)) else hashes
 
 
 def _options(known: Mapping[str, Parameter], values: Mapping[str, Any], defaults: Mapping[str, Any] = {}) -> list[str]:

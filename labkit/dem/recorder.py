@@ -27,6 +27,7 @@ from labkit.dem.reach import Lag
 from labkit.dem.recorded import record_table
 from labkit.dem.state import State, read_group, write_attributes
 from labkit.errors import InputError, PhysicsError, shown
+from labkit.extensions import is_labkits
 from labkit.io.files import create_variables, open_netcdf, remove_leftovers, whole_file
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import data_sha256
@@ -164,7 +165,7 @@ class Recorder:
         self._note(point)
         if self.all_saved or self._ready.size > MOST_UNSAVED or self._writer.is_due():
             self._write()
-            if not type(self.path).__module__.startswith("labkit."):
+            if not is_labkits(type(self.path)):
                 self.wait()  # the path may read files while the run computes
 
     def save(self, point: Checkpoint) -> None:

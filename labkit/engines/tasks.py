@@ -27,7 +27,7 @@ from labkit.dem.state import State, read_state, write_state
 from labkit.dem.stratified import Layer
 from labkit.engines import ENGINES, require_engine, starter
 from labkit.errors import InputError
-from labkit.extensions import file_of, use, used
+from labkit.extensions import file_of, is_labkits, use, used
 from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import being_written, busy
 from labkit.io.provenance import provenance
@@ -310,7 +310,7 @@ def _extensions(task: Task) -> list[str]:
     needed: list[Any] = [ENGINES[task.engine], type(task.scene.contact_law)]
     needed += [statistic.function for statistic in recorded()]
     needed += [type(path) for path in _paths(task)]
-    files = [file_of(one) for one in needed if not one.__module__.startswith("labkit.")]
+    files = [file_of(one) for one in needed if not is_labkits(one)]
     if None in files or any("ipython" in str(file).lower() for file in files):
         raise InputError(
             "YADE cannot see a path, law or statistic defined in a notebook: define it in a file and load that with "

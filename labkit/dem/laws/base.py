@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 import numpy as np
 
 from labkit.dem.laws.vectors import Vector
+from labkit.extensions import is_labkits
 
 if TYPE_CHECKING:
     from labkit.dem.scene import Scene
@@ -203,7 +204,7 @@ class ContactLaw(abc.ABC):
     @property
     def labkits(self) -> bool:
         """True if the law is part of labkit."""
-        return type(self).__module__.startswith("labkit.")
+        return is_labkits(type(self))
 
     @property
     def on_yade(self) -> bool:
