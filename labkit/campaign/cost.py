@@ -166,9 +166,11 @@ def _size(task: Task) -> tuple[int, int]:
 
 def _slower(task: RunTask) -> float:
     """Time steps of a run divided by the planned ones, which differ if it has an inertial number."""
-    pressure = float(mean_stress(love_stress(task.state.snapshot())))
+    if task.options.inertial_number is None:
+        return 1.0
     path = task.path.for_scene(task.scene)
-    return 1.0 / expected_pace(path, task.options, task.scene, path.start_pressure() or pressure)
+    pressure = path.start_pressure() or float(mean_stress(love_stress(task.state.snapshot())))
+    return 1.0 / expected_pace(path, task.options, task.scene, pressure)
 
 
 def _schedule(task: RunTask) -> Schedule:

@@ -16,7 +16,6 @@ from labkit.dem.limits import inertial_number_of
 from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.dem.schedule import Options
-from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.io.schema import Variable
 from labkit.parameters import parameters_of
@@ -28,16 +27,15 @@ TRAVELLED = {
 }  # recorded, because it is not proportional to the time
 
 
-def pace(number: float, leg: Leg, travelled: float, state: State, pressure: float) -> float:
-    """The pace at which the inertial number is `number` on a leg, at a mean stress of `pressure`, Pa.
+def pace(number: float, leg: Leg, travelled: float, diameter: float, density: float, pressure: float) -> float:
+    """The pace at which the inertial number is `number` on a leg. Mean diameter, m; kg/m^3; mean stress, Pa.
 
     It is limited to 0.1 to 10 times the rate of the path, and 1 while all strain rates are zero or left to the servo.
     """
     if pressure <= 0.0:
         return LEAST
-    diameter = 2.0 * float(state.radius.mean())
-    expected = inertial_number_of(leg, travelled, diameter, state.scene.density, pressure) / leg.pace
-    return _limited(number, expected)
+    expected = inertial_number_of(leg, travelled, diameter, density, pressure) / leg.pace
+    return float(np.clip(number / expected, LEAST, MOST)) if expected > 0.0 else 1.0
 
 
 def steps_at(wanted: float, planned: float) -> tuple[int, float]:
@@ -51,12 +49,7 @@ def expected_pace(path: Path, options: Options, scene: Scene, pressure: float) -
     if options.inertial_number is None:
         return 1.0
     start = path.leg(0, 1.0, np.zeros((3, 3)))
-    expected = inertial_number_of(start, 0.0, scene.mean_diameter, scene.density, pressure)
-    return _limited(options.inertial_number, expected)
-
-
-def _limited(number: float, expected: float) -> float:
-    return float(np.clip(number / expected, LEAST, MOST)) if expected > 0.0 else 1.0
+    return pace(options.inertial_number, start, 0.0, scene.mean_diameter, scene.density, pressure)
 
 
 def require_one_rate(path: Path, options: Options) -> None:

@@ -157,20 +157,17 @@ class _Loop:
         self.gradient = state.velocity_gradient
         self.stiffness = cell_stiffness(snapshot, self.control.components) if self.control else None
         if self.options.inertial_number is not None:
-            pressure = float(mean_stress(love_stress(snapshot)))
-            self.pace = pace(self.options.inertial_number, self.leg, self.travelled, state, pressure)
+            grains = 2.0 * float(state.radius.mean()), state.scene.density, float(mean_stress(love_stress(snapshot)))
+            self.pace = pace(self.options.inertial_number, self.leg, self.travelled, *grains)
 
     def execute(self, signals: Signals) -> bool:
         last = False
         while not last:
             end = self.next_stop()
             turned = self.advance(end, signals)
-            arrived = self.step == end or self.stopped or turned
-            if arrived:
+            if self.step == end or self.stopped or turned:
                 self.arrive()
-            last = self.stopped or self.place == self.schedule.steps
-            if arrived:
-                last = self.record_and_save(last, turned)
+                last = self.record_and_save(self.stopped or self.place == self.schedule.steps, turned)
             if signals.caught and not last:
                 self.recorder.flush()
                 raise self.interrupted(signals)
