@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import shutil
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from labkit.cli import main
 from labkit.cli.registry import command
+from labkit.engines.yade_process import find_yade
+from labkit.errors import InputError
 from labkit.io.files import make_folder
 
 if TYPE_CHECKING:
@@ -45,8 +46,10 @@ def do_demo(options: argparse.Namespace, argv: list[str]) -> int:
     if code:
         return code
     print(f"{figure}: C0 against Love's stress, after {time.monotonic() - started:.0f} s", flush=True)
-    if shutil.which("yade") is None:
-        print("YADE is not installed: with it, this command also compares the two engines (apt-get install yade)")
+    try:
+        find_yade()
+    except InputError as error:
+        print(f"without YADE the engines are not compared: {error}")
         return 0
     code = _typed([f"{path} --threads 2 -o {_quoted(other)}"])
     if not code:

@@ -58,9 +58,12 @@ class Imported:
         """A State at rest. Its normal forces follow from the overlaps and the contact law of the scene."""
         scene = self.scene(scene)
         state = grains_in_cell(scene, self.radius, self.position, self.cell)
-        zero = np.zeros_like(self.tangential_force)
-        state = state.replace(contact_grain=self.grain, contact_shift=self.shift, rolling_moment=zero)
-        return state.replace(tangential_force=self.tangential_force)
+        return state.replace(
+            contact_grain=self.grain,
+            contact_shift=self.shift,
+            tangential_force=self.tangential_force,
+            rolling_moment=np.zeros_like(self.tangential_force),
+        )
 
     def snapshot(self, scene: Scene) -> Snapshot:
         """A Snapshot with the forces of the file; without them, the normal forces of the law of the scene."""

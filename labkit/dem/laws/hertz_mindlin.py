@@ -83,9 +83,7 @@ class HertzMindlin(ContactLaw):
 
     def features(self, scene: Scene) -> Features:
         """Friction and local damping of the scene; constants: (kso/kno,)."""
-        friction = scene.friction if scene.friction > 0.0 else None
-        damping = scene.local_damping if scene.local_damping > 0.0 else None
-        return Features((tangential_share(scene),), friction, None, None, damping, True if friction else None)
+        return super().features(scene)._replace(constants=(tangential_share(scene),))
 
     @staticmethod
     def pair(
