@@ -16,7 +16,7 @@ from analysis.hard_cases.figure import draw
 from analysis.hard_cases.measures import MEASURED
 from analysis.hard_cases.outcome import Outcome, examine
 from analysis.hard_cases.page import page, table
-from analysis.hard_cases.scenes import GRAINS, SCENES, SILENT_WRONG, HardScene
+from analysis.hard_cases.scenes import ENGINES, GRAINS, SCENES, SILENT_WRONG, HardScene
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.dem import Progress, side_for
@@ -25,14 +25,18 @@ from labkit.errors import InputError
 from labkit.io import make_folder, provenance_of, reporter, write_text, write_with_provenance
 from labkit.visuals import plots
 
-ENGINES = ("yade", "fused")
 SMALLEST_VOID_RATIO = 0.3
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab hard-cases`."""
     parser.add_argument("name", nargs="*", help=f"cases to run: {', '.join(SCENES)} (default: all)")
-    parser.add_argument("--engine", choices=(*ENGINES, "both"), default="both", help="engine (default: both)")
+    parser.add_argument(
+        "--engine",
+        choices=(*ENGINES, "all"),
+        default="all",
+        help="engine; mixed is fused in mixed precision (default: all)",
+    )
     parser.add_argument(
         "--grains", type=positive_int, default=GRAINS, help=f"number of grains per specimen (default: {GRAINS})"
     )
@@ -58,7 +62,7 @@ def main(options: argparse.Namespace, command: str) -> int:
     """Runs the cases or rewrites the page; returns 1 if a case is silently wrong, else 0."""
     if options.redraw:
         return redraw(options.output)
-    engines = ENGINES if options.engine == "both" else (options.engine,)
+    engines = tuple(ENGINES) if options.engine == "all" else (options.engine,)
     if "yade" in engines:
         find_yade()
     names, progress = options.name or list(SCENES), reporter("hard cases")

@@ -1,4 +1,4 @@
-"""The figure of six hard cases on both engines."""
+"""The figure of six hard cases on all engines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ from labkit.visuals import plots
 
 Style = dict[str, Any]
 
-STYLES: dict[str, Style] = {"yade": {"color": "tab:blue", "ls": "-"}, "fused": {"color": "tab:orange", "ls": "--"}}
+STYLES: dict[str, Style] = {
+    "yade": {"color": "tab:blue", "ls": "-"},
+    "fused": {"color": "tab:orange", "ls": "--"},
+    "mixed": {"color": "tab:green", "ls": ":"},
+}
 REFERENCE: Style = {"color": "0.6", "ls": "-", "lw": 0.9, "zorder": 0, "label": "fused, half the time step"}
 
 

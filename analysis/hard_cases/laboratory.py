@@ -10,7 +10,7 @@ import xarray as xr
 
 import labkit as lk
 from analysis.hard_cases.checks import Check
-from analysis.hard_cases.scenes import HardScene
+from analysis.hard_cases.scenes import ENGINES, HardScene
 from labkit.dem import Exceeded, Ledger, State, read_state
 from labkit.dem import Path as Loading
 from labkit.errors import InputError, PhysicsError
@@ -19,7 +19,7 @@ Judged = tuple[str, list[Check]]  # a description of what happened in a case, an
 
 
 class Laboratory:
-    """Makes the specimens and runs of a scene on an engine, in a separate folder.
+    """Makes the specimens and runs of a scene on an engine, in a separate folder; `engine`: a key of ENGINES.
 
     shared: folder of the specimens and reference runs, always made with the `fused` engine; extent: fraction of the
     scene's strain to apply, 1 for all of it. `runs`: run files of the case; `exceeded`: limits that they exceeded;
@@ -29,7 +29,8 @@ class Laboratory:
     def __init__(
         self, scene: HardScene, engine: str, grains: int, extent: float, folder: str | Path, shared: str | Path
     ) -> None:
-        self.scene, self.engine, self.grains, self.extent = scene, engine, grains, extent
+        self.scene, self.grains, self.extent = scene, grains, extent
+        self.engine, self.precision = ENGINES[engine]
         self.folder, self.shared = Path(folder), Path(shared)
         for place in (self.folder, self.shared):
             place.mkdir(parents=True, exist_ok=True)
@@ -58,10 +59,16 @@ class Laboratory:
         self, state: State, path: Loading | None = None, name: str = "run", record_strain: float | None = None
     ) -> xr.Dataset:
         """Runs a specimen along the scene's path, or along another; returns the dataset of the run."""
-        file = self.file(name)
-        run = lk.run(state, path or self.loading(), self.engine, file, progress=False, record_strain=record_strain)
+        run = self.started(state, name, path, record_strain)
         self.keep(name, run.exceeded)
         return run.data
+
+    def started(
+        self, state: State, name: str, path: Loading | None = None, record_strain: float | None = None
+    ) -> lk.Run:
+        """Runs a specimen on the engine, in the precision of the case."""
+        computation = {"engine": self.engine, "precision": self.precision, "record_strain": record_strain}
+        return lk.run(state, path or self.loading(), file=self.file(name), progress=False, **computation)
 
     def keep(self, name: str, exceeded: tuple[Exceeded, ...]) -> None:
         """Adds a run file to the case, with the exceeded limits that the run reported."""
@@ -89,8 +96,7 @@ class Laboratory:
 
     def refused_run(self, state: State, name: str, path: Loading | None = None) -> str:
         """The message with which labkit refuses or stops a run; empty if the run completes."""
-        file = self.file(name)
-        error = self.refused(lambda: lk.run(state, path or self.loading(), self.engine, file, progress=False))
+        error = self.refused(lambda: self.started(state, name, path))
         return "" if error is None else str(error)
 
     def names_exceeded(self) -> set[str]:

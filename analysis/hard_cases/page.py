@@ -35,8 +35,9 @@ def _number(value: float | None) -> str:
 
 PAGE = """# Hard cases
 
-Scenarios in which a DEM simulation may go wrong, each run on both engines. None may end in a silently wrong result:
-either the result is correct, or labkit reports what is wrong. Written by
+Scenarios in which a DEM simulation may go wrong, each run on YADE and on `fused`, there in double and in mixed
+precision. None may end in a silently wrong result: either the result is correct, or labkit reports what is wrong.
+Written by
 
     {history}
 
@@ -46,9 +47,9 @@ with about {grains} grains, unless the case itself prescribes the number of grai
   **{clear}**: labkit stopped with an error message that says what to change. **{silent}**: a check fails without any
   message.
 - Every completed run is also checked for its energy balance (5 % of the work), for agreement of the stored stresses
-  with those of the stored contacts and of the contacts found again by the fused kernel (1e-9), for the quantities that
-  the path holds (`labkit verify`), for drift of the centre of mass, and for agreement of C0 with Love's stress where
-  p > 50 kPa.
+  with those of the stored contacts and of the contacts found again by the fused kernel (1e-9, in mixed precision
+  1e-7), for the quantities that the path holds (`labkit verify`), for drift of the centre of mass, and for agreement of
+  C0 with Love's stress where p > 50 kPa.
 - "Half the time step" is a run of the same specimen on the `fused` engine with half the time step. Shearing of grains
   is chaotic: two converged runs differ by some scatter, from which the tolerances are derived. They are given in
   `analysis/hard_cases`.
@@ -107,7 +108,7 @@ def page(outcomes: Sequence[Outcome], grains: int, history: str, drawn: bool) ->
         cases="\n".join(cases),
         numbers=markdown.table(header, numbers),
         guards="\n".join(guards),
-        figure="![Six of the cases on both engines](hard_cases.png)\n" if drawn else "",
+        figure="![Six of the cases on all engines](hard_cases.png)\n" if drawn else "",
     )
 
 

@@ -12,6 +12,11 @@ from typing import Any
 from labkit.dem import Path, make_path
 
 GRAINS = 500
+ENGINES = {  # name in tables -> engine and precision
+    "yade": ("yade", "double"),
+    "fused": ("fused", "double"),
+    "mixed": ("fused", "mixed"),
+}
 CORRECT, CLEAR_ERROR, LIMIT_REPORTED, SILENT_WRONG = "correct", "clear error", "limit reported", "SILENT WRONG"
 
 

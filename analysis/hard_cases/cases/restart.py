@@ -54,6 +54,7 @@ def _command(lab: Laboratory, file: Path) -> list[str]:
         "record-strain": f"{lab.scene.strain * lab.extent / 10:.4g}",
         "save-every": 1,
         "engine": lab.engine,
+        "precision": lab.precision,
         "output": file,
     }
     options = [f"--{name}={value}" for name, value in values.items()]

@@ -22,6 +22,8 @@ GRAINS = 120
 EXTENT = 0.1  # fraction of the strains of the full cases
 ON_YADE = ("isod_to_nothing", "very_loose", "step_over", "fast", "deep_overlaps")
 
+IN_MIXED = ("isod_to_nothing", "step_over", "step_outgrown", "thin_cell")
+
 
 @pytest.fixture(scope="module")
 def examined(tmp_path_factory):
@@ -41,9 +43,11 @@ def test_every_scene_has_a_case_of_its_name():
     assert list(SCENES) == list(CASES)
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_no_hard_case_is_silently_wrong_on_fused(name, examined):
-    outcome, _ = examined(name, "fused")
+@pytest.mark.parametrize(
+    ("name", "precision"), [*((name, "fused") for name in SCENES), *((name, "mixed") for name in IN_MIXED)]
+)
+def test_no_hard_case_is_silently_wrong_on_fused(name, precision, examined):
+    outcome, _ = examined(name, precision)
     assert (outcome.verdict, outcome.failed) == (SCENES[name].verdict, "") and outcome.checks > 1, outcome
     assert outcome.guard or outcome.verdict not in (LIMIT_REPORTED, CLEAR_ERROR)
 
