@@ -1,9 +1,8 @@
-"""Cost of the fused engine: by feature, by specimen size, and relative to the limits of the hardware."""
+"""Cost of the fused engine: by feature, and relative to the limits of the hardware; copies of a specimen."""
 
 from __future__ import annotations
 
 import dataclasses
-import resource
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +20,6 @@ from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH
 from labkit.engines.kernel.steps import Arrays
 
 FIRST = "rolling_resistance law, all features"
-SIZES = (1_000, 14_000, 110_000, 1_000_000)  # approximate numbers of grains, reached by copying the specimen
 FLOPS = {"rolling_resistance": 300, "spring_dashpot": 390}  # per contact with all features, counted in the formulas
 
 
@@ -189,25 +187,3 @@ def _time(work: Callable[[], object]) -> float:
     begin = time.perf_counter()
     work()
     return time.perf_counter() - begin
-
-
-def sizes(state: State, steps: int, progress: Progress, precision: str = "double") -> str:
-    """Tabulate the time per grain and step and the peak memory for about 1,000 to 1,000,000 grains."""
-    lines = [f"{'grains':>8} {'steps/s':>9} {'ns per grain-step':>18} {'ratio':>13} {'peak memory, MB':>16}"]
-    first, engine = None, None
-    for number, grains in enumerate(SIZES):
-        progress(number / len(SIZES), f"{grains} grains")
-        engine = None  # frees the arrays of the previous size
-        ratio = max(1.0, (grains / state.number_of_grains) ** (1 / 3))
-        times = [int(ratio) + (ratio % 1 > share) for share in (0.75, 0.5, 0.25)]
-        many = copies(state, times)
-        engine = FusedEngine(many, precision=precision)
-        count = max(20, round(steps * 10_000 / many.number_of_grains))
-        seconds_per_step(engine, many, count // 5)
-        seconds = min(seconds_per_step(engine, many, count) for _ in range(5))
-        each = 1e9 * seconds / many.number_of_grains
-        first = first or each
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        lines.append(f"{many.number_of_grains:8d} {1 / seconds:9.1f} {each:18.1f} {each / first:13.2f} {memory:16.0f}")
-    progress(1.0, "done")
-    return "\n".join(lines)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from labkit.cli.arguments import fraction, one_of, positive_int
+from labkit.cli.arguments import fraction, positive_int
 from labkit.cli.registry import command
-from labkit.dem.engine import PRECISIONS
 from labkit.io.progress import reporter
 from labkit.io.provenance import write_with_provenance
 
@@ -34,13 +33,7 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strain", type=fraction, default=0.1, metavar="E", help="axial strain of whole commands (default: 0.1)"
     )
-    parser.add_argument(
-        "--precision",
-        type=one_of(PRECISIONS),
-        default="double",
-        help="of the specimens of several sizes (default: double)",
-    )
-    parser.add_argument("--csv", metavar="FILE", help="also write each measurement of whole commands to a CSV file")
+    parser.add_argument("--csv", metavar="FILE", help="also write the table of `commands` or `sizes` as CSV")
 
 
 @command("bench", bench_options)
@@ -75,12 +68,17 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
 
         print(laws(state, options.steps, options.rounds, progress))
         return
-    from labkit.bench import kernel
+    if options.what == "sizes":
+        from labkit.bench.sizes import sizes
 
-    if options.what == "features":
-        print(kernel.features(state, options.steps, options.rounds, progress))
-    else:
-        print(kernel.sizes(state, options.steps, progress, options.precision))
+        found = sizes(state, options.steps, progress)
+        print(found.to_string(index=False, float_format="%.1f"))
+        if options.csv:
+            write_with_provenance(options.csv, found.to_csv(index=False, float_format="%.4g"), [options.specimen])
+        return
+    from labkit.bench.kernel import features
+
+    print(features(state, options.steps, options.rounds, progress))
 
 
 def statistics_options(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,9 @@ import pytest
 
 from labkit.bench import kernel
 from labkit.bench.lammps import write_input
+from labkit.bench.sizes import sizes
 from labkit.cli import main
+from labkit.dem.engine import silent
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.dem.time_step import critical_time_step
@@ -35,13 +37,11 @@ def test_every_feature_is_measured_and_compared_with_the_limits_of_the_computer(
         assert label in text
 
 
-def test_sizes(specimen_file, monkeypatch, capsys):
-    monkeypatch.setattr(kernel, "SIZES", (500, 2000))
-    assert main(["bench", str(specimen_file), "--what", "sizes", "--steps", "2"]) == 0
-    grains = read_state(specimen_file).number_of_grains
-    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.split()[:1] != ["bench:"]]
-    assert [int(row[0]) for row in lines[1:]] == [grains, 4 * grains]
-    assert all(float(value) > 0.0 for row in lines[1:] for value in row)
+def test_sizes(specimen_file):
+    state = read_state(specimen_file)
+    table = sizes(state, 2, silent, grains=(500, 2000))
+    assert table["grains"].tolist() == [state.number_of_grains, 4 * state.number_of_grains]
+    assert (table[["double", "mixed", "memory"]] > 0.0).all(axis=None)
 
 
 def test_copies_are_the_same_grains_in_a_larger_cell(specimen_file):
