@@ -19,7 +19,7 @@ from labkit.engines.fused import FusedEngine
 
 SIZES = (1_000, 14_000, 110_000, 1_000_000)  # approximate numbers of grains, reached by copying the specimen
 TUNING = lammps.Tuning(0.1, "on", 200)  # of LAMMPS: the fastest with 14,331 grains, see results/bench
-ROUNDS = 5
+ROUNDS = 3
 
 
 def sizes(state: State, steps: int, progress: Progress, grains: Sequence[int] = SIZES) -> pandas.DataFrame:
