@@ -45,6 +45,7 @@ _NAMES = {
         "vectors_of_contacts",
         "vectors_of_sides",
     ),
+    "planes": ("plane_normal", "plane_tractions"),
     "size_groups": ("GroupStresses", "diameter_edges", "group_stresses", "groups_by_diameter"),
     "snapshot": ("Law", "Material", "Snapshot", "contact_arms", "contacts_per_grain"),
     "stress": (

@@ -20,6 +20,7 @@ FIGURES: Registry = Registry(
         "groups": "labkit.visuals.micro_figures:groups",
         "densities": "labkit.visuals.micro_figures:densities",
         "directions": "labkit.visuals.direction_figure:directions",
+        "planes": "labkit.visuals.plane_figure:planes",
         "shares": "labkit.visuals.sff_figures:shares",
         "family": "labkit.visuals.sff_figures:family",
         "budget": "labkit.visuals.sff_figures:budget",

@@ -1,0 +1,41 @@
+"""Tractions on plane cuts through a specimen, whose mean over all parallel planes is Love's stress (section 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.snapshot import Snapshot
+
+
+def plane_normal(snapshot: Snapshot, axis: int) -> np.ndarray:
+    """Unit normal (3,) of the two faces of the cell that the cell vector `axis` joins."""
+    row = np.linalg.inv(snapshot.cell)[axis]
+    return row / np.linalg.norm(row)
+
+
+def plane_tractions(snapshot: Snapshot, axis: int, planes: int) -> np.ndarray:
+    """Tractions on planes parallel to a face of the cell, at equal distances, shape (planes, 3), Pa.
+
+    The traction on a plane is the sum of the forces of all contacts whose branch crosses it, acting from the side of
+    the normal n, over its area; the force of a contact counts once for each crossing. Its mean over all planes is
+    n . sigma, with Love's stress (first index: branch), because a branch b crosses a fraction n . b/h of the planes of
+    a cell of height h. axis: 0, 1 or 2, the cell vector that the planes cut. Raises InputError for other values, and if
+    `planes` is not positive.
+    """
+    if axis not in (0, 1, 2):
+        raise InputError("is not a cell vector", field="axis", value=axis, allowed="0, 1 or 2")
+    if planes < 1:
+        raise InputError("is not a number of planes", field="planes", value=planes, allowed="1 or more")
+    row = np.linalg.inv(snapshot.cell)[axis]
+    ends = np.sort(snapshot.contact_ends() @ row, axis=1)  # in heights of the cell
+    force = -snapshot.contacts.force_on_first()
+    across = snapshot.contacts.normal @ row > 0.0
+    force = np.where(across[:, None], force, -force)
+    lowest = np.ceil(ends[:, 0] * planes - 0.5).astype(int)  # plane k lies at the height (k + 1/2)/planes
+    crossed = np.floor(ends[:, 1] * planes - 0.5).astype(int) - lowest + 1
+    contact = np.repeat(np.arange(len(force)), crossed)
+    first = np.cumsum(crossed) - crossed
+    plane = np.mod(lowest[contact] + np.arange(len(contact)) - first[contact], planes)
+    sums = np.stack([np.bincount(plane, force[contact, k], planes) for k in range(3)], axis=1)
+    return sums / (snapshot.volume * np.linalg.norm(row))
