@@ -57,7 +57,7 @@ def do_umat(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.model.state import require_density
     from labkit.umat.export import write
     from labkit.umat.library import build
-    from labkit.umat.properties import Start, properties
+    from labkit.umat.props import Start, properties
 
     point = Point(**given(options, Point))
     model = read_model(options.parameters).reading(beyond_e_cmax=options.beyond_e_cmax)

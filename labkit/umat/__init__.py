@@ -1,6 +1,6 @@
 """The constitutive model as a material law that finite-element programs load: UMAT (Fortran) and MGIS (C).
 
-    properties   the table of PROPS of a model
+    props        the table of PROPS of a model
     library      builds the sources, and calls the compiled law from Python
     export       what `labkit umat` writes
 
@@ -10,9 +10,9 @@ The sources are `labkit_umat.f90` and `labkit_mgis.c`; docs/umat.md explains the
 from labkit.lazy import attach
 
 _NAMES = {
-    "properties": "properties",
-    "Start": "properties",
-    "STATE_NAMES": "properties",
+    "properties": "props",
+    "Start": "props",
+    "STATE_NAMES": "props",
     "Library": "library",
     "build": "library",
     "copy_sources": "library",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from labkit.umat.library import copy_sources
-from labkit.umat.properties import STATE_NAMES
+from labkit.umat.props import STATE_NAMES
 
 TABLE, INCLUDE = "props.csv", "labkit_material.inp"
 

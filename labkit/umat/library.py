@@ -13,7 +13,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
-from labkit.umat.properties import TOLERANCE, Start, properties
+from labkit.umat.props import TOLERANCE, Start, properties
 
 FOLDER = Path(__file__).parent
 FORTRAN, C = FOLDER / "labkit_umat.f90", FOLDER / "labkit_mgis.c"

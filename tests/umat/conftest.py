@@ -6,7 +6,7 @@ from labkit.model.parameters import Model
 from labkit.umat import library
 from labkit.umat.export import write
 from labkit.umat.library import Library
-from labkit.umat.properties import Start, properties
+from labkit.umat.props import Start, properties
 
 
 @pytest.fixture(scope="session")

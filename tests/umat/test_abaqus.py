@@ -8,7 +8,7 @@ import pytest
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.material_point import update
 from labkit.model.state import ModelState, isotropic_state
-from labkit.umat.properties import Start, properties
+from labkit.umat.props import Start, properties
 from tests.model.random_states import random_state, rotation, symmetric
 
 INDEX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # 11, 22, 33, 12, 13, 23

@@ -7,26 +7,9 @@ finds on that path.
 import numpy as np
 import pytest
 
-from labkit.model.controls import model_path
-from labkit.model.driver import drive
-from labkit.model.integrators import Adaptive
-from labkit.model.state import isotropic_state
-from labkit.umat.properties import properties
+from labkit.umat.props import properties
+from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.test_abaqus import components, engineering, statev_of
-
-PRESSURE, STRAIN = 0.5e6, 0.01
-PATHS = {
-    "cv": {"strain": STRAIN},
-    "cr": {"strain": STRAIN},
-    "cp": {"strain": STRAIN},
-    "c1": {"strain": STRAIN},
-    "isoc": {"stop_pressure": 0.6e6},
-    "isod": {"stop_pressure": 0.3e6},
-    "plane_strain": {"strain": STRAIN},
-    "oedometer": {"strain": 0.005},
-    "true_triaxial": {"strain": STRAIN},
-    "simple_shear": {},
-}
 
 
 @pytest.fixture(scope="module")
@@ -82,12 +65,9 @@ class Point:
 
 @pytest.mark.parametrize("name", PATHS)
 def test_a_path_in_kratos(model, kratos, shared_library, name):
-    state, options = isotropic_state(model, 0.67, PRESSURE), dict(PATHS[name])
-    path = model_path(name, PRESSURE, options.pop("stop_pressure", None), **options)
-    expected = drive(model, path, state, 2e-5, Adaptive(1e-11)).require()
-    assert len(expected) > 20
-    props = properties(model, tolerance=1e-8).values()
+    expected = curve(name)
+    props = properties(model, tolerance=TOLERANCE).values()
+    state = expected.state
     point = Point(kratos, shared_library, props, statev_of(state), components(-state.stress(model)))
     found = np.array([point.to(engineering(strain)) for strain in expected.strain[1:]])
-    stresses = np.array([components(-stress) for stress in expected.stress[1:]])
-    np.testing.assert_allclose(found / PRESSURE, stresses / PRESSURE, rtol=0, atol=1e-6)
+    assert_same_curve(found, np.array([components(-stress) for stress in expected.stress[1:]]))

@@ -13,7 +13,7 @@ from labkit.model.material_point import update
 from labkit.model.parameters import READINGS
 from labkit.model.state import isotropic_state
 from labkit.model.tensors import deviator, load, symmetric_product
-from labkit.umat.properties import Start, properties
+from labkit.umat.props import Start, properties
 from tests.umat.points import deviators, random_increments, random_states
 
 POINTS = int(os.environ.get("LABKIT_UMAT_POINTS", 3000))  # 100000 for the full check

@@ -5,9 +5,11 @@ import ctypes
 import numpy as np
 import pytest
 
+from labkit.micro.tensors import to_six
 from labkit.model.material_point import update
 from labkit.model.state import isotropic_state
-from labkit.umat.properties import Start, properties
+from labkit.umat.props import Start, properties
+from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.points import random_increments, random_states
 
 ORDER = [0, 1, 2, 5, 4, 3]  # of TFEL's xx, yy, zz, sqrt2 xy, sqrt2 xz, sqrt2 yz in Mandel's order of labkit
@@ -100,8 +102,27 @@ def test_mgis_loads_the_behaviour(model, shared_library):
             mgis.setMaterialProperty(side, name, value)
     points.s0.internal_state_variables[:] = [tfel(y) for y in states]
     points.s1.gradients[:] = -increments[:, ORDER]
-    assert mgis.integrate(points, mgis.IntegrationType.INTEGRATION_WITH_CONSISTENT_TANGENT_OPERATOR, 0.0, 0, 50) == 1
+    assert mgis.integrate(points, mgis.IntegrationType.INTEGRATION_CONSISTENT_TANGENT_OPERATOR, 0.0, 0, 50) == 1
     expected = update(model, states, increments).require()
     size = np.abs(expected.stress).max()
     np.testing.assert_allclose(points.s1.thermodynamic_forces, -expected.stress[:, ORDER], atol=1e-9 * size)
     np.testing.assert_allclose(points.s1.internal_state_variables, [tfel(y) for y in expected.state], atol=1e-11)
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_a_path_in_mgis(model, shared_library, name):
+    mgis = pytest.importorskip("mgis.behaviour", reason="MGIS's Python bindings are not installed")
+    expected = curve(name)
+    law = mgis.load(str(shared_library), "labkit", mgis.Hypothesis.TRIDIMENSIONAL)
+    point = mgis.MaterialDataManager(law, 1)
+    for field, value in properties(model, tolerance=TOLERANCE).items():
+        for side in (point.s0, point.s1):
+            mgis.setMaterialProperty(side, field, value)
+    point.s0.internal_state_variables[:] = tfel(expected.state.vector())
+    found = []
+    for strain in to_six(expected.strain)[1:]:
+        point.s1.gradients[:] = -strain[ORDER]
+        assert mgis.integrate(point, mgis.IntegrationType.INTEGRATION_NO_TANGENT_OPERATOR, 1.0, 0, 1) == 1
+        found.append(np.ravel(point.s1.thermodynamic_forces).copy())
+        mgis.update(point)
+    assert_same_curve(np.array(found), -to_six(expected.stress)[1:, ORDER])

@@ -7,7 +7,7 @@ import pytest
 from labkit.cli import main
 from labkit.model.parameters import Model
 from labkit.umat.library import missing_compilers
-from labkit.umat.properties import Start, properties
+from labkit.umat.props import Start, properties
 
 
 def test_files_of_a_calibrated_model(tmp_path):
