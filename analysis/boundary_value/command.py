@@ -1,12 +1,15 @@
-"""`./lab boundary-value`: solves the biaxial test on three meshes and writes results/boundary_value."""
+"""`./lab boundary-value`: solves the biaxial test on three meshes in each program and writes results/boundary_value."""
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+from analysis.boundary_value.problem import Biaxial
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
@@ -15,9 +18,17 @@ from labkit.model import Model, update
 from labkit.umat import Library, build, copy_sources, missing_compilers
 from labkit.visuals import plots
 
+PROGRAMS = {"scikit-fem": ("skfem", "fem"), "kratos": ("KratosMultiphysics", "kratos")}  # module, extra of labkit
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab boundary-value`."""
+    parser.add_argument(
+        "--program",
+        choices=PROGRAMS,
+        nargs="+",
+        help="finite-element programs (default: those of scikit-fem and Kratos that are installed)",
+    )
     parser.add_argument(
         "--columns",
         type=positive_int,
@@ -27,7 +38,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--strain", type=float, default=0.01, help="axial strain (default: 0.01)")
     parser.add_argument("--increments", type=positive_int, default=20, help="number of increments (default: 20)")
-    parser.add_argument("--python", action="store_true", help="use labkit.model.update instead of the compiled law")
+    parser.add_argument(
+        "--python", action="store_true", help="use labkit.model.update instead of the compiled law, in scikit-fem"
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -37,36 +50,62 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Solves the problem on every mesh and writes the table, figure and page; returns 1 if a mesh was not completed."""
-    if importlib.util.find_spec("skfem") is None:
-        raise InputError("scikit-fem is not installed: pip install 'labkit[fem]'")
+    """Solves the problem on every mesh and writes the table, figure and page; returns 1 if a mesh was not completed.
+
+    Raises InputError if a program or the compilers it needs are not installed.
+    """
+    programs = _programs(options.program, options.python)
     if not 0.0 < options.strain < 0.2:
         raise InputError(field="strain", value=options.strain, allowed="an axial strain from 0 to 0.2")
-    from analysis.boundary_value.biaxial import Biaxial
-    from analysis.boundary_value.report import figure, page, table
+    from analysis.boundary_value.report import Solution, figure, page, table
 
     folder = Path(make_folder(options.output, "--output"))
-    model = Model()
+    solutions = []
     with tempfile.TemporaryDirectory() as scratch:
-        law, name = _law(options.python, Path(scratch), model)
-        problems, histories = {}, {}
-        for columns in sorted(set(options.columns)):
-            problem = Biaxial(columns, law, model)
-            histories[columns] = problem.run(options.strain, options.increments, reporter(f"{columns} columns"))
-            problems[columns] = problem
-    finest = max(problems)
-    rows = table(problems, histories)
-    plots.save(figure(problems[finest], options.strain, histories), folder / "biaxial.png")
-    write_with_provenance(folder / "biaxial.csv", rows.to_csv(index=False, float_format="%.6g"), command=command)
-    text = page(rows, histories[finest], name, options.strain, command)
-    write_with_provenance(folder / "README.md", text, command=command)
+        for program in programs:
+            make = _problem(program, options.python, Path(scratch))
+            for columns in sorted(set(options.columns)):
+                problem = make(columns)
+                report = reporter(f"{problem.program}, {problem.elements} elements")
+                solutions.append(Solution(problem, problem.run(options.strain, options.increments, report)))
+        rows = table(solutions)
+        plots.save(figure(solutions, options.strain), folder / "biaxial.png")
+        write_with_provenance(folder / "biaxial.csv", rows.to_csv(index=False, float_format="%.7g"), command=command)
+        law = "law in Python" if options.python else "compiled law"
+        text = page(rows, solutions, law, options.strain, command)
+        write_with_provenance(folder / "README.md", text, command=command)
     print(rows.to_string(index=False))
-    return int(any(history.strain[-1] < options.strain * (1 - 1e-9) for history in histories.values()))
+    return int(any(solution.history.strain[-1] < options.strain * (1 - 1e-9) for solution in solutions))
 
 
-def _law(python, scratch, model):
-    """(law, its description): Python's update, or the compiled law where compilers are installed."""
-    if python or missing_compilers():
-        return (lambda state, increment: update(model, state, increment)), "law in Python"
+def _programs(given: list[str] | None, python: bool) -> list[str]:
+    """The programs to be used; raises InputError if one, or the compilers, are missing."""
+    if python and given is not None and given != ["scikit-fem"]:
+        raise InputError("calls the law in Python, which only scikit-fem can do", field="--python")
+    missing = [name for name, (module, _) in PROGRAMS.items() if importlib.util.find_spec(module) is None]
+    chosen = given or [name for name in PROGRAMS if name not in missing and not (python and name == "kratos")]
+    for name in chosen or PROGRAMS:
+        if name in missing:
+            raise InputError(f"{name} is not installed: pip install 'labkit[{PROGRAMS[name][1]}]'")
+    if not python and missing_compilers():
+        missing_here = " and ".join(missing_compilers())
+        raise InputError(f"{missing_here} not found: install with apt-get install gfortran gcc, or give --python")
+    return chosen
+
+
+def _problem(program: str, python: bool, scratch: Path) -> Callable[[int], Biaxial]:
+    """A function that makes the problem with a number of columns."""
+    model = Model()
+    if python:
+        from analysis.boundary_value.scikit_fem import ScikitFem
+
+        return partial(ScikitFem, law=lambda state, increment: update(model, state, increment), model=model)
     copy_sources(scratch)
-    return Library(build(scratch), model).update, "compiled law"
+    library = build(scratch)
+    if program == "kratos":
+        from analysis.boundary_value.kratos import InKratos
+
+        return partial(InKratos, library=library, model=model)
+    from analysis.boundary_value.scikit_fem import ScikitFem
+
+    return partial(ScikitFem, law=Library(library, model).update, model=model)

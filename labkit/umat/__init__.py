@@ -13,6 +13,7 @@ _NAMES = {
     "properties": "props",
     "Start": "props",
     "STATE_NAMES": "props",
+    "TOLERANCE": "props",
     "Library": "library",
     "build": "library",
     "copy_sources": "library",
