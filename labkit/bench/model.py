@@ -1,4 +1,4 @@
-"""Speed and error of the model's integrators, and speed of its finite-element interface, on one core."""
+"""Speed and error of the model's integrators on one core."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path as File
 
 import numpy as np
 
+from labkit.bench.points import measure, text_of
 from labkit.dem.paths import Path
 from labkit.errors import PhysicsError
 from labkit.io.files import write_text
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Integrator, Scipy
-from labkit.model.material_point import states, update
 from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.visuals import plots
@@ -26,7 +26,6 @@ TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-8, 1e-10)
 SCIPY = ("RK45", "DOP853", "LSODA", "Radau")
 REPEATS = 3
 BUDGET = 1.0  # s: a slower run is not repeated, and no finer setting is tried
-POINTS = 20_000
 
 Point = tuple[float, float, float | None]  # setting, seconds, error or None if the integrator failed
 
@@ -45,7 +44,7 @@ def measure_all(folder: File) -> str:
     """Write model_speed.txt and model_speed.png into the folder; return the text."""
     model = Model()
     results = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
-    text = table(results) + "\n\n" + one_path(model) + "\n\n" + material_points(model) + "\n"
+    text = table(results) + "\n\n" + one_path(model) + "\n\n" + text_of(measure(model)) + "\n"
     write_text(folder / "model_speed.txt", text)
     plots.save(plots.work_precision(results), folder / "model_speed.png")
     return text
@@ -127,28 +126,3 @@ def one_path(model: Model) -> str:
         f"one CV path to 60 %, {len(result)} records, default tolerance: {np.median(times) * 1e3:.2f} ms, "
         f"stress error {_error(result.stress, exact):.1e}"
     )
-
-
-def material_points(model: Model) -> str:
-    """Measure the updates per second of the finite-element interface, with and without the tangent."""
-    path = model_path("cv", 0.5e6, strain=0.05)
-    y = states(drive(model, path, isotropic_state(model, 0.67, 0.5e6)).state(), POINTS)
-    rng = np.random.default_rng(0)
-    lines = [f"updates of {POINTS} material points at once, tolerance 1e-4, in millions per second:"]
-    for size in (1e-5, 3e-5, 1e-4, 1e-3):
-        d = rng.normal(size=(POINTS, 6))
-        d *= size / np.linalg.norm(d, axis=1)[:, None]
-        rates = []
-        for tangent in (False, True):
-            times = []
-            for _ in range(5):
-                begin = time.thread_time()
-                result = update(model, y, d, tangent).require()
-                times.append(time.thread_time() - begin)
-            rates.append(POINTS / min(times) / 1e6)
-        substeps = result.substeps.mean()
-        lines.append(
-            f"  |strain increment| {size:g}: {rates[0]:.2f} for state and stress, {rates[1]:.2f} with the "
-            f"consistent tangent; {substeps:.2f} substeps on average"
-        )
-    return "\n".join(lines)

@@ -12,6 +12,7 @@ export        export
 model         model, calibrate, model-speed
 probe         probe
 bench         bench, bench-statistics
+umat          umat, umat-speed
 campaign      campaign; job: one job of a campaign
 demo          demo
 """

@@ -140,6 +140,11 @@ DESCRIPTIONS = {
         "of PROPS, and with --build the shared library.",
         "labkit umat -o law --build",
     ),
+    "umat-speed": (
+        "Compiles the material law and measures its updates per second on one core, with and without the consistent "
+        "tangent, beside those of the law in Python.",
+        "labkit umat-speed -o umat_speed.txt",
+    ),
     "demo": (
         "Makes a specimen of 4,000 grains, runs a CV test on the fused engine and compares C0 with Love's stress, in "
         "half a minute; then runs the same test in YADE, in a few minutes, and compares the engines. Writes a state "

@@ -32,6 +32,7 @@ LABKITS = {
     "calibrate": ("model", "fit the parameters of the model to runs"),
     "model-speed": ("model", "measure time and error of the model's integrators"),
     "umat": ("umat", "write the model as a material law for finite-element programs (UMAT, MGIS)"),
+    "umat-speed": ("umat", "measure the speed of the compiled material law"),
     "campaign": ("campaign", "carry out many runs defined in one file"),
     "bench": ("bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
     "bench-statistics": ("bench", "measure the speed and memory of the statistics of a run"),

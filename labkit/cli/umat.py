@@ -1,4 +1,4 @@
-"""`labkit umat`: the constitutive model as a material law for finite-element programs."""
+"""`labkit umat` and `umat-speed`: the constitutive model as a material law for finite-element programs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from labkit.cli.arguments import add_parameters, given
 from labkit.cli.model import BEYOND
 from labkit.cli.registry import command
 from labkit.errors import InputError
+from labkit.io.files import require_writable
+from labkit.io.provenance import write_with_provenance
 from labkit.parameters import UNITS, check_parameters, parameter
 
 
@@ -75,3 +77,22 @@ def do_umat(options: argparse.Namespace, argv: list[str]) -> None:
         files.append(build(folder))
     for file in files:
         print(f"written: {file}")
+
+
+def speed_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `labkit umat-speed`."""
+    parser.add_argument("-o", "--output", metavar="FILE", help="also write the table to this text file")
+
+
+@command("umat-speed", speed_options)
+def do_umat_speed(options: argparse.Namespace, argv: list[str]) -> None:
+    """Measures the updates per second of the law in Python and of the compiled law, and prints the table."""
+    from labkit.bench.points import measure, text_of
+    from labkit.model.parameters import Model
+
+    if options.output:
+        require_writable(options.output)
+    text = text_of(measure(Model()))
+    print(text)
+    if options.output:
+        write_with_provenance(options.output, text + "\n")

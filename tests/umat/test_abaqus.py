@@ -118,6 +118,18 @@ def test_an_increment_that_fails_is_cut_and_leaves_stress_and_state(model, umat)
     assert -before[0] > -stress[0] > 0.0
 
 
+def test_dilation_beyond_e_cmax_is_cut_or_continues_with_flat_lines(model, umat):
+    state = ModelState(0.7599, 4.1, 1e-4)
+    dilation = engineering(np.diag([-2e-4, -2e-4, 1e-4]))  # to e = 0.7604, beyond e_cmax = 0.76
+    _, statev, tangent, pnewdt = umat(statev_of(state), dilation)
+    assert pnewdt == 0.25 and np.isfinite(tangent).all()
+    np.testing.assert_array_equal(statev, statev_of(state))
+    flat = np.array(list(properties(model.reading(beyond_e_cmax="flat")).values()))
+    stress, statev, tangent, pnewdt = umat(statev_of(state), dilation, props=flat)
+    assert pnewdt == 1.0 and statev[0] == pytest.approx(0.7599 + 1.7599 * 3e-4, rel=1e-6)
+    assert np.isfinite(stress).all() and np.isfinite(tangent).all() and stress[2] < 0.0
+
+
 def test_points_start_from_the_stress_or_from_props(model, umat):
     """SDVINI leaves zeros: the first call makes the state."""
     props = np.array(list(properties(model, Start(0.67, 0.2e6)).values()))

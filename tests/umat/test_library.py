@@ -9,6 +9,8 @@ import pytest
 from labkit.errors import InputError
 from labkit.model import equations as eq
 from labkit.model import rates
+from labkit.model.controls import model_path
+from labkit.model.driver import drive
 from labkit.model.material_point import update
 from labkit.model.parameters import READINGS
 from labkit.model.state import isotropic_state
@@ -179,6 +181,25 @@ def test_an_increment_after_a_reversal_equals_its_halves(model, load):
     assert fine.mean() > 0.9
     size = np.abs(whole.stress[fine]).max(axis=1, keepdims=True)
     np.testing.assert_allclose(half.stress[fine] / size, whole.stress[fine] / size, atol=1e-4)
+
+
+def test_an_increment_of_one_percent_in_which_the_stress_reverses_equals_its_hundredths(model, load):
+    """Constant volume, against the direction of A, F and F^t, from loaded states: q changes sign in the increment."""
+    law = load(model, tolerance=1e-7)
+    sheared = drive(model, model_path("cv", 0.5e6, strain=0.02), isotropic_state(model, 0.67, 0.5e6), 1e-3).require()
+    states = sheared.vector[5:12, :21]
+    back = np.tile(np.array([0.5, 0.5, -1.0, 0.0, 0.0, 0.0]) * 1e-2 / np.sqrt(1.5), (len(states), 1))
+    before, whole = law.update(states, 0.0 * back), law.update(states, back)
+    parts = before
+    for _ in range(100):
+        parts = law.update(parts.state, 0.01 * back)
+        assert not parts.status.any()
+    assert not whole.status.any()
+    q_before, q_after = (found.stress[:, 2] - found.stress[:, 0] for found in (before, whole))
+    assert (q_before > 1e5).all() and (q_after < -1e5).all()
+    size = np.abs(parts.stress).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(whole.stress / size, parts.stress / size, atol=1e-5)
+    np.testing.assert_allclose(whole.state, parts.state, rtol=1e-5, atol=1e-6)
 
 
 def test_initial_states(model, load):
