@@ -104,7 +104,7 @@ def test_increments_agree_with_python(model, load, readings):
 @pytest.mark.parametrize("size", [1e-5, 1e-4, 1e-3])
 def test_tangent_is_the_derivative_of_the_stress(model, load, size):
     """Where the increment is one substep; central differences of fourth order."""
-    law, rng, n = load(model, tolerance=1.0), np.random.default_rng(3), 500
+    law, rng, n = load(model, tolerance=1.0), np.random.default_rng(3), POINTS
     states, increments = random_states(rng, n), random_increments(rng, n, size)
     found, h = law.update(states, increments), 3e-4 * size
     single = (found.substeps == 1) & (np.abs(increments[:, :3].sum(axis=1)) > 10 * h)
