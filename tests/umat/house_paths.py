@@ -30,7 +30,7 @@ PATHS = {  # name -> (strain between records, parameters)
     "oedometer": (5e-5, {"strain": 0.005}),
     "simple_shear": (1e-4, {"strain": 0.1}),
     "simple_shear_cv": (1e-4, {"strain": 0.1}),
-    "stress_rotation": (1e-4, {"strain": 0.04, "rotation": 20.0}),
+    "stress_rotation": (1e-4, {"strain": 0.02, "rotation": 10.0}),
     "proportional": (1e-4, {"strain": 0.02, "ratios": (-0.2, -0.4, 1.0)}),
     "isotropic_reloading": (1e-4, {}),
     "oedometer_reloading": (1e-4, {}),
