@@ -14,7 +14,7 @@ import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.intervals import student, welch
+from analysis.statistics import student, welch
 
 RESULTS = Path(__file__).resolve().parents[2] / "results" / "laws"
 WINDOW = 0.2  # axial strain from which values are averaged, to the end

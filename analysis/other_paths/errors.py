@@ -9,7 +9,7 @@ import pandas
 import xarray as xr
 from scipy import stats
 
-from analysis import intervals
+from analysis.statistics import t_interval
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.sff import PARTS
 
@@ -125,7 +125,7 @@ def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
             row["difference"] = float(difference.mean()) if n else np.nan
             if n > 1:
                 result = stats.ttest_rel(pair[test], pair[REFERENCE])
-                row |= {"within": intervals.of_test(result), "p_value": float(result.pvalue)}
+                row |= {"within": t_interval(result), "p_value": float(result.pvalue)}
             rows.append(row)
     frame = pandas.DataFrame(rows, columns=["test", "quantity", "specimens", "difference", "within", "p_value"])
     tested = frame["p_value"].notna()

@@ -10,7 +10,7 @@ import xarray as xr
 from scipy import optimize, stats
 
 import labkit as lk
-from analysis import intervals
+from analysis.statistics import t_interval
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.model import Model, drive, isotropic_state
 
@@ -62,7 +62,7 @@ def mean_table(ends: pandas.DataFrame) -> pandas.DataFrame:
             "slope": group["slope"].mean(),
         }
         if n > 1:
-            row["within"] = intervals.of_test(stats.ttest_1samp(group["M"], 0.0))
+            row["within"] = t_interval(stats.ttest_1samp(group["M"], 0.0))
             row["p_slope"] = float(stats.ttest_1samp(group["slope"], 0.0).pvalue)
         rows.append(row)
     return pandas.DataFrame(rows, columns=["test", "specimens", "b", "M", "within", "slope", "p_slope"])
@@ -72,7 +72,7 @@ def strength_ratio(ends: pandas.DataFrame) -> dict[str, float]:
     """M_e/M_c over the specimens tested in both extension and compression: ratio, within (95 %), specimens."""
     table = ends.pivot_table(index="specimen", columns="test", values="M")[["extension", "compression"]].dropna()
     ratio = table["extension"] / table["compression"]
-    within = intervals.of_test(stats.ttest_1samp(ratio, 1.0)) if len(ratio) > 1 else math.nan
+    within = t_interval(stats.ttest_1samp(ratio, 1.0)) if len(ratio) > 1 else math.nan
     return {"ratio": float(ratio.mean()), "within": within, "specimens": len(ratio)}
 
 

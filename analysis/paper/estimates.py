@@ -6,7 +6,6 @@ its averaging window replace the tests; that interval does not include the scatt
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -14,26 +13,9 @@ import numpy as np
 import pandas
 from scipy import stats
 
-from analysis import intervals
+from analysis.statistics import NOTHING, Estimate, student, welch
 
 BLOCKS = 5  # of the averaging window of a single test
-
-
-@dataclasses.dataclass(frozen=True)
-class Estimate:
-    """A number, the half-width of its 95 % interval (NaN: unknown) and the number of tests behind it."""
-
-    value: float
-    within: float
-    n: int
-
-    @property
-    def matters(self) -> bool:
-        """True if the interval excludes zero."""
-        return bool(abs(self.value) > self.within)
-
-
-NOTHING = Estimate(math.nan, math.nan, 0)
 
 
 def jackknife(statistic: Callable[[np.ndarray], float], n: int, parameters: int = 1) -> Estimate:
@@ -45,7 +27,7 @@ def jackknife(statistic: Callable[[np.ndarray], float], n: int, parameters: int 
     if n == 0:
         return NOTHING
     error = float(stats.sem(_deviations(statistic, n))) if n > 1 else math.nan
-    return Estimate(float(statistic(np.arange(n))), intervals.student(error, n - parameters), n)
+    return Estimate(float(statistic(np.arange(n))), student(error, n - parameters), n)
 
 
 def two_samples(
@@ -62,7 +44,7 @@ def two_samples(
     def sample(table: pandas.DataFrame) -> np.ndarray:
         return _deviations(lambda rows: statistic(table.iloc[rows]), len(table))
 
-    within = intervals.welch(sample(second), sample(first))
+    within = welch(sample(second), sample(first))
     return Estimate(float(statistic(second) - statistic(first)), within, sum(n))
 
 

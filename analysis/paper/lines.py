@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
 import labkit as lk
-from analysis import intervals
 from analysis.paper.estimates import jackknife
+from analysis.statistics import student
 from labkit.micro import mean_stress
 from labkit.model import ROOT_3_2, Parameters, critical_coordination_number, critical_force, density_distance
 from labkit.runs import SHEAR
@@ -218,4 +218,4 @@ def _offset(slopes: np.ndarray, own: np.ndarray, residual: np.ndarray) -> tuple[
     inverse = np.linalg.pinv((columns / size).T @ (columns / size))
     offset = np.linalg.lstsq(columns, residual, rcond=None)[0][-1]
     error = math.sqrt(squares / freedom * inverse[-1, -1]) / size[-1]
-    return float(offset), intervals.student(error, freedom)
+    return float(offset), student(error, freedom)

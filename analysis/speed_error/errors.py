@@ -7,10 +7,10 @@ import pandas
 import xarray as xr
 from scipy import stats
 
-from analysis import intervals
 from analysis.speed_error.design import BASELINE, PRESET
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import cost
+from analysis.statistics import t_interval, welch
 
 
 def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
@@ -100,7 +100,7 @@ def _welch(a: np.ndarray, b: np.ndarray) -> float:
     """Half-width of the interval of mean(a) - mean(b), with unequal variances; NaN if it cannot be determined."""
     if min(a.size, b.size) < 2 or (np.ptp(a) == 0.0 and np.ptp(b) == 0.0):
         return np.nan
-    return intervals.welch(a, b)
+    return welch(a, b)
 
 
 def _pairs(case: xr.Dataset, other: xr.Dataset, name: str) -> np.ndarray:
@@ -117,7 +117,7 @@ def same_specimens(case: xr.Dataset, other: xr.Dataset) -> np.ndarray:
 def _mean_of(differences: np.ndarray) -> tuple[float, float]:
     if differences.size < 2 or np.ptp(differences) == 0.0:
         return differences.mean() if differences.size else np.nan, np.nan
-    return differences.mean(), intervals.of_test(stats.ttest_1samp(differences, 0.0))
+    return differences.mean(), t_interval(stats.ttest_1samp(differences, 0.0))
 
 
 def front(costs: np.ndarray, errors_: np.ndarray) -> list[int]:

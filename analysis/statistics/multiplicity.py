@@ -1,0 +1,51 @@
+"""Corrections for the number of comparisons, and verdicts that distinguish agreement from a lack of resolution."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from statsmodels.stats.multitest import multipletests
+
+SIGNIFICANT = 0.05  # error rate of a family of comparisons
+
+Method = Literal["holm", "fdr_bh"]
+
+
+def adjusted(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:
+    """p-values (n,) corrected for their number; NaN stays NaN and is not counted.
+
+    `holm`: Holm (1979), controls the probability of a single false finding. `fdr_bh`: Benjamini & Hochberg (1995),
+    controls the share of false ones among all findings.
+    """
+    p = np.asarray(p_values, dtype=float)
+    tested = np.isfinite(p)
+    corrected = np.full(p.shape, np.nan)
+    if tested.any():
+        corrected[tested] = multipletests(p[tested], alpha=SIGNIFICANT, method=method)[1]
+    return corrected
+
+
+def resolved(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:
+    """True where the corrected p-value is at most SIGNIFICANT (n,); False for NaN."""
+    return np.nan_to_num(adjusted(p_values, method), nan=1.0) <= SIGNIFICANT
+
+
+def verdict(difference: float, within: float, judged: float, p_value: float = math.nan, rounding: float = 0.0) -> str:
+    """`differs`, `agrees` or `not resolved`.
+
+    difference: ours minus the reference; within: half-width of its 95 % interval; judged: the smallest difference that
+    would matter; rounding: half a unit of the last printed digit of the reference; p_value: corrected for the number
+    of comparisons, or NaN if there is only one.
+
+    `differs`: the interval, widened by the rounding, excludes zero, and the corrected p-value (if given) is at most
+    SIGNIFICANT. `agrees`: the whole interval is within `judged` of zero (an equivalence test). `not resolved`:
+    everything else, also an unknown interval.
+    """
+    if not (math.isfinite(difference) and math.isfinite(within)):
+        return "not resolved"
+    if abs(difference) > within + rounding and not p_value > SIGNIFICANT:
+        return "differs"
+    return "agrees" if abs(difference) + within <= judged else "not resolved"

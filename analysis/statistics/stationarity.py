@@ -1,0 +1,141 @@
+"""Stationarity: the slope of a quantity over the last part of a test, in one test and over independent specimens.
+
+Successive records of a test are strongly correlated (0.8 to 0.98 between neighbours 0.1 % of strain apart). Within one
+test the slope is therefore fitted by generalised least squares with errors of first order (AR(1)), whose correlation is
+corrected for the bias of short series, and the interval has as many degrees of freedom as the window has independent
+records. With 100 records and correlations of 0 to 0.95 that interval contains the true slope in 0.90 to 0.95 of all
+cases; the usual estimate of Newey and West contains it in 0.54 to 0.86. Over specimens the interval follows from the
+scatter of their slopes and needs no assumption on the records.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas
+from numpy.typing import ArrayLike
+from scipy import linalg, stats
+from statsmodels.regression.linear_model import GLS, OLS
+
+from analysis.statistics.estimates import Tested, cluster_mean, student
+from analysis.statistics.multiplicity import Method, adjusted, verdict
+
+PER = 0.1  # slopes are given per this much strain
+MOST_CORRELATED = 0.99  # correlation of neighbouring records from which it is not distinguished from a random walk
+FEWEST = 8  # records of a window
+
+
+def slope_of(strain: ArrayLike, values: ArrayLike, per: float = PER) -> Tested:
+    """Slope of values (n,) against strain (n,), evenly spaced, per `per` of strain, with the interval described above.
+
+    n of the result is the number of independent records, rounded down and at least 1. All NaN for fewer than FEWEST
+    records.
+    """
+    x, y = np.asarray(strain, dtype=float), np.asarray(values, dtype=float)
+    if len(y) < FEWEST or not np.isfinite(y).all() or np.ptp(x) == 0.0:
+        return Tested(math.nan, math.nan, 0, math.nan)
+    if np.ptp(y) == 0.0:
+        return Tested(0.0, 0.0, len(y), 1.0)
+    design = np.column_stack([np.ones_like(x), (x - x.mean()) / per])
+    rho = _correlation(OLS(y, design).fit().resid)
+    fit = GLS(y, design, sigma=linalg.toeplitz(rho ** np.arange(len(y)))).fit()
+    independent = len(y) * (1.0 - rho) / (1.0 + rho)
+    freedom = max(independent - 2.0, 1.0)
+    slope, error = float(fit.params[1]), float(fit.bse[1])
+    p_value = 2.0 * float(stats.t.sf(abs(slope) / error, freedom)) if error > 0.0 else 0.0
+    return Tested(slope, student(error, freedom), max(int(independent), 1), p_value)
+
+
+def _correlation(residuals: np.ndarray) -> float:
+    """Correlation of neighbouring residuals of a straight line, corrected for its bias in short series.
+
+    The estimate of a detrended series of n records is too low by about (2 + 4 rho)/n (Kendall 1954).
+    """
+    n = len(residuals)
+    rho = float(residuals[1:] @ residuals[:-1]) / float(residuals @ residuals)
+    return min(max(rho + (2.0 + 4.0 * rho) / n, 0.0), MOST_CORRELATED)
+
+
+def slope_table(
+    records: pandas.DataFrame,
+    quantities: Sequence[str],
+    begin: float,
+    end: float = math.inf,
+    by: Sequence[str] = (),
+    per: float = PER,
+) -> pandas.DataFrame:
+    """Slopes over begin <= strain <= end, a pandas.DataFrame with a row per run and quantity.
+
+    records: a row per record, with the columns `run`, `specimen`, `strain`, those named in `by` (constant in a run) and
+    the quantities. Columns: run, specimen, those of `by`, quantity, mean, slope (per `per` of strain), within, p_value,
+    independent (number of independent records in the window).
+    """
+    inside = records[(records["strain"] >= begin) & (records["strain"] <= end)]
+    rows = []
+    for run, test in inside.groupby("run", sort=False):
+        kept = {name: test[name].iloc[0] for name in ("specimen", *by)}
+        for quantity in quantities:
+            found = slope_of(test["strain"], test[quantity], per)
+            rows.append(
+                {
+                    "run": run,
+                    **kept,
+                    "quantity": quantity,
+                    "mean": float(test[quantity].mean()),
+                    "slope": found.value,
+                    "within": found.within,
+                    "p_value": found.p_value,
+                    "independent": found.n,
+                }
+            )
+    columns = ["run", "specimen", *by, "quantity", "mean", "slope", "within", "p_value", "independent"]
+    return pandas.DataFrame(rows, columns=columns)
+
+
+RELATIVE = 0.01  # slope that matters, relative to the mean, per PER of strain
+STATIONARY = {"differs": "drifts", "agrees": "stationary", "not resolved": "not resolved"}
+
+
+def stationarity_table(
+    slopes: pandas.DataFrame,
+    by: Sequence[str] = (),
+    judged: Mapping[str, float] | None = None,
+    method: Method = "holm",
+) -> pandas.DataFrame:
+    """Slopes over independent specimens, a pandas.DataFrame with a row per combination of `by` and quantity.
+
+    slopes: of slope_table; judged: the smallest slope that matters for a quantity (default: RELATIVE of its mean). The
+    slopes of one specimen are averaged, so that a specimen counts once. Columns: those of `by`, quantity, tests,
+    specimens, mean, slope, within, p_value (t test that the mean slope is zero), corrected (for the number of rows),
+    judged, passed (tests whose own interval contains zero), verdict. A quantity may be called critical only where the
+    verdict is `stationary`: no resolved slope, and the whole interval within `judged`. `drifts`: the slope is resolved.
+    """
+    limits = judged or {}
+    rows = []
+    for key, group in slopes.groupby([*by, "quantity"], sort=False):
+        kept = group[np.isfinite(group["slope"])]
+        found = cluster_mean(kept["slope"], kept["specimen"])
+        mean = cluster_mean(kept["mean"], kept["specimen"]).value
+        rows.append(
+            {
+                **dict(zip((*by, "quantity"), key, strict=True)),
+                "tests": len(kept),
+                "specimens": found.n,
+                "mean": mean,
+                "slope": found.value,
+                "within": found.within,
+                "p_value": found.p_value,
+                "corrected": math.nan,
+                "judged": limits.get(str(key[-1]), RELATIVE * abs(mean)),
+                "passed": int((kept["slope"].abs() <= kept["within"]).sum()),
+            }
+        )
+    columns = ["quantity", "tests", "specimens", "mean", "slope", "within", "p_value", "corrected", "judged", "passed"]
+    table = pandas.DataFrame(rows, columns=[*by, *columns])
+    table["corrected"] = adjusted(table["p_value"], method)
+    table["verdict"] = [
+        STATIONARY[verdict(row.slope, row.within, row.judged, row.corrected)] for row in table.itertuples()
+    ]
+    return table
