@@ -16,8 +16,8 @@ import xarray as xr
 
 import labkit as lk
 from analysis.paper.ends import Runs, main, matching
-from analysis.paper.estimates import Estimate
 from analysis.speed_error.collisions import Collision, restitution, sampled_outcomes
+from analysis.statistics import Estimate
 from analysis.turns import turns
 from labkit.dem import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, REVERSALS, pressure_limit
 from labkit.model import ROOT_3_2
@@ -30,7 +30,15 @@ Row = dict[str, Any]
 
 
 def limits(runs: Runs) -> Iterator[Row]:
-    """Yields one row per quantity that the paper bounds."""
+    """Yields one row per quantity that the paper bounds; `kind` is `limit`, or `input` for what was put in."""
+    for row in _limits(runs):
+        yield {"kind": "input" if row["number"] in PUT_IN else "limit", **row}
+
+
+PUT_IN = ("grains", "restitution", "reversals")
+
+
+def _limits(runs: Runs) -> Iterator[Row]:
     own = main(runs)
     yield _grains(matching(runs, "cv-.*"))
     yield _restitution(own)

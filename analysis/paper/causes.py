@@ -1,8 +1,8 @@
 """Possible causes of differences from the paper, each tested by computing a number with an alternative choice.
 
-The effect of a cause is the number with the alternative minus the number without it, with a 95 % interval over tests.
-Contact laws, engines and definitions are compared on the same tests or specimens, in pairs whose common scatter
-cancels.
+The effect of a cause is the number with the alternative minus the number without it, with a 95 % interval over
+specimens. Contact laws, engines and definitions are compared on the same tests or specimens, in pairs whose common
+scatter cancels. There are hundreds of comparisons: whether one matters is decided after a correction for their number.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from analysis.paper.ends import (
     HOLDS_A_STRESS,
     Runs,
     between,
-    blocks,
     ends,
     extrapolated,
     main,
@@ -30,15 +29,18 @@ from analysis.paper.ends import (
     starts,
     table,
 )
-from analysis.paper.estimates import NOTHING, Estimate, jackknife, two_samples
+from analysis.paper.estimates import jackknife, two_samples
+from analysis.paper.specimens import specimens_of
 from analysis.speed_error.errors import same_specimens
 from analysis.speed_error.table import open_study
+from analysis.statistics import NOTHING, Tested
 from labkit.runs import SHEAR, WINDOW
 
 if TYPE_CHECKING:
-    from analysis.paper.fidelity import Number
+    from analysis.paper.numbers import Number
 
 SAME_SPECIMENS = ("share_cv", "share_cr", "share_cp", "full_cv")
+AT_20 = ", at 15 to 20 % strain"
 STUDY_FACTORS = ("rate", "time step", "local damping", "grains", "Young's modulus", "settings")
 STUDY_COLUMNS = {
     "M": "ratio_critical",
@@ -79,7 +81,7 @@ class Comparison:
         kept = [tests[tests["path"].isin(paths)] for tests in (self.ours, self.other)]
         return dataclasses.replace(self, ours=kept[0], other=kept[1])
 
-    def effect(self, statistic: Callable[[pandas.DataFrame], float], parameters: int = 1) -> Estimate:
+    def effect(self, statistic: Callable[[pandas.DataFrame], float], parameters: int = 1) -> Tested:
         """Estimate of the change in a statistic (table -> number) due to the alternative."""
         ours, other = self.ours, self.other
         if self.how == "two samples":
@@ -88,7 +90,10 @@ class Comparison:
             return NOTHING
         if self.how != "part":
             estimate = jackknife(
-                lambda rows: statistic(other.iloc[rows]) - statistic(ours.iloc[rows]), len(ours), parameters
+                lambda rows: statistic(other.iloc[rows]) - statistic(ours.iloc[rows]),
+                len(ours),
+                parameters,
+                specimens_of(ours["run"]),
             )
             exact = self.how == "definition" and len(ours) == 1
             return dataclasses.replace(estimate, within=0.0) if exact else estimate
@@ -98,12 +103,12 @@ class Comparison:
 
 def _part_against_all(
     statistic: Callable[[pandas.DataFrame], float], ours: pandas.DataFrame, inside: np.ndarray, parameters: int
-) -> Estimate:
+) -> Tested:
     def difference(rows: np.ndarray) -> float:
         own = ours.iloc[rows[inside[rows]]]
         return statistic(own) - statistic(ours.iloc[rows]) if len(own) else math.nan
 
-    return jackknife(difference, len(ours), parameters)
+    return jackknife(difference, len(ours), parameters, specimens_of(ours["run"]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,12 +117,12 @@ class Effect:
 
     cause: str
     alternative: str
-    effect: Estimate
+    effect: Tested
     runs: tuple[str, ...]
 
 
 def effects(comparisons: Iterable[Comparison], number: Number) -> list[Effect]:
-    """Effects of the Comparisons on an analysis.paper.fidelity.Number, without those that do not change it."""
+    """Effects of the Comparisons on an analysis.paper.numbers.Number, without those that do not change it."""
     tested = []
     for comparison in comparisons:
         chosen = comparison if number.at_start else comparison.of_paths(number.paths)
@@ -140,6 +145,11 @@ def end_comparisons(runs: Runs) -> list[Comparison]:
         ("extrapolation", "values extrapolated to infinite strain", extrapolated(own)),
         ("definition of e", "the nominal void ratio (not corrected for overlaps)", ends(nominal)),
         ("stress", "the stress of C0 instead of Love's", ends(c0)),
+        (
+            "definition of q",
+            "q = sigma_1 - sigma_3 instead of sigma_zz - (sigma_xx + sigma_yy)/2",
+            _principal(own, ours),
+        ),
         ("formula for q/p", "q/p = 3/2 (2/5 A_zz + 2/5 F_zz + 3 F^t_zz)", ours.assign(M=linear)),
     ]
     comparisons = [Comparison(cause, label, "paired", ours, other) for cause, label, other in same_tests]
@@ -152,11 +162,23 @@ def end_comparisons(runs: Runs) -> list[Comparison]:
         )
         for density in ("dense", "medium", "loose")
     ]
-    law = "YADE's rolling-resistance law instead of the spring-dashpot law"
+    law = "YADE's rolling-resistance law instead of the spring-dashpot law (e differs too in CR and CP)"
     comparisons.append(_same_specimens(runs, "law", law, "paper", "fused"))
     engine = "YADE instead of the fused engine, both with the rolling-resistance law"
     comparisons.append(_same_specimens(runs, "engine", engine, "fused", "yade"))
     return [*comparisons, *_size(runs), *_rate(runs)]
+
+
+def _principal(runs: Runs, ours: pandas.DataFrame) -> pandas.DataFrame:
+    """The table of ends with M from the largest and the smallest principal stress."""
+    change = []
+    for run in runs.values():
+        last = between(run, (1.0 - WINDOW) * float(run["axial_strain"][-1]), math.inf)
+        love = last["stress"].values
+        stress = np.linalg.eigvalsh(0.5 * (love + np.swapaxes(love, 1, 2)))
+        q = stress[:, 2] - stress[:, 0] - last.lab.deviatoric_stress().values
+        change.append(float((q / last.lab.mean_stress().values).mean()))
+    return ours.assign(M=ours["M"] + np.array(change, dtype=float))
 
 
 def _same_specimens(runs: Runs, cause: str, alternative: str, ours: str, other: str) -> Comparison:
@@ -175,8 +197,8 @@ def _size(runs: Runs) -> Iterator[Comparison]:
         full, share = (runs[name] for name in names)
         last = min(float(run["axial_strain"][-1]) for run in (full, share))
         alternative = f"{share.attrs['grains']} grains instead of {full.attrs['grains']} (e differs too)"
-        ours, other = (blocks(name, runs[name], (1.0 - WINDOW) * last, last) for name in names)
-        yield Comparison("size", alternative, "two samples", ours, other)
+        ours, other = (table({name: between(runs[name], (1.0 - WINDOW) * last, last)}) for name in names)
+        yield Comparison("size", alternative + AT_20, "two samples", ours, other)
 
 
 def _rate(runs: Runs) -> Iterator[Comparison]:
@@ -187,7 +209,8 @@ def _rate(runs: Runs) -> Iterator[Comparison]:
         begin = (1.0 - WINDOW) * last
         ours = table({name: between(run, begin, last) for name, run in slow.items()})
         alternative = "twice the rate, from a specimen made with the rolling-resistance law"
-        yield Comparison("rate", alternative, "two samples", ours, blocks("full_cv-paper", fast, begin, last))
+        other = table({"full_cv-paper": between(fast, begin, last)})
+        yield Comparison("rate", alternative + AT_20, "two samples", ours, other)
 
 
 def study_effects(number: Number, study: xr.Dataset | None) -> Iterator[Effect]:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from analysis.paper import figures, model_figures, size_groups
 from analysis.paper.drawing import Models
 from analysis.paper.ends import Runs
+from analysis.paper.force_fits import draw_force_fits
 from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
 from labkit.dem import Progress, read_state
@@ -41,6 +42,7 @@ OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {
     "evolution_cp.png": _evolution("cp_500kPa"),
     "evolution_cr.png": _evolution("cr_500kPa"),
     "strength_shares.png": lambda runs, models: figures.strength_shares(runs),
+    "force_fits.png": lambda runs, models: draw_force_fits(runs),
     "engines.png": lambda runs, models: figures.engines(runs),
 }
 OTHERS: dict[str, Callable[[Path], Figure]] = {  # from other files in the folder, or from none

@@ -88,7 +88,7 @@ def extrapolated(runs: Runs) -> pandas.DataFrame:
     for name, run in runs.items():
         strain = run["axial_strain"].values
         late = strain >= 0.5 * strain[-1]
-        values = _records(run)[late]
+        values = recorded_numbers(run)[late]
         fits = [_exponential(strain[late] - strain[-1], values, relaxation) for relaxation in RELAXATIONS]
         best = int(np.argmin([misfit for misfit, _ in fits]))
         rows.append(
@@ -103,8 +103,8 @@ def extrapolated(runs: Runs) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=[*COLUMNS, "relaxation_strain"]).drop(columns="M_scatter")
 
 
-def _records(run: xr.Dataset) -> pandas.DataFrame:
-    """The numbers of `ends` at every record."""
+def recorded_numbers(run: xr.Dataset) -> pandas.DataFrame:
+    """The numbers of `ends` at every record, a pandas.DataFrame."""
     p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
     zz = {label: run[key].values[:, 2, 2] for key, label in TENSORS.items()}
     return pandas.DataFrame(

@@ -1,38 +1,44 @@
-"""Numbers with a 95 % interval from the scatter between tests.
+"""Numbers with a 95 % interval from the scatter between specimens.
 
-The records of one test are correlated and count as one observation. For a single test, the means of a few blocks of
-its averaging window replace the tests; that interval does not include the scatter between specimens.
+The records of one test are correlated and count as one observation, and tests of one specimen share its packing: the
+specimen is what counts. A single specimen has no interval.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas
 from scipy import stats
 
-from analysis.statistics import NOTHING, Estimate, student, welch
+from analysis.statistics import NOTHING, Tested, student, t_interval, welch
 
-BLOCKS = 5  # of the averaging window of a single test
+BLOCKS = 5  # of the averaging window of a test
 
 
-def jackknife(statistic: Callable[[np.ndarray], float], n: int, parameters: int = 1) -> Estimate:
-    """Estimate of `statistic(rows)`, rows an array of indices into n tests, by leaving out one test at a time.
+def jackknife(
+    statistic: Callable[[np.ndarray], float], n: int, parameters: int = 1, clusters: Sequence[str] | None = None
+) -> Tested:
+    """Estimate of `statistic(rows)`, rows an array of indices into n tests, by leaving out one specimen at a time.
 
-    For a mean this is the Student t interval. `parameters`: number of parameters that the statistic fits at once; the
-    degrees of freedom are n - parameters, and the width is NaN if there are none.
+    For a mean of specimens tested once each this is the Student t interval. `parameters`: number of parameters that the
+    statistic fits at once; `clusters`: the specimens of the tests (default: every test has its own). The degrees of
+    freedom are specimens - parameters; width and p-value are NaN if there are none.
     """
     if n == 0:
         return NOTHING
-    error = float(stats.sem(_deviations(statistic, n))) if n > 1 else math.nan
-    return Estimate(float(statistic(np.arange(n))), student(error, n - parameters), n)
+    deviations = _deviations(statistic, n, clusters)
+    freedom = len(deviations) - parameters
+    error = float(stats.sem(deviations)) if len(deviations) > 1 else math.nan
+    value = float(statistic(np.arange(n)))
+    return Tested(value, student(error, freedom), len(deviations), _probability(value, error, freedom))
 
 
 def two_samples(
     statistic: Callable[[pandas.DataFrame], float], first: pandas.DataFrame, second: pandas.DataFrame
-) -> Estimate:
+) -> Tested:
     """Estimate of statistic(second) - statistic(first), two independent tables (Welch: unequal variances).
 
     A table with one row is given the scatter of the other.
@@ -40,24 +46,32 @@ def two_samples(
     n = len(first), len(second)
     if min(n) == 0:
         return NOTHING
+    one, other = (
+        _deviations(lambda rows, table=table: statistic(table.iloc[rows]), len(table), None)
+        for table in (first, second)
+    )
+    value = float(statistic(second) - statistic(first))
+    if max(n) < 2 or np.ptp(one) == np.ptp(other) == 0.0:
+        return Tested(value, welch(other, one), sum(n), math.nan)
+    test = stats.ttest_ind(other, one, equal_var=min(n) == 1)
+    within = t_interval(test)
+    error = within / student(1.0, test.df)
+    return Tested(value, within, sum(n), _probability(value, error, test.df))
 
-    def sample(table: pandas.DataFrame) -> np.ndarray:
-        return _deviations(lambda rows: statistic(table.iloc[rows]), len(table))
 
-    within = welch(sample(second), sample(first))
-    return Estimate(float(statistic(second) - statistic(first)), within, sum(n))
+def _probability(value: float, error: float, freedom: float) -> float:
+    """Two-sided p-value of Student's t; NaN without degrees of freedom or without scatter."""
+    return 2.0 * float(stats.t.sf(abs(value) / error, freedom)) if freedom > 0 and error > 0.0 else math.nan
 
 
-def _deviations(statistic: Callable[[np.ndarray], float], n: int) -> np.ndarray:
-    """Pseudo-values of the jackknife (n,) up to a constant; for a mean, the deviations of the tests.
-
-    They scatter like n tests.
-    """
-    if n < 2:
-        return np.zeros(n)
-    every = np.arange(n)
-    left_out = np.array([statistic(np.delete(every, k)) for k in every], dtype=float)
-    return (n - 1) * (left_out.mean() - left_out)
+def _deviations(statistic: Callable[[np.ndarray], float], n: int, clusters: Sequence[str] | None) -> np.ndarray:
+    """Pseudo-values of the jackknife (specimens,) up to a constant; for a mean, the deviations of the specimens."""
+    codes = np.arange(n) if clusters is None else pandas.factorize(np.asarray(clusters))[0]
+    count = int(codes.max()) + 1
+    if count < 2:
+        return np.zeros(count)
+    left_out = np.array([statistic(np.flatnonzero(codes != k)) for k in range(count)], dtype=float)
+    return (count - 1) * (left_out.mean() - left_out)
 
 
 def text(value: float, within: float = math.nan, digits: int = 3) -> str:

@@ -1,4 +1,4 @@
-"""Critical state lines e(p), Z^c(e) and Lambda^c(e), and a test of whether CV, CR and CP tests end on the same line."""
+"""Critical state lines e(p), Z^c(e) and Lambda^c(e), and whether all paths and densities end on one line."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from typing import TypeAlias
 import numpy as np
 import pandas
 from numpy.typing import ArrayLike
-from scipy import optimize, stats
+from scipy import optimize
 
 import labkit as lk
+from analysis import statistics
 from analysis.paper.estimates import jackknife
-from analysis.statistics import student
+from analysis.paper.specimens import density_of, specimens_of
+from analysis.statistics import adjusted
 from labkit.micro import mean_stress
 from labkit.model import ROOT_3_2, Parameters, critical_coordination_number, critical_force, density_distance
-from labkit.runs import SHEAR
 from labkit.sff import c0_stress
 
 PAPER = Parameters()
@@ -127,7 +128,8 @@ LINES: dict[str, tuple[tuple[str, ...], Fit, Line, str]] = {
 def critical_lines(ends: pandas.DataFrame) -> pandas.DataFrame:
     """The fitted lines, a pandas.DataFrame with a row per line and parameter.
 
-    Columns: value, within (95 % half-width), paper and tests. The line e(p) is e = e0 - a p^b with p in MPa.
+    Columns: value, within (95 % half-width over specimens), paper, tests and specimens. The line e(p) is
+    e = e0 - a p^b with p in MPa.
     """
 
     def parameter_of(fit: Fit, k: int) -> Callable[[np.ndarray], float]:
@@ -137,7 +139,7 @@ def critical_lines(ends: pandas.DataFrame) -> pandas.DataFrame:
     for line in ("e(p)", "Z(e) and Lambda(e)"):
         names, fit, _, _ = LINES[line[:4]]
         for k, name in enumerate(names):
-            estimate = jackknife(parameter_of(fit, k), len(ends), len(names))
+            estimate = jackknife(parameter_of(fit, k), len(ends), len(names), specimens_of(ends["run"]))
             paper = getattr(PAPER, name, math.nan)
             rows.append(
                 {
@@ -146,48 +148,75 @@ def critical_lines(ends: pandas.DataFrame) -> pandas.DataFrame:
                     "value": estimate.value,
                     "within": estimate.within,
                     "paper": paper,
-                    "tests": estimate.n,
+                    "tests": len(ends),
+                    "specimens": estimate.n,
                 }
             )
     return pandas.DataFrame(rows)
 
 
-def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
-    """Tests whether all paths end on the same line; a pandas.DataFrame with a row per line of LINES and path.
+FACTORS: dict[str, Callable[[pandas.DataFrame], list[str]]] = {  # factor -> group of each test
+    "path": lambda ends: ends["path"].astype(str).tolist(),
+    "density": lambda ends: [density_of(str(run)) for run in ends["run"]],
+}
 
-    offset: distance of the ends of one path from those of all others, with the line refitted at the same time (to
-    first order); within: its 95 % half-width; scatter: standard deviation around the line; p_value: of the F test
-    that no path has an offset, the same in all rows of a line. NaN for too few tests or a single path.
+
+def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Tests whether all paths, and all densities, end on the same line; a row per line of LINES, factor and group.
+
+    tests, specimens: of the group; offset: distance of its ends from those of all others, with the line refitted at the
+    same time (to first order); within: its 95 % half-width; scatter: standard deviation around the line; shared: part
+    of that variance which the tests of one specimen share; p_value: of the test that no group has an offset
+    (analysis.statistics.one_line), the same in all rows of a line and factor; corrected: for the number of tests
+    (Holm). NaN for too few tests or a single group.
     """
     rows = []
-    kinds = [path for path in SHEAR if (ends["path"] == path).any()]
-    member = np.array([ends["path"] == path for path in kinds], dtype=float).T
-    for line, (names, fit, at, column) in LINES.items():
+    specimens = specimens_of(ends["run"])
+    for line, (_, fit, at, column) in LINES.items():
         x = fit(ends)
-        fitted = np.isfinite(x).all() and len(kinds) > 1 and len(ends) > len(names) + len(kinds)
-        scatter = p_value = math.nan
-        if fitted:
-            residual = ends[column].to_numpy(dtype=float) - np.asarray(at(x, ends), dtype=float)
-            slopes = _slopes(at, ends, x)
-            one, freedom_one = _remainder(slopes, residual)
-            apart, freedom = _remainder(np.hstack([slopes, member[:, 1:]]), residual)
-            scatter = math.sqrt(one / freedom_one)
-            ratio = (one - apart) / (freedom_one - freedom) / (apart / freedom)
-            p_value = stats.f.sf(ratio, freedom_one - freedom, freedom)
-        for k, path in enumerate(kinds):
-            offset, within = _offset(slopes, member[:, k], residual) if fitted else (math.nan, math.nan)
-            rows.append(
-                {
-                    "line": line,
-                    "path": path,
-                    "tests": int(member[:, k].sum()),
-                    "offset": offset,
-                    "within": within,
-                    "scatter": scatter,
-                    "p_value": float(p_value),
-                }
-            )
-    return pandas.DataFrame(rows, columns=["line", "path", "tests", "offset", "within", "scatter", "p_value"])
+        fitted = bool(np.isfinite(x).all())
+        residual = ends[column].to_numpy(dtype=float) - np.asarray(at(x, ends), dtype=float) if fitted else np.zeros(0)
+        slopes = _slopes(at, ends, x) if fitted else np.zeros((0, 1))
+        for factor, group_of in FACTORS.items():
+            groups = group_of(ends)
+            found = statistics.one_line(residual, slopes, np.array(groups), specimens) if fitted else None
+            offsets = found.offsets.set_index("group") if found else pandas.DataFrame()
+            for group in dict.fromkeys(groups):
+                known = offsets.loc[group] if group in offsets.index else {}
+                rows.append(
+                    {
+                        "line": line,
+                        "factor": factor,
+                        "group": group,
+                        "tests": groups.count(group),
+                        "specimens": len({s for s, g in zip(specimens, groups, strict=True) if g == group}),
+                        "offset": known.get("offset", math.nan),
+                        "within": known.get("within", math.nan),
+                        "scatter": found.scatter if found else math.nan,
+                        "shared": found.shared if found else math.nan,
+                        "p_value": found.p_value if found else math.nan,
+                    }
+                )
+    table = pandas.DataFrame(rows, columns=list(ONE_LINE))
+    asked = table.drop_duplicates(["line", "factor"])
+    corrected = dict(zip(zip(asked["line"], asked["factor"], strict=True), adjusted(asked["p_value"]), strict=True))
+    table["corrected"] = [corrected[key] for key in zip(table["line"], table["factor"], strict=True)]
+    return table
+
+
+ONE_LINE = (
+    "line",
+    "factor",
+    "group",
+    "tests",
+    "specimens",
+    "offset",
+    "within",
+    "scatter",
+    "shared",
+    "p_value",
+    "corrected",
+)
 
 
 def _slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:
@@ -202,20 +231,3 @@ def _slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:
     steps = np.diag(1e-4 * np.maximum(np.abs(x), 1e-3))
     columns = [(value(x + step) - value(x - step)) / (2.0 * step.sum()) for step in steps]
     return np.array([column for column in columns if column.any()]).T
-
-
-def _remainder(columns: np.ndarray, values: np.ndarray) -> tuple[float, int]:
-    """(residual sum of squares of a linear fit with these columns, degrees of freedom)."""
-    fitted, _, rank, _ = np.linalg.lstsq(columns, values, rcond=None)
-    return float(np.sum((values - columns @ fitted) ** 2)), len(values) - int(rank)
-
-
-def _offset(slopes: np.ndarray, own: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
-    """(offset of the tests `own` from the others, its half-width)."""
-    columns = np.hstack([slopes, own[:, None]])
-    size = np.linalg.norm(columns, axis=0)
-    squares, freedom = _remainder(columns, residual)
-    inverse = np.linalg.pinv((columns / size).T @ (columns / size))
-    offset = np.linalg.lstsq(columns, residual, rcond=None)[0][-1]
-    error = math.sqrt(squares / freedom * inverse[-1, -1]) / size[-1]
-    return float(offset), student(error, freedom)

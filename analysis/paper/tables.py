@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from analysis.paper import fidelity, model_comparison, number_table, sources
+from analysis.paper.c0_bias import c0_bias, c0_errors
 from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
 from analysis.paper.engines import engine_table
+from analysis.paper.force_fits import force_fits, printed_force
 from analysis.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from analysis.paper.sff_errors import sff_errors
+from analysis.paper.stationarity import components, stationarity
 from labkit.dem import Progress
 from labkit.io import make_folder, write_with_provenance
 
@@ -37,6 +40,8 @@ def write_tables(
     at_ends = at_ends.assign(
         Z_off=at_ends["Z"] - critical_Z(at_ends["e"]), Lambda_off=at_ends["Lambda"] - critical_Lambda(at_ends["e"])
     )
+    slopes, drifts = stationarity(sheared(main(known)))
+    of_c0 = c0_errors(main(known))
     progress(0.5, "calibrating the model")
     found, other = model_comparison.calibrate(known)
     progress(0.8, "comparing the model with the simulations")
@@ -48,6 +53,13 @@ def write_tables(
         "critical_extrapolated.csv": extrapolated(sheared(main(known))),
         "critical_lines.csv": critical_lines(at_ends),
         "one_critical_line.csv": one_line(at_ends),
+        "components.csv": components(at_ends),
+        "slopes.csv": slopes,
+        "stationarity.csv": drifts,
+        "force_fits.csv": force_fits(runs),
+        "printed_force.csv": printed_force(runs),
+        "c0_errors.csv": of_c0,
+        "c0_bias.csv": c0_bias(of_c0),
         "sff.csv": sff_errors(runs),
         "parameters.csv": model_comparison.parameters(found, other),
         "model_errors.csv": errors,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy import stats
 
 CONFIDENCE = 0.95
+ALIKE = 1e-12  # relative scatter that is only rounding
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,14 +29,14 @@ class Estimate:
         return bool(abs(self.value) > self.within)
 
 
-NOTHING = Estimate(math.nan, math.nan, 0)
-
-
 @dataclasses.dataclass(frozen=True)
 class Tested(Estimate):
     """An Estimate with the probability of the t test that it is zero (NaN: fewer than two specimens)."""
 
     p_value: float
+
+
+NOTHING = Tested(math.nan, math.nan, 0, math.nan)
 
 
 def student(error: float, freedom: float) -> float:
@@ -71,11 +72,11 @@ def cluster_mean(values: ArrayLike, clusters: ArrayLike | None = None) -> Tested
     means = _cluster_means(values, clusters)
     n = len(means)
     if n == 0:
-        return Tested(math.nan, math.nan, 0, math.nan)
+        return NOTHING
     value = float(means.mean())
     if n == 1:
         return Tested(value, math.nan, 1, math.nan)
-    if np.ptp(means) == 0.0:
+    if np.ptp(means) <= ALIKE * abs(value):
         return Tested(value, 0.0, n, 1.0 if value == 0.0 else 0.0)
     test = stats.ttest_1samp(means, 0.0)
     return Tested(value, t_interval(test), n, float(test.pvalue))
@@ -91,7 +92,7 @@ def paired_difference(
     """
     wide = table.pivot_table(index=cluster, columns=by, values=value, aggfunc="mean")
     if first not in wide or second not in wide:
-        return Tested(math.nan, math.nan, 0, math.nan)
+        return NOTHING
     return cluster_mean((wide[second] - wide[first]).dropna().to_numpy())
 
 

@@ -40,12 +40,12 @@ def verdict(difference: float, within: float, judged: float, p_value: float = ma
     would matter; rounding: half a unit of the last printed digit of the reference; p_value: corrected for the number
     of comparisons, or NaN if there is only one.
 
-    `differs`: the interval, widened by the rounding, excludes zero, and the corrected p-value (if given) is at most
-    SIGNIFICANT. `agrees`: the whole interval is within `judged` of zero (an equivalence test). `not resolved`:
+    `agrees`: the whole interval is within `judged` of zero (an equivalence test). `differs`: it is not, the interval,
+    widened by the rounding, excludes zero, and the corrected p-value (if given) is at most SIGNIFICANT. `not resolved`:
     everything else, also an unknown interval.
     """
     if not (math.isfinite(difference) and math.isfinite(within)):
         return "not resolved"
-    if abs(difference) > within + rounding and not p_value > SIGNIFICANT:
-        return "differs"
-    return "agrees" if abs(difference) + within <= judged else "not resolved"
+    if abs(difference) + within <= judged:
+        return "agrees"
+    return "differs" if abs(difference) > within + rounding and not p_value > SIGNIFICANT else "not resolved"

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg, stats
 from statsmodels.regression.linear_model import GLS, OLS
 
-from analysis.statistics.estimates import Tested, cluster_mean, student
+from analysis.statistics.estimates import NOTHING, Tested, cluster_mean, student
 from analysis.statistics.multiplicity import Method, adjusted, verdict
 
 PER = 0.1  # slopes are given per this much strain
@@ -35,7 +35,7 @@ def slope_of(strain: ArrayLike, values: ArrayLike, per: float = PER) -> Tested:
     """
     x, y = np.asarray(strain, dtype=float), np.asarray(values, dtype=float)
     if len(y) < FEWEST or not np.isfinite(y).all() or np.ptp(x) == 0.0:
-        return Tested(math.nan, math.nan, 0, math.nan)
+        return NOTHING
     if np.ptp(y) == 0.0:
         return Tested(0.0, 0.0, len(y), 1.0)
     design = np.column_stack([np.ones_like(x), (x - x.mean()) / per])
@@ -110,7 +110,7 @@ def stationarity_table(
     slopes of one specimen are averaged, so that a specimen counts once. Columns: those of `by`, quantity, tests,
     specimens, mean, slope, within, p_value (t test that the mean slope is zero), corrected (for the number of rows),
     judged, passed (tests whose own interval contains zero), verdict. A quantity may be called critical only where the
-    verdict is `stationary`: no resolved slope, and the whole interval within `judged`. `drifts`: the slope is resolved.
+    verdict is `stationary`: the whole interval within `judged`. `drifts`: it is not, and the slope is resolved.
     """
     limits = judged or {}
     rows = []

@@ -22,6 +22,8 @@ from labkit.micro.stress import (
 from labkit.runs import undrained
 from labkit.sff.c0 import TERMS, strength_shares
 
+LEAST_RATIO = 0.2  # |q|/p from which the error of q is relative to q
+
 
 class OfRecords:
     """The part of the accessor `run.lab` that needs the records only. The path of the run decides what suits it."""
@@ -166,6 +168,19 @@ class OfRecords:
         """Frobenius norm of C0 - Love divided by that of Love's stress at every record, DataArray (time)."""
         error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
         return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
+
+    def sff_errors(self) -> xr.Dataset:
+        """Relative errors of C0 in p, q and q/p at every record, signed: Dataset (time) of p, q and ratio.
+
+        The Frobenius norm of `sff_error` is mostly p. q and ratio are NaN where |q| < 0.2 p; all are NaN where p = 0.
+        """
+        p, q = self.mean_stress().values, self.q().values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            of_p = np.where(p != 0.0, self.mean_stress("stress_sff").values / p - 1.0, np.nan)
+            of_q = np.where(np.abs(q) >= LEAST_RATIO * np.abs(p), self.q("stress_sff").values / q - 1.0, np.nan)
+            of_ratio = (1.0 + of_q) / (1.0 + of_p) - 1.0
+        errors = {"p": of_p, "q": of_q, "ratio": of_ratio}
+        return xr.Dataset({name: self._scalar(e, "1", f"relative error of C0 in {name}") for name, e in errors.items()})
 
     def mean_stress(self, name: str = "stress") -> xr.DataArray:
         """Mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""

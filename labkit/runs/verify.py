@@ -25,6 +25,7 @@ from labkit.runs.run import Run
 
 SFF_TOLERANCE = 0.02  # of Love's stress, Frobenius norm
 SFF_PRESSURE = 50e3  # Pa: mean stress below which C0 is not judged
+SFF_NAMES = {"p": "p", "q": "q", "ratio": "q/p"}
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
@@ -34,7 +35,10 @@ HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is check
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One line of the report; `decides` is True for a check, whose failure fails the run, and False for a limit."""
+    """One line of the report; `decides` is True for a check, whose failure fails the run, False for a limit.
+
+    Without a limit the value is for information.
+    """
 
     name: str
     value: float
@@ -46,6 +50,8 @@ class Finding:
         verdict = ("-" if np.isnan(self.value) else "ok") if self.holds else ("FAILED" if self.decides else "outside")
         if np.isnan(self.value) and not self.limit:
             return f"{self.name}: {verdict}" if verdict != "-" else self.name
+        if not self.limit:
+            return f"{self.name:<52} {self.value:>11.4g}"
         return f"{self.name:<52} {self.value:>11.4g}   {self.limit:<22} {verdict}"
 
 
@@ -98,6 +104,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     if judged.any():
         name = f"C0 against Love, largest of {judged.sum()} records, p > 50 kPa"
         yield Finding(name, worst, f"< {SFF_TOLERANCE}", worst < SFF_TOLERANCE, True)
+        yield from _apart(run, judged)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
         yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False, False)
@@ -111,6 +118,16 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     yield from _recorded(run)
     yield from _ended(run)
     yield from _held(run)
+
+
+def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
+    """Errors of C0 in p, q and q/p, which the norm does not separate; for information."""
+    for name, error in run.lab.sff_errors().items():
+        values = error.values[judged & np.isfinite(error.values)]
+        if len(values):
+            label = f"C0 in {SFF_NAMES[str(name)]}"
+            yield Finding(f"{label}, mean relative error", float(values.mean()), "", True, False)
+            yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), "", True, False)
 
 
 def _ended(run: xarray.Dataset) -> Iterator[Finding]:

@@ -32,7 +32,8 @@ def spoiled(run_file, tmp_path):
         shutil.copy(run_file, file)
         with netCDF4.Dataset(file, "a") as dataset:
             spoil(dataset)
-        return {finding.name.split(",")[0]: finding for finding in findings(labkit.open_run(file))}
+        found = findings(labkit.open_run(file))
+        return {finding.name.split(",")[0]: finding for finding in found} | {finding.name: finding for finding in found}
 
     return make
 
@@ -104,3 +105,18 @@ def test_a_c0_that_is_off_fails(spoiled):
         dataset["stress_sff"][:] = dataset["stress_sff"][:] * 1.1
 
     assert not spoiled(spoil)["C0 against Love"].holds
+
+
+def test_errors_in_p_and_q_are_told_apart(spoiled):
+    """A deviator 3 % too small is hidden in the norm and the mean stress; p stays exact."""
+
+    def spoil(dataset):
+        love = dataset["stress"][:].filled()
+        p = np.trace(love, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+        dataset["stress_sff"][:] = p + 0.97 * (love - p)
+
+    found = {name: finding.value for name, finding in spoiled(spoil).items()}
+    assert found["C0 in q, mean relative error"] == pytest.approx(-0.03, abs=1e-9)
+    assert found["C0 in q, RMS relative error"] == pytest.approx(0.03, abs=1e-9)
+    assert found["C0 in q/p, mean relative error"] == pytest.approx(-0.03, abs=1e-9)
+    assert found["C0 in p, mean relative error"] == pytest.approx(0.0, abs=1e-9)

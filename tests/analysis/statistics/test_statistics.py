@@ -151,8 +151,9 @@ def test_corrections_and_verdicts():
     assert adjusted(p) == pytest.approx([0.03, np.nan, 0.06, 0.06], nan_ok=True)
     assert adjusted(p, "fdr_bh") == pytest.approx([0.03, np.nan, 0.04, 0.04], nan_ok=True)
     assert np.isnan(adjusted([np.nan])).all()
-    assert verdict(0.02, 0.01, 0.05) == "differs"
-    assert verdict(0.02, 0.01, 0.05, rounding=0.02) == "agrees"
-    assert verdict(0.02, 0.01, 0.05, p_value=0.2) == "agrees"
+    assert verdict(0.06, 0.01, 0.05) == "differs"
+    assert verdict(0.02, 0.01, 0.05) == "agrees"  # resolved, but too small to matter
+    assert verdict(0.06, 0.01, 0.05, rounding=0.06) == "not resolved"
+    assert verdict(0.06, 0.01, 0.05, p_value=0.2) == "not resolved"
     assert verdict(0.0, 0.06, 0.05) == "not resolved"
     assert verdict(0.02, np.nan, 0.05) == "not resolved"

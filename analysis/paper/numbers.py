@@ -1,0 +1,156 @@
+"""The numbers of the paper that the campaign measures, or that were put into it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import pandas
+import xarray as xr
+
+from analysis.paper import lines
+from analysis.paper.ends import Runs, main, matching, sheared
+from labkit.model import ROOT_3_2
+from labkit.runs import SHEAR
+
+RELATIVE = 0.02  # difference that would matter, as for C0: nothing that follows from C0 is known more accurately
+Statistic = Callable[[pandas.DataFrame], float]  # of a table of analysis.paper.ends
+
+
+@dataclasses.dataclass(frozen=True)
+class Number:
+    """A number of the paper, measured at the ends of shear tests along `paths` or at the starts of runs.
+
+    rounding: half a unit of the last digit that the paper prints, including the rounding of e_cmax; statistic:
+    function of a table of analysis.paper.ends, which fits `parameters` parameters; column: the table column behind
+    the number, if there is only one; pattern: regular expression for the runs whose start is measured; kind:
+    `measured`, or `input` or `tuned` for numbers that we set, or adjusted a specimen to, and that cannot count as
+    agreement; judged: the smallest difference that would matter (default: RELATIVE of the paper's number, or its
+    rounding if larger).
+    """
+
+    name: str
+    label: str
+    paper: float
+    rounding: float
+    statistic: Statistic
+    column: str = ""
+    parameters: int = 1
+    paths: tuple[str, ...] = SHEAR
+    pattern: str = ""
+    kind: str = "measured"
+    judged: float = 0.0
+
+    @property
+    def resolution(self) -> float:
+        """The smallest difference from the paper that would matter."""
+        return self.judged or max(RELATIVE * abs(self.paper), self.rounding)
+
+    @property
+    def is_mean(self) -> bool:
+        """True if the number is a mean over tests rather than the parameter of a fit."""
+        return self.parameters == 1 and self.statistic not in (lines.c_cZ, lines.c_cLambda)
+
+    @property
+    def at_start(self) -> bool:
+        """True if it is measured at the start of tests rather than at their end."""
+        return bool(self.pattern)
+
+    def select(self, runs: Runs) -> dict[str, xr.Dataset]:
+        """Runs from which it is measured."""
+        return matching(runs, self.pattern) if self.pattern else sheared(main(runs), self.paths)
+
+
+def _mean(column: str) -> Statistic:
+    return lambda table: float(table[column].mean())
+
+
+def _critical(
+    name: str, label: str, paper: float, rounding: float, column: str, paths: tuple[str, ...] = SHEAR
+) -> Number:
+    return Number(name, label, paper, rounding, _mean(column), column, paths=paths)
+
+
+def _fit(k: int, name: str, label: str, rounding: float) -> Number:
+    paper = dataclasses.astuple(lines.PAPER)[k]
+    judged = rounding if k == 0 else 0.0  # 2 % of e_cmax would be a tenth of the range of e
+
+    def parameter(table: pandas.DataFrame) -> float:
+        return float(lines.both_lines(table)[k])
+
+    return Number(name, label, paper, rounding, parameter, parameters=4, judged=judged)
+
+
+def _start(
+    name: str, label: str, paper: float, rounding: float, pattern: str, column: str, kind: str = "input"
+) -> Number:
+    return Number(name, label, paper, rounding, _mean(column), column, pattern=pattern, kind=kind)
+
+
+SEEDS = r"(_more-s\d+)?"
+HALF, MIDDLE = 0.005, 0.67  # rounding of e_cmax = 0.76, and the void ratio at which it is converted to other numbers
+ROUNDED_Z = float(lines.critical_Z(MIDDLE - HALF) - lines.critical_Z(MIDDLE))  # rounding of Z^c
+ROUNDED = HALF / (lines.PAPER.e_cmax - MIDDLE)  # relative rounding of c_cLambda; gamma_cZ times that for c_cZ
+NUMBERS = (
+    _critical("M", "strength M = q/p at 30 to 40 % strain", 0.92, 0.005, "M"),
+    _critical("M CV", "M in CV tests at 30 to 40 % strain", 0.93, 0.005, "M", ("cv",)),
+    _critical("A_zz", "A_zz at 30 to 40 % strain", lines.PAPER.A_c / ROOT_3_2, 0.005, "A_zz"),
+    _critical("F_zz", "F_zz at 30 to 40 % strain", lines.PAPER.F_c / ROOT_3_2, 0.005, "F_zz"),
+    _critical("Ft_zz", "F^t_zz at 30 to 40 % strain", lines.PAPER.Ft_c / ROOT_3_2, 0.0005, "Ft_zz"),
+    Number(
+        "Z residual",
+        "mean of Z - Z^c(e) at the end of tests",
+        0.0,
+        ROUNDED_Z,
+        lambda table: float((table["Z"] - lines.critical_Z(table["e"])).mean()),
+        "Z",
+    ),
+    Number(
+        "Lambda residual",
+        "mean of Lambda - Lambda^c(e) at the end of tests",
+        0.0,
+        lines.PAPER.c_cLam * HALF,
+        lambda table: float((table["Lambda"] - lines.critical_Lambda(table["e"])).mean()),
+        "Lambda",
+    ),
+    Number(
+        "e residual",
+        "mean of e - e^c(p) at the end of tests; e^c(p) from C0 with Table 2",
+        0.0,
+        HALF,
+        lambda table: float((table["e"] - lines.paper_e(table["p_MPa"])).mean()),
+        "e",
+    ),
+    Number(
+        "c_cZ",
+        "c_cZ with e_cmax = 0.76 and gamma_cZ = 0.7",
+        lines.PAPER.c_cZ,
+        0.005 + ROUNDED * lines.PAPER.gamma_cZ * lines.PAPER.c_cZ,
+        lines.c_cZ,
+    ),
+    Number(
+        "c_cLambda",
+        "c_cLambda with e_cmax = 0.76",
+        lines.PAPER.c_cLam,
+        0.0005 + ROUNDED * lines.PAPER.c_cLam,
+        lines.c_cLambda,
+    ),
+    _fit(0, "e_cmax free", "e_cmax, joint fit of the four parameters of both lines", 0.005),
+    _fit(1, "c_cZ free", "c_cZ, joint fit", 0.005),
+    _fit(2, "gamma_cZ free", "gamma_cZ, joint fit", 0.05),
+    _fit(3, "c_cLambda free", "c_cLambda, joint fit", 0.0005),
+    _start("e dense", "e of the specimen of Fig. 2", 0.606, 0.0005, "cv-dense" + SEEDS, "e"),
+    _start("p0 dense", "p0 of the specimen of Fig. 2 (MPa)", 0.21, 0.005, "cv-dense" + SEEDS, "p0_MPa", "tuned"),
+    _start("e CV loose", "e of CV tests, loose", 0.724, 0.0005, "cv(_other)?-loose.*", "e"),
+    _start("e CV medium", "e of CV tests, medium", 0.670, 0.0005, "cv(_other)?-medium.*", "e"),
+    _start("e CV dense", "e of CV tests, dense", 0.606, 0.0005, "cv(_other)?-dense.*", "e"),
+    _start("CR 0.5", "CR: radial stress held (MPa)", 0.5, 0.05, "cr_500kPa-.*", "held_MPa"),
+    _start("CR 1", "CR: radial stress held (MPa)", 1.0, 0.5, "cr_1MPa-.*", "held_MPa"),
+    _start("CP 0.5", "CP: mean stress held (MPa)", 0.5, 0.05, "cp_500kPa-.*", "held_MPa"),
+    _start("CP 1", "CP: mean stress held (MPa)", 1.0, 0.5, "cp_1MPa-.*", "held_MPa"),
+    _start("e ISO loose", "ISOC and ISOD: e0, loose", 0.724, 0.0005, "iso[cd]-loose", "e"),
+    _start("e ISO dense", "ISOC and ISOD: e0, dense", 0.606, 0.0005, "iso[cd]-dense.*", "e"),
+    _start("e cyclic loose", "cyclic CP: e0, loose", 0.77, 0.005, "cyclic-cyclic_loose", "e"),
+    _start("e cyclic dense", "cyclic CP: e0, dense", 0.60, 0.005, "cyclic-cyclic_dense", "e"),
+    _start("p cyclic", "cyclic CP: mean stress held (MPa)", 0.5, 0.05, "cyclic-.*", "held_MPa"),
+)

@@ -1,0 +1,83 @@
+"""Are the ends of the shear tests stationary? Slopes of each quantity over the last quarter of the strain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+
+from analysis.paper.ends import Runs, recorded_numbers
+from analysis.paper.lines import critical_Lambda, critical_Z
+from analysis.paper.numbers import NUMBERS
+from analysis.paper.specimens import density_of, specimen_of, specimens_of
+from analysis.statistics import one_line, slope_table, stationarity_table, student
+from labkit.runs import WINDOW
+
+QUANTITIES = ("M", "A_zz", "F_zz", "Ft_zz", "Z", "Lambda", "e", "p_MPa", "Z_off", "Lambda_off")
+JUDGED = {number.column: number.rounding for number in NUMBERS if number.column in QUANTITIES and not number.at_start}
+JUDGED |= {"Z_off": JUDGED["Z"], "Lambda_off": JUDGED["Lambda"]}
+CONTROLLED = {"cv": ("e",), "cp": ("p_MPa",)}  # what a path prescribes cannot drift
+REFERENCE = 0.67  # void ratio at which the components are given
+LINEAR = ("M", "A_zz", "F_zz", "Ft_zz")
+
+
+def stationarity(runs: Runs) -> tuple[pandas.DataFrame, pandas.DataFrame]:
+    """(slopes of every test, slopes over specimens by path) over the last quarter of the strain, per 10 % of strain.
+
+    Tables of analysis.statistics.slope_table and stationarity_table; Z_off and Lambda_off are the distances from the
+    lines of Table 2. A slope matters if in 10 % of strain it changes a quantity by half a unit of the last digit that
+    the paper prints (for Z, Lambda and e: by what the rounding of e_cmax leaves open); for p: 1 %.
+    """
+    tables = [pandas.DataFrame(columns=["run", "specimen", "strain", "path", *QUANTITIES], dtype=float)]
+    for name, run in runs.items():
+        numbers = recorded_numbers(run)
+        strain = run["axial_strain"].values.astype(float)
+        numbers = numbers.assign(
+            Z_off=numbers["Z"] - critical_Z(numbers["e"]),
+            Lambda_off=numbers["Lambda"] - critical_Lambda(numbers["e"]),
+            run=name,
+            specimen=specimen_of(name),
+            path=run.attrs["path"],
+            strain=strain,
+        )
+        numbers = numbers.assign(**dict.fromkeys(CONTROLLED.get(run.attrs["path"], ()), np.nan))
+        tables.append(numbers[strain >= (1.0 - WINDOW) * strain[-1]])
+    slopes = slope_table(pandas.concat(tables[1:] or tables), QUANTITIES, 0.0, by=["path"])
+    every = stationarity_table(slopes.assign(path="all"), ["path"], JUDGED)
+    both = pandas.concat([every, stationarity_table(slopes, ["path"], JUDGED)], ignore_index=True)
+    return slopes, both[both["tests"] > 0]
+
+
+def components(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """M, A_zz, F_zz and F^t_zz at the ends of the tests as lines in e, a pandas.DataFrame with a row per quantity.
+
+    value, within: at REFERENCE, with the 95 % half-width; slope, slope_within: against e; both by leaving out one
+    specimen at a time; p_path, p_density: tests that all paths, or all densities, are on one such line.
+    """
+    rows = []
+    e = ends["e"].to_numpy(dtype=float) - REFERENCE
+    specimens, line = specimens_of(ends["run"]), np.column_stack([np.ones(len(ends)), e])
+    for name in LINEAR if len(ends) > 4 and np.ptp(e) > 0.02 else ():
+        y = ends[name].to_numpy(dtype=float)
+        fit = np.linalg.lstsq(line, y, rcond=None)[0]
+        own = pandas.factorize(np.asarray(specimens))[0]
+        count = int(own.max()) + 1
+        left = np.array([np.linalg.lstsq(line[own != k], y[own != k], rcond=None)[0] for k in range(count)])
+        error = np.sqrt((count - 1) / count * ((left - left.mean(axis=0)) ** 2).sum(axis=0))
+        path = one_line(y, line, ends["path"].to_numpy(dtype=str), specimens)
+        density = one_line(y, line, np.array([density_of(str(run)) for run in ends["run"]]), specimens)
+        rows.append(
+            {
+                "quantity": name,
+                "e": REFERENCE,
+                "value": fit[0],
+                "within": student(float(error[0]), count - 2),
+                "slope": fit[1],
+                "slope_within": student(float(error[1]), count - 2),
+                "scatter": path.scatter,
+                "tests": len(ends),
+                "specimens": count,
+                "p_path": path.p_value,
+                "p_density": density.p_value,
+            }
+        )
+    return pandas.DataFrame(rows)
