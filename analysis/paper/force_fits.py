@@ -87,7 +87,7 @@ def draw_force_fits(runs: Runs) -> Figure:
     last = {name: (strain, snapshot) for name, strain, snapshot in _sheared(runs)}
     with plt.rc_context(STYLE):
         figure, panels = plt.subplots(
-            1, max(len(last), 1), figsize=(WIDTH, 3.2), layout="constrained", squeeze=False, sharey=True
+            1, max(len(last), 1), figsize=(WIDTH, 4.4), layout="constrained", squeeze=False, sharey=True
         )
         for axes, (name, (strain, snapshot)) in zip(panels[0], last.items(), strict=False):
             n, values = snapshot.contacts.normal, _normal(snapshot)
@@ -104,7 +104,7 @@ def draw_force_fits(runs: Runs) -> Figure:
             axes.set(
                 xlabel=r"$|\cos\theta|$ of the contact normal with z", title=f"{name}, {100 * strain:.0f} % strain"
             )
-            axes.legend(loc="upper left", fontsize=6.5)
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5)
         panels[0][0].set_ylabel(r"mean normalised normal force $\overline{\Lambda^n}$ ($10^{-3}$)")
     return figure
 

@@ -44,6 +44,7 @@ _NAMES = {
     "calibrate": "calibration",
     "fit": "calibration",
     "Fit": "calibration",
+    "Observation": "observation",
     "observe": "observation",
     "density_distance": "equations",
     "critical_coordination_number": "equations",

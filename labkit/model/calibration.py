@@ -33,6 +33,7 @@ SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
 CRITICAL = ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam", "A_c", "F_c", "Ft_c")
 DETERMINED = 0.5  # standard error over fitted value, above which the data do not determine a parameter
 CORRELATED = 0.95
+AMENDMENT = ("c_dLam",)  # constants of Model beside Table 2, fitted if the model has them
 COLUMNS = ("parameter", "fitted", "standard_error", "low", "high", "table_2", "determined")
 
 
@@ -135,9 +136,10 @@ def fit(
     """
     if not observations:
         raise InputError("there are no runs to calibrate with: give run files")
-    names = tuple(field.name for field in dataclasses.fields(Parameters)) if names is None else tuple(names)
+    every = tuple(field.name for field in dataclasses.fields(Parameters)) + (AMENDMENT if model.c_dLam > 0.0 else ())
+    names = every if names is None else tuple(names)
     model = model.reading(beyond_e_cmax="flat")  # a trial e_cmax may lie below a recorded void ratio
-    initial = dataclasses.asdict(model.parameters)
+    initial = dataclasses.asdict(model.parameters) | {name: getattr(model, name) for name in AMENDMENT}
     try:
         initial |= {k: v for k, v in critical_fit(observations, model).items() if k in names}
     except InputError:
@@ -171,7 +173,7 @@ def _judge(
     covariance = np.linalg.pinv(J.T @ J, rcond=1e-14)[:n, :n] * r.size / max(r.size - x.size, 1)
     error = np.sqrt(np.diag(covariance))
     values, initial = problem.values(x), problem.initial
-    table_2 = dataclasses.asdict(Parameters())
+    table_2 = dataclasses.asdict(Parameters()) | dict.fromkeys(AMENDMENT, 0.0)
     bounds = {
         name: _interval(name, initial[name], u, s) for name, u, s in zip(problem.names, x[:n], error, strict=True)
     }
@@ -196,7 +198,8 @@ def _judge(
     rms = pandas.DataFrame(problem.misfit(x), columns=SHORT)
     rms.insert(0, "run", [o.name for o in problem.observations])
     predicted = {o.name: problem.predicted(x, k) for k, o in enumerate(problem.observations)}
-    fitted = dataclasses.replace(problem.model, parameters=Parameters(**values))
+    amended = {name: values.pop(name) for name in AMENDMENT}
+    fitted = dataclasses.replace(problem.model, parameters=Parameters(**values), **amended)
     return Fit(fitted, table, correlation, rms, warnings, predicted)
 
 

@@ -48,7 +48,9 @@ def rates_differentials(
     Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; terms that
     are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel.
     """
-    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
+    nominal, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
+    e = eq.line_void_ratio(nominal, Z, Lam, c)
+    lenses = eq.LENSES if c.reported else 0.0
     n, rate, volumetric = eq.split_rate(D, c)
     size = norm(deviator(D))
     isotropic = size <= ISOTROPIC * norm(D)
@@ -69,8 +71,10 @@ def rates_differentials(
     A_rate = times(gA * rate, XA)
     A_size = norm(A_rate)
     force = Lam if c.with_force else 1.0
+    excess = eq.excess_ratio(A, F, Ft, n, c)
     for k in range(dD.shape[0]):
-        de, dZ, dLam = dy[k, 0], dy[k, 1], dy[k, 2]
+        dnominal, dZ, dLam = dy[k, 0], dy[k, 1], dy[k, 2]
+        de = dnominal * (1.0 + lenses * Z * Lam * Lam) + (1.0 + nominal) * lenses * Lam * (Lam * dZ + 2.0 * Z * dLam)
         dA, dF, dFt, dDk = load(dy[k], 3), load(dy[k], 9), load(dy[k], 15), load(dD[k], 0)
         dev, dvol = deviator(dDk), trace(dDk)
         along = 0.0 if isotropic else dot(n, dev)
@@ -105,7 +109,11 @@ def rates_differentials(
             + fvZ * dvol
         )
         # C4
-        dfeLam = feLam * (c.gamma_eLam * dLam / Lam + dfeZ / feZ)
+        if c.distance:
+            dbase = (dLamc - dLam) / (Lamc - Lam) if Lamc != Lam else 0.0
+        else:
+            dbase = dLam / Lam
+        dfeLam = feLam * (c.gamma_eLam * dbase + dfeZ / feZ)
         dforce = dLam if c.with_force else 0.0
         dLam_rate = (
             (dfeLam * force + feLam * dforce) * (Lamc - Lam) * rate
@@ -113,8 +121,11 @@ def rates_differentials(
             + dfvLam * volumetric
             + fvLam * dvol
         )
+        if c.c_dLam > 0.0:
+            dexcess = 0.4 * (dot(dA, n) + dot(A, dn) + dot(dF, n) + dot(F, dn)) + 3.0 * (dot(dFt, n) + dot(Ft, dn))
+            dLam_rate += c.c_dLam * (dLam * excess * rate + Lam * (dexcess * rate + excess * drate))
         row = out[k]
-        row[0], row[1], row[2] = -(1.0 + e) * dvol - de * volumetric, dZ_rate, dLam_rate
+        row[0], row[1], row[2] = -(1.0 + nominal) * dvol - dnominal * volumetric, dZ_rate, dLam_rate
         store(row, 3, dA_rate)
         store(row, 9, dF_rate)
         store(row, 15, dFt_rate)

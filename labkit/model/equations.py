@@ -82,8 +82,9 @@ def f_eZ(e: float, Lam: float, c: Constants) -> float:
 
 @compiled
 def f_eLam(e: float, Lam: float, c: Constants) -> float:
-    """f^{e,L} = c_eL Lambda^gamma_eL f^{e,Z}."""
-    return c.c_eLam * Lam**c.gamma_eLam * f_eZ(e, Lam, c)
+    """f^{e,L} = c_eL Lambda^gamma_eL f^{e,Z}; with the reading `distance` |Lambda^c - Lambda|^gamma_eL instead."""
+    base = abs(critical_force(e, c) - Lam) if c.distance else Lam
+    return c.c_eLam * base**c.gamma_eLam * f_eZ(e, Lam, c)
 
 
 @compiled
@@ -133,6 +134,27 @@ def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: flo
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
     target = times(f_dA(e, Lam, c) * c.F_c, n)
     return times(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
+
+
+LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by Z Lambda^2
+
+
+@compiled
+def line_void_ratio(e: float, Z: float, Lam: float, c: Constants) -> float:
+    """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
+
+    A lens of two equal grains has the volume pi D delta^2/4, a grain has Z/2 of them, and delta/D = 4/3 Lambda: lenses
+    take 4/3 Z <Lambda^2> of the grain volume, where <Lambda^2> is about twice <Lambda>^2. LENSES is the median over the
+    sheared tests of results/paper, of which each is within 0.2 of it.
+    """
+    return e + (1.0 + e) * LENSES * Z * Lam * Lam if c.reported else e
+
+
+@compiled
+def excess_ratio(A: Six, F: Six, Ft: Six, n: Six, c: Constants) -> float:
+    """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
+    critical = 0.4 * (c.A_c + c.F_c) + 3.0 * c.Ft_c
+    return 0.4 * (dot(A, n) + dot(F, n)) + 3.0 * dot(Ft, n) - critical * dot(n, n)
 
 
 @compiled

@@ -75,7 +75,8 @@ class Readings:
     force_rate: `plain`: C4 is f^{e,L} (Lambda^c - Lambda) |rate|; `with_force`: with the additional factor |Lambda|
         that is visible in the scanned paper. Evidence: with Table 2 the factor makes C4 about a hundred times slower,
         so that 60 % axial strain is not enough to reach the critical state of Figs. 4 to 6
-        (tests/model/test_readings.py).
+        (tests/model/test_readings.py). `distance`: f |Lambda^c - Lambda|^gamma_Lambda (Lambda^c - Lambda) |rate| with
+        f = c_eLambda f^{e,Z}, by analogy with C1 and C3; results/model_evidence compares the two.
     compression: `minus`: f^{v,Z} = -exp(...) dZ^com/de (1 + e) in Eq. 31; `as_printed`: without the minus sign.
         Evidence: dZ^com/de is negative, and contacts form in compression; as printed they would be lost, and Z would
         no longer tend to the compression line.
@@ -85,12 +86,16 @@ class Readings:
         specimen loses its pressure, which corresponds to Lambda^c = 0, and Z^c cannot fall below 4, its value at zero
         force. A linear continuation would make Lambda^c negative and Z^c complex. `flat` is not the default, because
         it is not in the paper.
+    line_void_ratio: `nominal`: e in Z^c, Z^com and Lambda^c is V/sum(pi D^3/6) - 1, as in C0; `reported`: the overlap
+        lenses are taken out of the solid volume, as in the void ratio that the paper reports, by which Table 2 may have
+        been fitted. Evidence: the two differ by 4 % of Lambda^c at 3 MPa; results/model_evidence compares them.
     """
 
     strain_rate: str = "deviatoric"
     force_rate: str = "plain"
     compression: str = "minus"
     beyond_e_cmax: str = "error"
+    line_void_ratio: str = "nominal"
 
     def __post_init__(self) -> None:
         """Raises InputError for an unknown option."""
@@ -103,16 +108,17 @@ class Readings:
 
 READINGS = {
     "strain_rate": ("deviatoric", "total"),
-    "force_rate": ("plain", "with_force"),
+    "force_rate": ("plain", "with_force", "distance"),
     "compression": ("minus", "as_printed"),
     "beyond_e_cmax": ("error", "flat"),
+    "line_void_ratio": ("nominal", "reported"),
 }
 
 
 class Constants(NamedTuple):
-    """Argument of compiled code: E in Pa, the fields of Parameters, and the interpretations as flags.
+    """Argument of compiled code: E in Pa, the fields of Parameters, c_dLam of Model, and the interpretations as flags.
 
-    A flag is True if the interpretation is the second in its row of READINGS. The values come from `Model.constants`,
+    A flag is True if the interpretation is the one that it is named after. The values come from `Model.constants`,
     which raises TypeError if these fields differ from those of Parameters.
     """
 
@@ -139,22 +145,32 @@ class Constants(NamedTuple):
     c_eLam: float
     c_vLamd: float
     c_M: float
+    c_dLam: float
     total_rate: bool
     with_force: bool
+    distance: bool
     as_printed: bool
     flat: bool
+    reported: bool
 
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """The constants of the model: parameters, interpretations and Young's modulus E of the grains, Pa."""
+    """The constants of the model: parameters, interpretations, Young's modulus E of the grains, Pa, and an amendment.
+
+    c_dLam: coefficient of a term that is not in the paper, c_dLam Lambda (X - X^c):n |rate| in C4, with X = 2/5 A +
+    2/5 F + 3 F^t, the stress ratio of Eq. 30. Zero, the default, is the paper's model; see results/model_evidence.
+    """
 
     parameters: Parameters = Parameters()
     readings: Readings = Readings()
     young_modulus: float = Scene().young_modulus
+    c_dLam: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raises InputError for a modulus that is not positive."""
+        """Raises InputError for a modulus that is not positive, or a negative c_dLam."""
+        if not (math.isfinite(self.c_dLam) and self.c_dLam >= 0.0):
+            raise InputError(field="c_dLam", value=self.c_dLam, allowed="0 (the paper's model) or a positive number")
         if not (math.isfinite(self.young_modulus) and self.young_modulus > 0.0):
             raise InputError(f"Young's modulus is {self.young_modulus}: give a positive number in Pa")
 
@@ -162,14 +178,17 @@ class Model:
     def constants(self) -> Constants:
         """Constants for compiled code."""
         values = {name: float(value) for name, value in dataclasses.asdict(self.parameters).items()}
-        second = {name: getattr(self.readings, name) == choices[1] for name, choices in READINGS.items()}
+        readings = self.readings
         return Constants(
             E=float(self.young_modulus),
             **values,
-            total_rate=second["strain_rate"],
-            with_force=second["force_rate"],
-            as_printed=second["compression"],
-            flat=second["beyond_e_cmax"],
+            c_dLam=float(self.c_dLam),
+            total_rate=readings.strain_rate == "total",
+            with_force=readings.force_rate == "with_force",
+            distance=readings.force_rate == "distance",
+            as_printed=readings.compression == "as_printed",
+            flat=readings.beyond_e_cmax == "flat",
+            reported=readings.line_void_ratio == "reported",
         )
 
     def with_parameters(self, **changes: float) -> Model:
@@ -181,7 +200,7 @@ class Model:
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
     def to_json(self) -> str:
-        """The model as JSON: parameters, readings and young_modulus."""
+        """The model as JSON: parameters, readings, young_modulus and c_dLam."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
@@ -189,7 +208,8 @@ class Model:
         """Model from the text of `to_json`. Raises InputError if the text is not a model."""
         try:
             values = json.loads(text)
-            return cls(Parameters(**values["parameters"]), Readings(**values["readings"]), values["young_modulus"])
+            parameters, readings = Parameters(**values["parameters"]), Readings(**values["readings"])
+            return cls(parameters, readings, values["young_modulus"], values.get("c_dLam", 0.0))
         except (TypeError, ValueError, KeyError) as error:
             raise InputError(f"these are not the parameters of a model: {error}") from None
 

@@ -78,12 +78,15 @@ def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: n
     """
     e, Z, Lam = y[0], y[1], y[2]
     n, rate, volumetric = eq.split_rate(D, c)
-    A_rate = eq.contact_anisotropy_rate(load(y, 3), e, Lam, n, rate, c)
+    line = eq.line_void_ratio(e, Z, Lam, c)
+    A_rate = eq.contact_anisotropy_rate(load(y, 3), line, Lam, n, rate, c)
     out[0] = eq.void_ratio_rate(e, volumetric)
-    out[1] = eq.coordination_number_rate(Z, e, Lam, A_rate, rate, volumetric, compressing, c)
-    out[2] = eq.mean_force_rate(e, Lam, rate, volumetric, compressing, c)
+    out[1] = eq.coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)
+    out[2] = eq.mean_force_rate(line, Lam, rate, volumetric, compressing, c)
+    if c.c_dLam > 0.0:
+        out[2] += c.c_dLam * Lam * eq.excess_ratio(load(y, 3), load(y, 9), load(y, 15), n, c) * rate
     store(out, 3, A_rate)
-    store(out, 9, eq.normal_force_anisotropy_rate(load(y, 9), e, Lam, n, rate, c))
+    store(out, 9, eq.normal_force_anisotropy_rate(load(y, 9), line, Lam, n, rate, c))
     store(out, 15, eq.mobilisation_rate(load(y, 15), n, rate, c))
 
 

@@ -45,7 +45,16 @@ def properties(
     if not (np.isfinite(stress_unit) and stress_unit > 0.0):
         raise InputError(field="stress_unit", value=stress_unit, allowed="a positive number of Pa, e.g. 1e3 for kPa")
     start = start or Start()
-    readings = {name: float(getattr(model.readings, name) == choices[1]) for name, choices in READINGS.items()}
+    if model.c_dLam or model.readings.force_rate == "distance" or model.readings.line_void_ratio == "reported":
+        raise InputError(
+            "the compiled material law has the equations of the paper only: use c_dLam = 0, force_rate = plain or "
+            "with_force, and line_void_ratio = nominal"
+        )
+    readings = {
+        name: float(getattr(model.readings, name) == choices[1])
+        for name, choices in READINGS.items()
+        if name != "line_void_ratio"
+    }
     return {
         "E": model.young_modulus / stress_unit,
         **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},

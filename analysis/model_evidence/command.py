@@ -1,0 +1,81 @@
+"""`./lab model-evidence`: what the model is worth, from the reduced run files of results/paper."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from analysis.model_evidence.calibrations import calibrate_all
+from analysis.model_evidence.errors import combined, error_summary, test_errors
+from analysis.model_evidence.figures import error_figure
+from analysis.model_evidence.increments import increments
+from analysis.model_evidence.inversion import inversion_errors
+from analysis.model_evidence.page import page
+from analysis.model_evidence.residuals import forms_of_c4, missing_elements
+from analysis.paper import runs, sources
+from analysis.paper.ends import ends, in_memory, sheared
+from analysis.paper.ends import main as of_the_paper
+from analysis.paper.lines import both_lines
+from analysis.places import results_folder
+from labkit.dem import Progress
+from labkit.io import make_folder, reporter, write_with_provenance
+from labkit.visuals import plots
+
+FITS = "calibrations.json"
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `./lab model-evidence`."""
+    parser.add_argument(
+        "--paper", default=results_folder("paper"), help="results of ./lab paper (default: results/paper)"
+    )
+    parser.add_argument(
+        "--refit",
+        action="store_true",
+        help="repeat the calibrations, about 20 minutes on one core, instead of reading them",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        default=results_folder("model_evidence"),
+        help="output folder (default: results/model_evidence)",
+    )
+
+
+def main(options: argparse.Namespace, command: str) -> None:
+    """Writes all tables, the figure and the page."""
+    folder = Path(make_folder(options.output, "--output"))
+    if options.refit:
+        (folder / FITS).unlink(missing_ok=True)
+    for file in write(Path(options.paper), folder, command, reporter("model")):
+        print(file)
+
+
+def write(paper: Path, folder: Path, command: str, progress: Progress) -> Iterator[Path]:
+    """Writes the results from the reduced run files in `paper`; yields the files. Fits only what is not stored."""
+    stored = runs(paper)
+    known = of_the_paper(in_memory(stored))
+    calibrations = calibrate_all(known, folder / FITS, lambda share, text: progress(0.7 * share, text))
+    progress(0.7, "comparing the models with the tests")
+    errors = test_errors(known, calibrations)
+    progress(0.85, "fitting the increments")
+    data, fitted = increments(known), both_lines(ends(sheared(known)))
+    monotonic = {name: run for name, run in known.items() if run.attrs["path"] != "cyclic_cp"}
+    tables = {
+        "errors": errors,
+        "summary": error_summary(errors),
+        "combined": combined(errors),
+        "missing_elements": missing_elements(data, fitted),
+        "forms_of_c4": forms_of_c4(data, fitted),
+        "inversion": inversion_errors(monotonic),
+    }
+    files = sources(stored)
+    for name, frame in tables.items():
+        write_with_provenance(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.5g"), files, command)
+        yield folder / f"{name}.csv"
+    plots.save(error_figure(errors), folder / "errors.png", files, command)
+    yield folder / "errors.png"
+    write_with_provenance(folder / "README.md", page(tables, command), files, command)
+    yield folder / "README.md"
+    progress(1.0, "done")

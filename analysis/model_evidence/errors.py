@@ -1,0 +1,146 @@
+"""Errors of the model over independent specimens, each test predicted by a calibration on the other paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas
+
+from analysis.model_evidence.calibrations import CALIBRATED, PATHS, TABLE_2, VARIANTS, Calibrations
+from analysis.paper.ends import Runs
+from analysis.paper.model_comparison import compare
+from analysis.paper.specimens import specimen_of
+from analysis.statistics import adjusted, cluster_mean, paired_difference
+from labkit.model import Model
+
+COMPLETE = 0.999  # share of the strain of a test
+QUANTITIES = ("q_error", "p_error", "e_error_of_change")
+TESTED = {CALIBRATED: TABLE_2} | {variant: CALIBRATED for variant in VARIANTS if variant != CALIBRATED}  # with what
+ALSO_TABLE_2 = {  # readings with the constants of Table 2
+    "Table 2, C4 by distance": {"force_rate": "distance"},
+    "Table 2, reported void ratio": {"line_void_ratio": "reported"},
+}
+TESTED |= dict.fromkeys(ALSO_TABLE_2, TABLE_2)
+
+
+def test_errors(runs: Runs, calibrations: Calibrations) -> pandas.DataFrame:
+    """Errors of every model in every test of the paper, a pandas.DataFrame with a row per test and model.
+
+    The calibrated models are those fitted without the path of the test. Columns: run, specimen, path, model, q_error,
+    p_error and e_error_of_change (analysis.paper.model_comparison.compare), reached, status.
+    """
+    tables = []
+    for path in PATHS:
+        own = {name: run for name, run in runs.items() if run.attrs["path"] == path}
+        models = {TABLE_2: Model(), **{name: Model().reading(**readings) for name, readings in ALSO_TABLE_2.items()}}
+        models |= {variant: calibrations[variant, path] for variant in VARIANTS}
+        flat = {name: model.reading(beyond_e_cmax="flat") for name, model in models.items()}
+        tables.append(compare(own, flat)[0])
+    table = pandas.concat(tables, ignore_index=True).rename(columns={"parameters": "model"})
+    table = table[table["model"] != "seed"]
+    table.insert(1, "specimen", [specimen_of(str(run)) for run in table["run"]])
+    return table.drop(columns=["calibrated_on", "e_error"])
+
+
+def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
+    """Mean errors over specimens, a pandas.DataFrame with a row per path, quantity and model.
+
+    A specimen counts once. value, within: mean with its 95 % half-width. against: the model it is compared with,
+    difference and difference_within: of the errors on the same specimens, p_value: paired t test, corrected: for all
+    rows (Holm), verdict: `better`, `worse` or `not resolved`. Tests that a model does not complete are left out:
+    completed.
+    """
+    rows = []
+    for path in PATHS:
+        own = errors[errors["path"] == path]
+        for quantity in QUANTITIES:
+            for model in dict.fromkeys(own["model"]):
+                mine = own[own["model"] == model]
+                if not np.isfinite(mine[quantity]).any():
+                    continue
+                found = cluster_mean(mine[quantity], mine["specimen"])
+                row = {
+                    "path": path,
+                    "quantity": quantity,
+                    "model": model,
+                    "tests": len(mine),
+                    "completed": int((np.isfinite(mine[quantity]) & (mine["reached"] >= COMPLETE)).sum()),
+                    "specimens": found.n,
+                    "value": found.value,
+                    "within": found.within,
+                    "against": TESTED.get(str(model), ""),
+                }
+                if row["against"]:
+                    pair = paired_difference(own, quantity, "model", row["against"], model)
+                    row |= {
+                        "difference": pair.value,
+                        "difference_within": pair.within,
+                        "p_value": pair.p_value,
+                    }
+                rows.append(row)
+    table = pandas.DataFrame(rows, columns=SUMMARY)
+    table["corrected"] = adjusted(table["p_value"].to_numpy(dtype=float))
+    table["verdict"] = [
+        "" if not against else "not resolved" if not p <= 0.05 else "better" if difference < 0.0 else "worse"
+        for against, p, difference in zip(table["against"], table["corrected"], table["difference"], strict=True)
+    ]
+    return table
+
+
+SUMMARY: Sequence[str] = (
+    "path",
+    "quantity",
+    "model",
+    "tests",
+    "completed",
+    "specimens",
+    "value",
+    "within",
+    "against",
+    "difference",
+    "difference_within",
+    "p_value",
+    "corrected",
+    "verdict",
+)
+
+
+def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
+    """Each model against another over all paths and quantities at once, a pandas.DataFrame with a row per comparison.
+
+    ratio: of the errors, geometric mean over the quantities of a test, its tests and then the specimens, with low and
+    high, its 95 % interval; only tests that both complete; p_value: t test over specimens that the logarithm of the
+    ratio is zero; corrected: for the number of rows (Holm). failed: tests that the model does not complete and the other
+    one does.
+    """
+    long = errors.melt(["run", "specimen", "path", "model", "reached"], QUANTITIES, "quantity", "error")
+    long = long[np.isfinite(long["error"])]
+    rows = []
+    for model, other in TESTED.items():
+        both = long[long["model"] == model].merge(
+            long[long["model"] == other], on=["run", "specimen", "path", "quantity"], suffixes=("", "_other")
+        )
+        ratio = np.log(both["error"] / both["error_other"]).groupby([both["specimen"], both["run"]]).mean()
+        found = cluster_mean(ratio.to_numpy(), ratio.index.get_level_values("specimen"))
+        reached = errors.pivot_table(index="run", columns="model", values="reached")
+        rows.append(
+            {
+                "model": model,
+                "against": other,
+                "tests": len(ratio),
+                "specimens": found.n,
+                "ratio": float(np.exp(found.value)),
+                "low": float(np.exp(found.value - found.within)),
+                "high": float(np.exp(found.value + found.within)),
+                "p_value": found.p_value,
+                "failed": int(((reached[model] < COMPLETE) & (reached[other] >= COMPLETE)).sum()),
+            }
+        )
+    table = pandas.DataFrame(rows)
+    table["corrected"] = adjusted(table["p_value"].to_numpy(dtype=float))
+    table["verdict"] = [
+        "not resolved" if not row.corrected <= 0.05 else "better" if row.ratio < 1.0 else "worse"
+        for row in table.itertuples()
+    ]
+    return table

@@ -1,0 +1,143 @@
+"""What C1 to C5 leave out: residuals of their increments against further quantities, cross-validated over paths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pandas
+
+from analysis.model_evidence.increments import (
+    C4_FORMS,
+    EQUATIONS,
+    ISOTROPIC,
+    Increments,
+    Lines,
+    excess,
+    fit_rate,
+    lines_of,
+)
+from analysis.statistics import adjusted, cluster_mean
+
+Candidate = Callable[[Increments, Lines], np.ndarray]  # increments (steps,)
+OF_TENSORS: dict[str, Candidate] = {
+    "A": lambda d, c: d.state["A"] * d.s,
+    "F": lambda d, c: d.state["F"] * d.s,
+    "F^t": lambda d, c: d.state["T"] * d.s,
+    "F - F^c/A^c A": lambda d, c: (d.state["F"] - 0.757 / 0.446 * d.state["A"]) * d.s,
+    "Z - Z^c": lambda d, c: d.n * (d.state["Z"] - c.Zc) * d.s,
+    "(Lambda - Lambda^c)/Lambda": lambda d, c: d.n * (1.0 - c.Lc / d.state["L"]) * d.s,
+    "A, volumetric": lambda d, c: d.state["A"] * d.v,
+    "F, volumetric": lambda d, c: d.state["F"] * d.v,
+    "F^t, volumetric": lambda d, c: d.state["T"] * d.v,
+}
+OF_SCALARS: dict[str, Candidate] = {
+    "A:n - A^c": lambda d, c: (d.state["A"] * d.n - 0.446) * d.s,
+    "F:n - F^c": lambda d, c: (d.state["F"] * d.n - 0.757) * d.s,
+    "q/p - M": lambda d, c: excess(d) * d.s,
+    "Lambda (A:n - A^c)": lambda d, c: d.state["L"] * (d.state["A"] * d.n - 0.446) * d.s,
+    "Lambda (F:n - F^c)": lambda d, c: d.state["L"] * (d.state["F"] * d.n - 0.757) * d.s,
+    "Lambda (q/p - M)": lambda d, c: d.state["L"] * excess(d) * d.s,
+    "Z - Z^c": lambda d, c: (d.state["Z"] - c.Zc) * d.s,
+    "Lambda - Lambda^c": lambda d, c: (d.state["L"] - c.Lc) * d.s,
+    "volumetric": lambda d, c: d.v,
+}
+
+
+def missing_elements(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
+    """Do further quantities explain what an equation leaves? A pandas.DataFrame with a row per equation and candidate.
+
+    For each path the equation and the coefficient of the candidate are fitted to the tests along all other paths and
+    judged on this path. gain: 1 - (sum of squares with the candidate)/(without), geometric mean over specimens, and low
+    and high, its 95 % interval; p_value: t test over specimens that it is zero; corrected: for the number of rows
+    (Holm); a column per path with the gain there; explained: share of the squared changes that the equation explains
+    on the left-out paths, the median over tests. fitted: parameters of the lines.
+    """
+    lines, rows = lines_of(data, fitted), []
+    for equation, (rate, variable, start) in EQUATIONS.items():
+        candidates = OF_SCALARS if variable in "ZL" else OF_TENSORS
+        paths = [path for path in dict.fromkeys(data.path) if variable in "ZL" or path not in ISOTROPIC]
+        parts = []
+        for path in paths:
+            own = data.path == path
+            residual = data.change[variable] - data.total(
+                rate(fit_rate(rate, variable, start, data, lines, ~own), data, lines)
+            )
+            for name, candidate in candidates.items():
+                extra = data.total(candidate(data, lines))
+                part = float(extra[~own] @ residual[~own]) / float(extra[~own] @ extra[~own])
+                parts.append(_by_run(data, own, residual, residual - part * extra, variable).assign(candidate=name))
+        table = pandas.concat(parts)
+        explained = float((1.0 - table["before"] / table["size"]).median())
+        for name, group in table.groupby("candidate", sort=False):
+            rows.append({"equation": equation, "explained": explained, "candidate": name, **_gain(group, paths)})
+    return _corrected(rows)
+
+
+def forms_of_c4(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
+    """Forms of C4, each fitted to all other paths and judged on one, a pandas.DataFrame with a row per form.
+
+    Also the paper's form with the reported void ratio in Lambda^c. explained_PATH: share of the squared changes of
+    Lambda on the left-out path that the form explains (median over its tests); gain: over the paper's form, as in
+    missing_elements.
+    """
+    nominal, rows = lines_of(data, fitted), []
+    before: dict[str, np.ndarray] = {}
+    forms = {name: (form, nominal) for name, form in C4_FORMS.items()}
+    forms["reported void ratio"] = C4_FORMS["paper"], lines_of(data, fitted, "reported")
+    paths = list(dict.fromkeys(data.path))
+    for name, ((rate, start), lines) in forms.items():
+        parts, explained = [], {}
+        for path in paths:
+            own = data.path == path
+            found = fit_rate(rate, "L", start, data, lines, ~own)
+            residual = data.change["L"] - data.total(rate(found, data, lines))
+            part = _by_run(data, own, before.setdefault(path, residual), residual, "L")
+            explained[f"explained_{path}"] = float((1.0 - part["after"] / part["size"]).median())
+            parts.append(part)
+        rows.append({"form": name, **explained, **_gain(pandas.concat(parts), paths)})
+    rows[0] |= dict.fromkeys(("gain", "low", "high", "p_value"), math.nan)  # compared with itself
+    return _corrected(rows)
+
+
+def _by_run(
+    data: Increments, own: np.ndarray, before: np.ndarray, after: np.ndarray, variable: str
+) -> pandas.DataFrame:
+    """Sums of squares of the changes and of two residuals, a row per test on the left-out path."""
+    squares = pandas.DataFrame(
+        {
+            "run": data.run[own],
+            "specimen": data.specimen[own],
+            "path": data.path[own],
+            "size": data.change[variable][own] ** 2,
+            "before": before[own] ** 2,
+            "after": after[own] ** 2,
+        }
+    )
+    return squares.groupby(["run", "specimen", "path"], sort=False).sum().reset_index()
+
+
+def _gain(table: pandas.DataFrame, paths: Sequence[str]) -> dict[str, float]:
+    ratio = np.log((table["after"] / table["before"]).to_numpy(dtype=float))
+    found = cluster_mean(ratio, table["specimen"])
+    by_path = {str(path): 1.0 - math.exp(ratio[(table["path"] == path).to_numpy()].mean()) for path in paths}
+    return {
+        "tests": len(table),
+        "specimens": found.n,
+        "gain": 1.0 - math.exp(found.value),
+        "low": 1.0 - math.exp(found.value + found.within),
+        "high": 1.0 - math.exp(found.value - found.within),
+        "p_value": found.p_value,
+        **by_path,
+    }
+
+
+def _corrected(rows: Sequence[dict[str, object]]) -> pandas.DataFrame:
+    table = pandas.DataFrame(list(rows))
+    table["corrected"] = adjusted(table["p_value"].to_numpy(dtype=float))
+    table["verdict"] = [
+        "not resolved" if not row.corrected <= 0.05 else "better" if row.gain > 0.0 else "worse"
+        for row in table.itertuples()
+    ]
+    return table
