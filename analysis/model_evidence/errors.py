@@ -111,7 +111,7 @@ def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
 
     ratio: of the errors, geometric mean over the quantities of a test, its tests and then the specimens, with low and
     high, its 95 % interval; only tests that both complete; p_value: t test over specimens that the logarithm of the
-    ratio is zero; corrected: for the number of rows (Holm). failed: tests that the model does not complete and the other
+    ratio is zero; corrected: for the number of rows (Holm).
     one does.
     """
     long = errors.melt(["run", "specimen", "path", "model", "reached"], QUANTITIES, "quantity", "error")

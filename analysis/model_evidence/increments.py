@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -58,11 +59,11 @@ def increments(runs: Runs) -> Increments:
         parts.append(part)
         first.append(start + ends[:-1])
         start += len(part.s)
-    joined = {
+    joined: dict[str, Any] = {
         field: np.concatenate([getattr(part, field) for part in parts])
         for field in ("s", "n", "v", "run", "path", "specimen", "lengths")
     }
-    each = {
+    each: dict[str, Any] = {
         field: {key: np.concatenate([getattr(part, field)[key] for part in parts]) for key in getattr(parts[0], field)}
         for field in ("state", "change")
     }

@@ -26,23 +26,24 @@ def page(tables: Mapping[str, pandas.DataFrame], command: str) -> str:
         f"Written by `{command}` from the reduced run files and calibrations.json; `--refit` repeats the fits.",
         "## Errors on paths that the model was not calibrated on",
         "![errors](errors.png)",
-        "RMS errors over the strain, in %, of q relative to the largest q, of p relative to the mean p and of e relative "
-        "to its range; mean over specimens ± half-width of the 95 % interval.",
+        "RMS errors over the strain, in %, of q relative to the largest q, of p relative to the mean p and of e "
+        "relative to its range; mean over specimens ± half-width of the 95 % interval.",
         _errors(tables["summary"]),
         "All paths and quantities at once: ratio of the errors on the same tests, geometric mean over specimens, "
         "corrected for the number of rows (Holm). *failed*: tests that only this model does not complete.",
         _combined(tables["combined"]),
         "The amendment was chosen with these tests (below): its gain must be confirmed with new ones.",
         "## Is F the missing element of C1 (section 5.3)?",
-        "Each equation is fitted to the recorded increments along all other paths, from the recorded state; what is left "
-        "on the path left out is regressed on a further quantity, whose coefficient is also fitted on the other paths. "
-        "*gain*: share of the remaining sum of squares that the quantity removes.",
+        "Each equation is fitted to the recorded increments along all other paths, from the recorded state; what is "
+        "left on the path left out is regressed on a further quantity, whose coefficient is also fitted on the other "
+        "paths. *gain*: share of the remaining sum of squares that the quantity removes.",
         _missing(tables["missing_elements"]),
         _answer(tables["missing_elements"]),
         "## Forms of C4",
-        "*By distance*: f |Λ^c - Λ|^γ (Λ^c - Λ) |rate|. *Reported void ratio*: Λ^c at the void ratio without the overlap "
-        "lenses. *Amended*: the additional term c Λ (q/p - M) |rate|, zero at the critical stress ratio, which lowers Λ "
-        "after a reversal and in the contraction before the critical stress ratio and raises it in dilation.",
+        "*By distance*: f |Λ^c - Λ|^gamma (Λ^c - Λ) |rate|. *Reported void ratio*: Λ^c at the void ratio without the "
+        "overlap lenses. *Amended*: the additional term c Λ (q/p - M) |rate|, zero at the critical stress ratio, "
+        "which lowers Λ after a reversal and in the contraction before the critical stress ratio and raises it in "
+        "dilation.",
         _forms(tables["forms_of_c4"]),
         "## Is the suggested calibration from Z and A alone possible (section 5.4)?",
         "From the stress, e, Z and A, C0 gives Λ and one anisotropy of the forces; F and F^t cannot be separated.",

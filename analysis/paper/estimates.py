@@ -46,10 +46,11 @@ def two_samples(
     n = len(first), len(second)
     if min(n) == 0:
         return NOTHING
-    one, other = (
-        _deviations(lambda rows, table=table: statistic(table.iloc[rows]), len(table), None)
-        for table in (first, second)
-    )
+
+    def sample(table: pandas.DataFrame) -> np.ndarray:
+        return _deviations(lambda rows: statistic(table.iloc[rows]), len(table), None)
+
+    one, other = sample(first), sample(second)
     value = float(statistic(second) - statistic(first))
     if max(n) < 2 or np.ptp(one) == np.ptp(other) == 0.0:
         return Tested(value, welch(other, one), sum(n), math.nan)
