@@ -9,7 +9,7 @@ import pandas
 import xarray as xr
 from scipy import stats
 
-from analysis.statistics import t_interval
+from analysis.statistics import SIGNIFICANT, adjusted, t_interval
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.sff import PARTS
 
@@ -17,7 +17,6 @@ REFERENCE = "compression"  # the kind of test in the paper
 LEAST_PRESSURE = 50e3  # Pa
 LEAST_RATIO = 0.2  # q/p from which the error of q and the direction are evaluated
 COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
-SIGNIFICANT = 0.05  # false discovery rate
 
 
 def direction(stress: np.ndarray) -> np.ndarray:
@@ -128,8 +127,7 @@ def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
                 row |= {"within": t_interval(result), "p_value": float(result.pvalue)}
             rows.append(row)
     frame = pandas.DataFrame(rows, columns=["test", "quantity", "specimens", "difference", "within", "p_value"])
-    tested = frame["p_value"].notna()
-    frame.loc[tested, "corrected"] = stats.false_discovery_control(frame.loc[tested, "p_value"])
+    frame["corrected"] = adjusted(frame["p_value"].to_numpy(dtype=float), "fdr_bh")
     frame["verdict"] = [
         "not tested"
         if np.isnan(c)

@@ -8,8 +8,9 @@ import pandas
 
 from analysis.markdown import table
 from analysis.other_paths.engines import QUANTITIES
-from analysis.other_paths.errors import COMPONENTS, REFERENCE, SIGNIFICANT
+from analysis.other_paths.errors import COMPONENTS, REFERENCE
 from analysis.other_paths.figures import TESTS
+from analysis.statistics import SIGNIFICANT
 from labkit.sff import PARTS
 
 FORMS = {

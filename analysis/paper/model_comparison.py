@@ -14,8 +14,10 @@ import xarray as xr
 import labkit as lk
 from analysis import markdown
 from analysis.netcdf import characters
-from analysis.paper.ends import Runs, main
+from analysis.paper.ends import OTHERS, Runs, main
 from analysis.paper.model_runs import follow
+from analysis.paper.specimens import specimens_of
+from analysis.statistics import cluster_mean
 from labkit.dem import travelled
 from labkit.errors import InputError
 from labkit.io import RECORD, provenance_json, whole_file
@@ -252,7 +254,8 @@ def summary(errors: pandas.DataFrame, table: Callable[..., str] = markdown.table
 
     `errors`: from compare(), or read from model_errors.csv; `table`: formats a table from a header and rows of text.
     """
-    kinds = errors.assign(kind=errors["path"].map(KINDS))
+    independent = errors[~errors["run"].str.startswith(OTHERS)]
+    kinds = independent.assign(kind=independent["path"].map(KINDS), specimen=specimens_of(independent["run"]))
     rows = []
     for kind in dict.fromkeys(KINDS.values()):
         for key, label in LABELS.items():
@@ -263,14 +266,18 @@ def summary(errors: pandas.DataFrame, table: Callable[..., str] = markdown.table
                         kind,
                         label,
                         str(len(own)),
-                        *(_percent(own[column].median()) for column in SHOWN),
+                        str(own["specimen"].nunique()),
+                        *(_mean(own, column) for column in SHOWN),
                         f"{own['reached'].min():.0%}",
                     ]
                 )
-    header = ("type of test", "parameters", "tests", "q", "p", "e", "strain completed, at least")
+    header = ("type of test", "parameters", "tests", "specimens", "q", "p", "e", "strain completed, at least")
     parts = [
-        "Median errors of the model (RMS over the strain): of q relative to the largest q, of p relative to the mean "
-        "p, of e relative to its range in the test. `given`: the path prescribes the quantity. `ended`: the model "
+        "Errors of the model (RMS over the strain), mean over specimens ± half-width of the 95 % interval: of q "
+        "relative to the largest q, of p relative to the mean p, of e relative to its range in the test. Tests that "
+        "repeat a specimen with another engine or contact law are left out here. *our parameters* were fitted to some "
+        "of these tests; results/model_evidence judges calibrations on paths that were left out. "
+        "`given`: the path prescribes the quantity. `ended`: the model "
         f"stopped before {FAR_ENOUGH:.0%} of the strain. *Another seed*: difference between two simulations of the "
         "same test, from specimens that differ only in their random seed.",
         table(header, rows),
@@ -288,6 +295,14 @@ def summary(errors: pandas.DataFrame, table: Callable[..., str] = markdown.table
 SHOWN = ("q_error", "p_error", "e_error_of_change")
 
 
+def _mean(own: pandas.DataFrame, column: str) -> str:
+    """Mean over specimens with its half-width, in per cent; `given` or `ended` if there is none."""
+    found = cluster_mean(own[column], own["specimen"])
+    if not np.isfinite(found.value):
+        return _percent(found.value, own["reached"].min())
+    return _percent(found.value) + (f" ± {found.within:.1%}" if np.isfinite(found.within) else "")
+
+
 def failures(errors: pandas.DataFrame) -> list[str]:
     """Sentences on the shortcoming that the paper reports.
 
@@ -296,6 +311,7 @@ def failures(errors: pandas.DataFrame) -> list[str]:
     tests that the model does not complete.
     """
     sentences = []
+    errors = errors[~errors["run"].str.startswith(OTHERS)]
     for kind, paths in (("stress-controlled tests (CR, CP)", ("cr", "cp")), ("cyclic tests", ("cyclic_cp",))):
         for label in (TABLE_2, OURS):
             own = errors[errors["path"].isin(paths) & (errors["parameters"] == label)]

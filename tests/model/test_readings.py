@@ -1,14 +1,18 @@
 """Evidence for the interpretations of ambiguous equations: the alternative contradicts the paper."""
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
 
 from labkit.errors import InputError
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
-from labkit.model.parameters import Readings
-from labkit.model.state import isotropic_state
+from labkit.model.parameters import Model, Readings
+from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import state_rate
+from labkit.umat.properties import properties
 
 
 def test_with_the_factor_lambda_c4_does_not_reach_the_critical_state(model):
@@ -71,3 +75,39 @@ def test_a_run_that_dilates_to_e_cmax_gives_the_reason(model, flat):
 def test_unknown_readings():
     with pytest.raises(InputError, match="flat"):
         Readings(beyond_e_cmax="linear")
+
+
+def test_c4_by_distance_and_with_reported_void_ratios_keep_the_critical_state(model):
+    """Both readings end a CV test where Lambda^c is; the reported void ratio is larger, so that Lambda^c is lower."""
+    start = isotropic_state(model, 0.67, 0.2e6)
+    path = model_path("cv", 0.2e6, strain=0.6)
+    distance = drive(model.reading(force_rate="distance"), path, start).require()
+    assert distance.Lam[-1] == pytest.approx(0.098 * (0.76 - 0.67), rel=0.02)
+    reported = drive(model.reading(line_void_ratio="reported"), path, start).require()
+    line = 0.67 + 1.67 * 2.7 * reported.Z[-1] * reported.Lam[-1] ** 2
+    assert line > 0.6715 and reported.Lam[-1] == pytest.approx(0.098 * (0.76 - line), rel=1e-3)
+
+
+def test_the_amendment_acts_away_from_the_critical_stress_ratio_and_not_at_it(model):
+    """After a reversal q/p is far below its critical value and Lambda falls; in the critical state nothing changes."""
+    amended = dataclasses.replace(model, c_dLam=5.0)
+    start = isotropic_state(model, 0.67, 0.2e6)
+    both = [drive(m, model_path("cv", 0.2e6, strain=0.6), start).require() for m in (model, amended)]
+    assert both[1].Lam[-1] == pytest.approx(both[0].Lam[-1], rel=1e-3)
+    critical = ModelState.from_vector(both[0].vector[-1])
+    back = np.diag([0.5, 0.5, -1.0])
+    plain, lower = (state_rate(m, critical, back)[2] for m in (model, amended))
+    assert lower < plain - 5.0 * critical.Lam
+    with pytest.raises(InputError, match="c_dLam"):
+        dataclasses.replace(model, c_dLam=-1.0)
+
+
+def test_a_model_is_read_back_from_its_file_and_the_compiled_law_refuses_what_it_lacks(model):
+    amended = dataclasses.replace(model.reading(force_rate="distance"), c_dLam=5.0)
+    assert Model.from_json(amended.to_json()) == amended
+    older = json.loads(model.to_json())
+    del older["c_dLam"], older["readings"]["line_void_ratio"]
+    assert Model.from_json(json.dumps(older)) == model
+    for changed in (amended, model.reading(line_void_ratio="reported")):
+        with pytest.raises(InputError, match="compiled"):
+            properties(changed)

@@ -16,13 +16,14 @@ from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)
+MODELS = (Model(), Model(c_dLam=5.0).reading(force_rate="distance", line_void_ratio="reported"))
 
 
 @settings(max_examples=40, deadline=None)
-@given(seed=SEEDS, e=st.sampled_from([0.62, 0.70, 0.78]))
-def test_rate_tangent_against_finite_differences(seed, e):
+@given(seed=SEEDS, e=st.sampled_from([0.62, 0.70, 0.78]), model=st.sampled_from(MODELS))
+def test_rate_tangent_against_finite_differences(seed, e, model):
     rng = np.random.default_rng(seed)
-    model = Model().reading(beyond_e_cmax="flat")
+    model = model.reading(beyond_e_cmax="flat")
     state, D = random_state(rng, e), symmetric(rng, 1.0)
     tangent, h = rate_tangent(model, state, D), 1e-6
     assume(abs(np.trace(D)) > 10 * h)  # the branches of Eqs. 31 and 32 meet there
@@ -34,16 +35,16 @@ def test_rate_tangent_against_finite_differences(seed, e):
 
 
 @settings(max_examples=20, deadline=None)
-@given(seed=SEEDS, size=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]))
-def test_consistent_tangent_against_finite_differences(seed, size):
+@given(seed=SEEDS, size=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]), model=st.sampled_from(MODELS))
+def test_consistent_tangent_against_finite_differences(seed, size, model):
     """The tangent is the derivative of the substeps, compared where the increment is taken in a single substep."""
     rng = np.random.default_rng(seed)
     y, d = random_state(rng).vector()[None, :21], to_six(symmetric(rng, size))[None]
-    found = update(Model(), y, d, tolerance=1.0)
+    found = update(model, y, d, tolerance=1.0)
     h = 1e-5 * size
     assume(abs(d[0, :3].sum()) > 10 * h)
     shifted = np.concatenate([d + h * np.eye(6), d - h * np.eye(6)])
-    moved = update(Model(), np.tile(y, (12, 1)), shifted, tangent=False, tolerance=1.0)
+    moved = update(model, np.tile(y, (12, 1)), shifted, tangent=False, tolerance=1.0)
     if found.status[0] or moved.status.any():  # a large increment can reduce Lambda to zero and fail
         assert size > 1e-3 and (not found.status[0] or np.isnan(found.tangent).all())
         return
