@@ -8,6 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from analysis.model_evidence.calibrations import AMENDED, CALIBRATED, PATHS, TABLE_2
 from analysis.paper.drawing import STYLE, WIDTH
@@ -38,5 +39,7 @@ def error_figure(errors: pandas.DataFrame) -> Figure:
                     if len(values):
                         axes.hlines(values.mean(), at - 0.1, at + 0.1, color=color, label=model if x == 0 else None)
             axes.set(yscale="log", ylabel=label, xticks=range(len(paths)), xticklabels=[NAMES[path] for path in paths])
-        panels[0].legend(loc="lower left", fontsize=7)
+            axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+            axes.yaxis.set_minor_formatter(NullFormatter())
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(MODELS))
     return figure
