@@ -15,7 +15,7 @@ import pandas
 from analysis import markdown
 from analysis.paper import number_table, pieces
 from analysis.paper.cost import BENCH, cost
-from analysis.paper.model_comparison import summary as model_summary
+from analysis.paper.model_summary import summary as model_summary
 from analysis.paper.origins import origins
 from analysis.paper.pieces import join
 from analysis.paper.run_names import run_names

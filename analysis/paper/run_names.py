@@ -10,7 +10,7 @@ import netCDF4
 import numpy as np
 import pandas
 
-from analysis.paper.model_comparison import KINDS
+from analysis.paper.model_summary import KINDS
 from analysis.paper.pieces import box, join, missing, table
 
 LAWS = {

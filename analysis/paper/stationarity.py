@@ -80,4 +80,5 @@ def components(ends: pandas.DataFrame) -> pandas.DataFrame:
                 "p_density": density.p_value,
             }
         )
-    return pandas.DataFrame(rows)
+    columns = ["quantity", "e", "value", "within", "slope", "slope_within", "scatter", "tests", "specimens"]
+    return pandas.DataFrame(rows, columns=[*columns, "p_path", "p_density"])

@@ -62,7 +62,7 @@ def _simulated(runs: pandas.DataFrame) -> str:
 def _numbers(numbers: pandas.DataFrame) -> str:
     rows = {row[0]: row for row in number_table.rows(numbers)}
     agrees, kind = (number_table.HEADER.index(name) for name in ("agrees", "kind"))
-    off = [label for label, row in rows.items() if row[agrees] == "no" and row[kind] == "measured"]
+    off = [label for label, row in rows.items() if row[agrees] == "no" and row[kind] in ("measured", "")]
     text = f"**The paper's numbers:** {number_table.count(numbers)} ([all numbers](#numbers))"
     if off:
         text += " Those that do not agree:"

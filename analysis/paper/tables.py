@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.paper import fidelity, model_comparison, number_table, sources
+from analysis.paper import fidelity, model_comparison, model_summary, number_table, sources
 from analysis.paper.c0_bias import c0_bias, c0_errors
 from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
@@ -67,7 +67,7 @@ def write_tables(
     }
     texts = {name: table.to_csv(index=False, float_format="%.6g") for name, table in tables.items()}
     texts["fidelity.md"] = number_table.page(numbers) + "\n"
-    texts["model_errors.md"] = model_comparison.summary(errors) + "\n"
+    texts["model_errors.md"] = model_summary.summary(errors) + "\n"
     if found:
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():

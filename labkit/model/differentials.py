@@ -30,6 +30,39 @@ def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
 
 
 @compiled
+def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn):
+    """d((X - X^c):n) of the amendment to C4; X^c:n is constant."""
+    return 0.4 * (dot(dA, n) + dot(A, dn) + dot(dF, n) + dot(F, dn)) + 3.0 * (dot(dFt, n) + dot(Ft, dn))
+
+
+@compiled
+def _line_differential(y, dy, c):
+    """d of the void ratio of the lines (equations.line_void_ratio)."""
+    if not c.reported:
+        return dy[0]
+    e, Z, Lam = y[0], y[1], y[2]
+    return dy[0] + eq.LENSES * Lam * (dy[0] * Z * Lam + (1.0 + e) * (Lam * dy[1] + 2.0 * Z * dy[2]))
+
+
+@compiled
+def _stiffness_differential(Lam, dLam, missing, dmissing, c):
+    """d(ln f^{e,L}) without the part of f^{e,Z}: of Lambda^gamma, or of |Lambda^c - Lambda|^gamma."""
+    if c.distance:
+        return c.gamma_eLam * (dmissing / missing if missing != 0.0 else 0.0)
+    return c.gamma_eLam * dLam / Lam
+
+
+@compiled
+def _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c):
+    """d f^{v,Z} of Eq. 31."""
+    if not compressing:
+        return -fvZ / Lam * dLam
+    if slope == 0.0:  # beyond e_cmax
+        return 0.0
+    return fvZ * (c.beta_vZ * (slope * de - dZ) + curvature / slope * de + de / (1.0 + e))
+
+
+@compiled
 def _add_one_sided(y, dev, compressing, c, row):
     """Add the mean of the two one-sided derivatives of |rate| in the direction `dev` to a row."""
     forward, backward = np.empty(STATE + 6), np.empty(STATE + 6)
@@ -48,9 +81,8 @@ def rates_differentials(
     Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; terms that
     are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel.
     """
-    nominal, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
-    e = eq.line_void_ratio(nominal, Z, Lam, c)
-    lenses = eq.LENSES if c.reported else 0.0
+    Z, Lam, A, F, Ft = y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
+    e = eq.line_void_ratio(y[0], Z, Lam, c)
     n, rate, volumetric = eq.split_rate(D, c)
     size = norm(deviator(D))
     isotropic = size <= ISOTROPIC * norm(D)
@@ -73,8 +105,7 @@ def rates_differentials(
     force = Lam if c.with_force else 1.0
     excess = eq.excess_ratio(A, F, Ft, n, c)
     for k in range(dD.shape[0]):
-        dnominal, dZ, dLam = dy[k, 0], dy[k, 1], dy[k, 2]
-        de = dnominal * (1.0 + lenses * Z * Lam * Lam) + (1.0 + nominal) * lenses * Lam * (Lam * dZ + 2.0 * Z * dLam)
+        de, dZ, dLam = _line_differential(y, dy[k], c), dy[k, 1], dy[k, 2]
         dA, dF, dFt, dDk = load(dy[k], 3), load(dy[k], 9), load(dy[k], 15), load(dD[k], 0)
         dev, dvol = deviator(dDk), trace(dDk)
         along = 0.0 if isotropic else dot(n, dev)
@@ -93,12 +124,7 @@ def rates_differentials(
         missing = minus(times(c.Ft_c, n), Ft)
         dFt_rate = times(c.c_M, plus(times(drate, missing), times(rate, minus(times(c.Ft_c, dn), dFt))))
         # 31, 32
-        if not compressing:
-            dfvZ = -fvZ / Lam * dLam
-        elif below:
-            dfvZ = fvZ * (c.beta_vZ * (slope * de - dZ) + curvature / slope * de + de / (1.0 + e))
-        else:
-            dfvZ = 0.0
+        dfvZ = _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c)
         dfvLam = fvLam / (1.0 + e) * de
         # C2
         dA_size = _divided(dot(A_rate, dA_rate), A_size)
@@ -109,11 +135,7 @@ def rates_differentials(
             + fvZ * dvol
         )
         # C4
-        if c.distance:
-            dbase = (dLamc - dLam) / (Lamc - Lam) if Lamc != Lam else 0.0
-        else:
-            dbase = dLam / Lam
-        dfeLam = feLam * (c.gamma_eLam * dbase + dfeZ / feZ)
+        dfeLam = feLam * (_stiffness_differential(Lam, dLam, Lamc - Lam, dLamc - dLam, c) + dfeZ / feZ)
         dforce = dLam if c.with_force else 0.0
         dLam_rate = (
             (dfeLam * force + feLam * dforce) * (Lamc - Lam) * rate
@@ -122,10 +144,10 @@ def rates_differentials(
             + fvLam * dvol
         )
         if c.c_dLam > 0.0:
-            dexcess = 0.4 * (dot(dA, n) + dot(A, dn) + dot(dF, n) + dot(F, dn)) + 3.0 * (dot(dFt, n) + dot(Ft, dn))
+            dexcess = _excess_differential(A, dA, F, dF, Ft, dFt, n, dn)
             dLam_rate += c.c_dLam * (dLam * excess * rate + Lam * (dexcess * rate + excess * drate))
         row = out[k]
-        row[0], row[1], row[2] = -(1.0 + nominal) * dvol - dnominal * volumetric, dZ_rate, dLam_rate
+        row[0], row[1], row[2] = -(1.0 + y[0]) * dvol - dy[k, 0] * volumetric, dZ_rate, dLam_rate
         store(row, 3, dA_rate)
         store(row, 9, dF_rate)
         store(row, 15, dFt_rate)

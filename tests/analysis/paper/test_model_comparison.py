@@ -8,6 +8,7 @@ import pytest
 
 import labkit
 from analysis.paper import model_comparison as comparison
+from analysis.paper import model_summary
 from analysis.paper.ends import in_memory
 from analysis.paper.tables import write_tables
 from labkit.model import Model
@@ -68,13 +69,13 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
     longer = run.assign(axial_strain=run["axial_strain"] * 4.0)
     errors = comparison.compare({"isod-loose": longer}, comparison.models(None))[0]
     assert errors["reached"][0] < 1.0 and errors["status"][0]
-    assert any("isod-loose" in sentence for sentence in comparison.failures(errors))
+    assert any("isod-loose" in sentence for sentence in model_summary.failures(errors))
     longest = run.assign(axial_strain=run["axial_strain"] * 40.0)
     errors = comparison.compare({"isod-loose": longest}, comparison.models(None))[0]
     assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(
         errors["p_error"][0]
     )  # NaN rather than a small error
-    assert "| isod-loose | ended | ended | ended |" in comparison.summary(errors)
+    assert "| isod-loose | ended | ended | ended |" in model_summary.summary(errors)
 
 
 def test_the_error_due_to_chance_is_that_of_another_seed(known):
