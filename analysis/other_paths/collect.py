@@ -15,6 +15,7 @@ from labkit.dem import Progress
 from labkit.io import provenance_json, whole_file
 from labkit.runs import Run
 
+TITLE = "Loading paths beyond the paper's"
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
 KEPT = (
     "axial_strain",
@@ -42,7 +43,8 @@ def reduced(run: xr.Dataset) -> xr.Dataset:
     """The records of one run along `point`, with the accumulated strain, and its snapshots along `snapshot`."""
     path = Run(run).path
     assert path is not None
-    accumulated = run["time"].values * path.axial_rate
+    known = "accumulated_strain" in run  # recorded if the rate is not constant
+    accumulated = run["accumulated_strain"].values if known else run["time"].values * path.axial_rate
     wanted = np.linspace(0.0, accumulated[-1], POINTS)
     chosen = np.abs(accumulated[:, None] - wanted).argmin(axis=0)
     records = run[list(KEPT)].isel(time=chosen).drop_vars("time").rename(time="point")
@@ -54,7 +56,7 @@ def reduced(run: xr.Dataset) -> xr.Dataset:
     return xr.merge([records.reset_coords(drop=True), at.reset_coords(drop=True)])
 
 
-def collect(files: Sequence[Path], output: Path, command: str, progress: Progress) -> None:
+def collect(files: Sequence[Path], output: Path, command: str, progress: Progress, title: str = TITLE) -> None:
     """Reduces run files to one data set, dimensions run, point, snapshot, i, j, form and part, and writes it."""
     sets, names = [], []
     for k, file in enumerate(files):
@@ -65,7 +67,7 @@ def collect(files: Sequence[Path], output: Path, command: str, progress: Progres
     data = xr.concat(sets, "run", join="outer").assign_coords(run=names)
     tests, specimens = zip(*map(test_and_specimen, names), strict=True)
     data = data.assign_coords(test=("run", list(tests)), specimen=("run", list(specimens)))
-    data.attrs = {"title": "Loading paths beyond the paper's", "provenance": provenance_json(command, files, output)}
+    data.attrs = {"title": title, "provenance": provenance_json(command, files, output)}
     coding: dict[str, dict[str, Any]] = {str(name): {"dtype": "f4", "zlib": True} for name in data.data_vars}
     with whole_file(output) as temporary:
         data.to_netcdf(temporary, encoding=coding | characters(data))

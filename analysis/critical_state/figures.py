@@ -1,0 +1,118 @@
+"""Figures of the study: drift with strain, critical state lines, and the critical state against the Lode angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+from matplotlib.figure import Figure
+
+from analysis.critical_state.ends import BEGIN
+from analysis.critical_state.questions import direction
+from analysis.paper.lines import critical_Lambda, critical_Z, paper_pressure
+from labkit.visuals import WIDTH, colors_for, new_figure
+
+LABELS = {
+    "M": "q/p",
+    "A": "$A$ along the stress",
+    "F": "$F$ along the stress",
+    "Ft": "$F^t$ along the stress",
+    "Z": "coordination number $Z$",
+    "Lambda": "mean normalised force $\\Lambda$",
+    "e": "void ratio $e$",
+    "p_MPa": "mean stress $p$ (MPa)",
+}
+TESTS = {  # test -> label
+    "cv": "CV",
+    "cp": "CP",
+    "cr": "CR",
+    "cv_extension": "CV, extension",
+    "cp_extension": "CP, extension",
+    "cr_extension": "CR, extension",
+    "triaxial_b025": "true triaxial, b = 0.25",
+    "triaxial_b05": "true triaxial, b = 0.5",
+    "triaxial_b075": "true triaxial, b = 0.75",
+    "shear": "simple shear",
+    "cv_series": "CV, springs in series",
+    "cp_series": "CP, springs in series",
+    "cv_full": "CV, full size",
+    "cv_full_series": "CV, full size, springs in series",
+}
+GRID = np.linspace(0.02, 1.0, 50)
+
+
+def drift_figure(records: pandas.DataFrame) -> Figure:
+    """M, A, F, Ft, Z and Lambda against strain: mean over the specimens of each kind of test, with the scatter."""
+    figure = new_figure(WIDTH * 1.2, 5.6)
+    axes = figure.subplots(2, 3, sharex=True).ravel()
+    tests = [test for test in ("cv", "cp", "cr", "cv_extension", "cp_extension", "shear") if _has(records, test)]
+    for color, test in zip(colors_for(len(tests)), tests, strict=True):
+        rows = records[records["test"] == test]
+        for panel, quantity in zip(axes, ("M", "A", "F", "Ft", "Z", "Lambda"), strict=True):
+            curves = np.array([_at(run, quantity) for _, run in rows.groupby("run")])
+            mean, scatter = np.nanmean(curves, axis=0), np.nanstd(curves, axis=0)
+            panel.plot(100 * GRID, mean, color=color, label=f"{TESTS[test]} ({len(curves)})")
+            panel.fill_between(100 * GRID, mean - scatter, mean + scatter, color=color, alpha=0.15, lw=0)
+            panel.set_ylabel(LABELS[quantity])
+    for panel in axes:
+        panel.axvspan(30, 40, color="0.85", zorder=0)
+        panel.axvspan(100 * BEGIN, 100, color="0.92", zorder=0)
+        panel.set_xlim(0, 100)
+    for panel in axes[3:]:
+        panel.set_xlabel("accumulated strain (%)")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    return figure
+
+
+def _has(records: pandas.DataFrame, test: str) -> bool:
+    return bool((records["test"] == test).any())
+
+
+def _at(run: pandas.DataFrame, quantity: str) -> np.ndarray:
+    """A quantity at the strains GRID, as a fraction of the whole test."""
+    strain = run["strain"].to_numpy()
+    return np.interp(GRID * strain.max(), strain, run[quantity].to_numpy())
+
+
+def lines_figure(ends: pandas.DataFrame) -> Figure:
+    """Ends of the tests: e against p, Z and Lambda against e, with the paper's lines."""
+    figure = new_figure(WIDTH * 1.2, 4.2)
+    axes = figure.subplots(1, 3)
+    e = np.linspace(0.58, 0.76, 200)
+    for panel, x, y in zip(axes, (paper_pressure(e), e, e), (e, critical_Z(e), critical_Lambda(e)), strict=True):
+        panel.plot(x, y, "-", color="0.3", label="Table 2 of the paper")
+    tests = [test for test in TESTS if _has(ends, test)]
+    for color, test in zip(colors_for(len(tests)), tests, strict=True):
+        rows = ends[ends["test"] == test]
+        marker = "v" if direction(test) == "extension" else "s" if "series" in test else "o"
+        style = {"ls": "", "marker": marker, "ms": 4, "color": color, "mfc": color if "full" in test else "none"}
+        for panel, x, y in zip(axes, ("p_MPa", "e", "e"), ("e", "Z", "Lambda"), strict=True):
+            panel.plot(rows[x], rows[y], **style, label=TESTS[test])
+            panel.set(xlabel=LABELS[x], ylabel=LABELS[y])
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8)
+    return figure
+
+
+def lode_figure(table: pandas.DataFrame, ends: pandas.DataFrame) -> Figure:
+    """M, A, F, Ft, and the distances of Z and Lambda from the paper's lines, against the Lode angle."""
+    figure = new_figure(WIDTH * 1.2, 5.4)
+    axes = figure.subplots(2, 3, sharex=True).ravel()
+    names = {**LABELS, "Z_off": "$Z - Z^c(e)$", "Lambda_off": "$\\Lambda - \\Lambda^c(e)$"}
+    for panel, quantity in zip(axes, ("M", "A", "F", "Ft", "Z_off", "Lambda_off"), strict=True):
+        if quantity in ends:
+            shown = ends[ends["test"].isin(table["test"]) & (ends["density"] == "medium")]
+            panel.plot(shown["lode"], shown[quantity], ".", color="0.7", label="one test")
+        panel.errorbar(
+            table["lode"],
+            table[quantity],
+            table[f"{quantity}_within"],
+            fmt="o",
+            ms=4,
+            capsize=3,
+            color="tab:blue",
+            label="mean and 95 % interval over specimens",
+        )
+        panel.set_ylabel(names[quantity])
+    for panel in axes[3:]:
+        panel.set_xlabel("Lode angle (degrees)")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    return figure

@@ -1,0 +1,193 @@
+"""The questions that the campaign answers, as tables: stationarity, one critical state, the rule of stiffness."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pandas
+
+from analysis.critical_state.ends import BEGIN, QUANTITIES
+from analysis.paper.estimates import jackknife
+from analysis.paper.lines import LINES, PAPER, both_lines, e_p_line
+from analysis.statistics import adjusted, cluster_mean, one_line, slope_table, stationarity_table
+
+# (begin, end) of the strain over which slopes are fitted; the first is the end of the paper's tests
+WINDOWS = ((0.3, 0.4), (BEGIN, 1.0))
+COMPRESSION = ("cv", "cp", "cr")
+# the smallest slope that matters, per 0.1 of strain: 1 % of M, A, F, Ft and Z; Lambda and e as the paper rounds them
+JUDGED = {"Lambda": 1e-4, "e": 1e-3}
+STRAIGHT = ("M", "A", "F", "Ft")  # constant at the critical state according to the paper; here linear in e
+
+
+def stationarity(records: pandas.DataFrame) -> pandas.DataFrame:
+    """Slopes per 0.1 of strain in each window of WINDOWS, a row per window, direction and quantity.
+
+    direction: compression, extension or other. See analysis.statistics.stationarity_table; corrected for all rows of a
+    window.
+    """
+    tables = []
+    labelled = records.assign(direction=[direction(test) for test in records["test"]])
+    for begin, end in WINDOWS:
+        slopes = slope_table(labelled, QUANTITIES, begin, end, by=["direction"])
+        table = stationarity_table(slopes, by=["direction"], judged=JUDGED)
+        table.insert(0, "window", f"{100 * begin:.0f}-{100 * end:.0f} %")
+        tables.append(table)
+    return pandas.concat(tables, ignore_index=True)
+
+
+def direction(test: str) -> str:
+    """Of a test of the campaign: extension, other (true triaxial, simple shear), or compression."""
+    if "extension" in test:
+        return "extension"
+    return "compression" if test.split("_")[0] in COMPRESSION else "other"
+
+
+def questions(ends: pandas.DataFrame) -> dict[str, tuple[pandas.DataFrame, Sequence[object]]]:
+    """factor -> (the tests compared, the group or the number of each). The paper's stiffness rule except `stiffness`."""
+    paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000")]
+    compressed = paper[[direction(test) == "compression" for test in paper["test"]]]
+    both = ends[(ends["size"] == "4000") & (ends["test"].isin(["cv", "cv_series", "cp", "cp_series"]))]
+    sizes = ends[(ends["stiffness"] == "paper") & ends["test"].isin(["cv", "cv_full"])]
+    return {
+        "path": (compressed, compressed["path"].tolist()),
+        "density": (compressed, compressed["density"].tolist()),
+        "seed": (compressed, [name.rpartition("-")[2] for name in compressed["specimen"]]),
+        "Lode angle": (paper, paper["lode"].to_numpy(dtype=float)),
+        "stiffness rule": (both, both["stiffness"].tolist()),
+        "size": (sizes, sizes["size"].tolist()),
+    }
+
+
+def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Do all tests end in one critical state? A row per quantity, factor and group.
+
+    Z and Lambda are compared with lines of e, e with a line of p, and M, A, F and Ft with straight lines of e, each
+    fitted to the tests compared. offset, within: of a group from all others; p_value: that no group is off, corrected
+    for the number of quantities and factors (Holm); for the Lode angle the offset is a slope per 60 degrees.
+    """
+    rows = []
+    for factor, (tests, groups) in questions(ends).items():
+        for quantity in ("e", "Z", "Lambda", *STRAIGHT):
+            found = one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
+            numeric = factor == "Lode angle"
+            for row in found.offsets.itertuples():
+                rows.append(
+                    {
+                        "quantity": quantity,
+                        "factor": factor,
+                        "group": "per 60 degrees" if numeric else row.group,
+                        "tests": row.tests,
+                        "specimens": row.specimens,
+                        "offset": row.offset * (60.0 if numeric else 1.0),
+                        "within": row.within * (60.0 if numeric else 1.0),
+                        "scatter": found.scatter,
+                        "shared": found.shared,
+                        "p_value": found.p_value,
+                    }
+                )
+    table = pandas.DataFrame(rows)
+    asked = table.drop_duplicates(["quantity", "factor"])
+    corrected = dict(zip(zip(asked["quantity"], asked["factor"], strict=True), adjusted(asked["p_value"]), strict=True))
+    table["corrected"] = [corrected[key] for key in zip(table["quantity"], table["factor"], strict=True)]
+    return table
+
+
+def residuals(tests: pandas.DataFrame, quantity: str) -> tuple[np.ndarray, np.ndarray]:
+    """(residuals from the fitted line (n,), its derivatives with respect to its parameters (n, k))."""
+    y = tests[quantity].to_numpy(dtype=float)
+    if quantity in STRAIGHT:
+        columns = np.column_stack([np.ones(len(tests)), tests["e"].to_numpy(dtype=float)])
+        return y, columns
+    name = {"e": "e(p)", "Z": "Z(e)", "Lambda": "Lambda(e)"}[quantity]
+    _, fit, at, _ = LINES[name]
+    x = fit(tests)
+    steps = np.diag(1e-4 * np.maximum(np.abs(x), 1e-3))
+    slopes = [
+        (np.asarray(at(x + step, tests), dtype=float) - np.asarray(at(x - step, tests), dtype=float))
+        / (2.0 * step.sum())
+        for step in steps
+    ]
+    return y - np.asarray(at(x, tests), dtype=float), np.array([s for s in slopes if s.any()]).T
+
+
+def lines(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Critical state lines for each rule of stiffness in compression, beside the paper's.
+
+    A row per rule, line and parameter: value, within (95 %, jackknife over specimens), paper, tests, specimens.
+    """
+    rows = []
+    compressed = ends[[direction(test) == "compression" for test in ends["test"]]]
+    for rule, tests in compressed.groupby("stiffness", sort=False):
+        for line, names, fit in (
+            ("e(p)", ("e0", "a", "b"), e_p_line),
+            ("Z(e), Lambda(e)", ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), both_lines),
+        ):
+            for k, name in enumerate(names):
+                found = jackknife(
+                    lambda chosen, k=k, fit=fit, tests=tests: float(fit(tests.iloc[chosen])[k]),
+                    len(tests),
+                    len(names),
+                    tests["specimen"].tolist(),
+                )
+                rows.append(
+                    {
+                        "stiffness": rule,
+                        "line": line,
+                        "parameter": name,
+                        "value": found.value,
+                        "within": found.within,
+                        "paper": getattr(PAPER, name, math.nan),
+                        "tests": len(tests),
+                        "specimens": found.n,
+                    }
+                )
+    return pandas.DataFrame(rows)
+
+
+def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Distance of the end states in compression from the paper's own lines, a row per stiffness rule and quantity.
+
+    Z - Z^c(e) and Lambda - Lambda^c(e) of Table 2, and M, A, F and Ft minus the paper's constants: mean over the
+    specimens, within (95 %), p_value, corrected for the rows (Holm).
+    """
+    at = {
+        "Z": lambda t: LINES["Z(e)"][2](_paper(), t),
+        "Lambda": lambda t: LINES["Lambda(e)"][2](_paper(), t),
+        "M": lambda t: 0.92,
+        "A": lambda t: PAPER.A_c / math.sqrt(1.5),
+        "F": lambda t: PAPER.F_c / math.sqrt(1.5),
+        "Ft": lambda t: PAPER.Ft_c / math.sqrt(1.5),
+    }
+    rows = []
+    compressed = ends[[direction(test) == "compression" for test in ends["test"]]]
+    for (rule, size), tests in compressed.groupby(["stiffness", "size"], sort=False):
+        for quantity, line in at.items():
+            found = cluster_mean(tests[quantity] - np.asarray(line(tests), dtype=float), tests["specimen"])
+            row = {"stiffness": rule, "size": size, "quantity": quantity, "offset": found.value, "within": found.within}
+            rows.append(row | {"tests": len(tests), "specimens": found.n, "p_value": found.p_value})
+    table = pandas.DataFrame(rows)
+    table["corrected"] = adjusted(table["p_value"])
+    return table
+
+
+def _paper() -> np.ndarray:
+    return np.array([PAPER.e_cmax, PAPER.c_cZ, PAPER.gamma_cZ, PAPER.c_cLam])
+
+
+def by_lode_angle(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """M, A, F, Ft, Z - Z^c(e) and Lambda - Lambda^c(e) against the Lode angle: means per test and 95 % half-widths."""
+    paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000") & (ends["density"] == "medium")]
+    values = paper.assign(
+        Z_off=paper["Z"] - np.asarray(LINES["Z(e)"][2](_paper(), paper), dtype=float),
+        Lambda_off=paper["Lambda"] - np.asarray(LINES["Lambda(e)"][2](_paper(), paper), dtype=float),
+    )
+    rows = []
+    for test, group in values.groupby("test", sort=False):
+        row = {"test": test, "specimens": group["specimen"].nunique(), "lode": group["lode"].mean()}
+        for quantity in (*STRAIGHT, "e", "p_MPa", "Z_off", "Lambda_off"):
+            found = cluster_mean(group[quantity], group["specimen"])
+            row |= {quantity: found.value, f"{quantity}_within": found.within}
+        rows.append(row)
+    return pandas.DataFrame(rows).sort_values("lode", ignore_index=True)
