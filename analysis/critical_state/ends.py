@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pandas
 import xarray as xr
 
-from labkit.micro import equivalent_stress, mean_stress
+from labkit.micro import along_deviator, equivalent_stress, lode_angle, mean_stress
 
 BEGIN = 0.7  # of the accumulated strain of a test; its end state is the mean from there on
 TENSORS = {"A": "contact_anisotropy", "F": "normal_force_anisotropy", "Ft": "mobilisation"}
 QUANTITIES = ("M", "A", "F", "Ft", "Z", "Lambda", "e", "p_MPa")
 FACTORS = ("path", "density", "stiffness", "size", "cell", "lode")
+ALONG = 2.0 / 3.0  # of along_deviator: T_zz of a traceless, axisymmetric tensor
 DENSITIES = ("dense", "medium", "loose")
 
 
@@ -32,26 +32,11 @@ def packing(specimen: str) -> str:
     return specimen.replace("_500", "")
 
 
-def along_stress(tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
-    """Part of a deviatoric tensor (n, 3, 3) along the deviatoric stress, so scaled that it is T_zz in compression.
-
-    sqrt(2/3) T : s/|s|, shape (n,); stress (n, 3, 3). In triaxial extension it is -T_zz.
-    """
-    deviator = stress - np.trace(stress, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) / 3.0
-    product = np.einsum("nij,nij->n", tensor, deviator)
-    return np.sqrt(2.0 / 3.0) * product / np.linalg.norm(deviator, axis=(-2, -1))
-
-
-def lode_angle(stress: np.ndarray) -> float:
-    """Lode angle of a stress (3, 3) in degrees: 0 in triaxial compression, 60 in extension."""
-    s3, s2, s1 = np.linalg.eigvalsh(0.5 * (stress + stress.T))
-    return float(np.degrees(np.arctan2(np.sqrt(3.0) * (s2 - s3), 2.0 * s1 - s2 - s3)))
-
-
 def records(data: xr.Dataset) -> pandas.DataFrame:
     """A row per record: run, test, specimen, the factors, strain (accumulated), and QUANTITIES; p in MPa.
 
-    M = q/p with q = sqrt(3/2)|s|; A, F, Ft: parts along the deviatoric stress (along_stress).
+    M = q/p with q = sqrt(3/2)|s|; A, F, Ft: components along the deviatoric stress, which are T_zz in compression and
+    -T_zz in extension.
     """
     parts = []
     for name in data["run"].values:
@@ -65,7 +50,7 @@ def records(data: xr.Dataset) -> pandas.DataFrame:
             **factors(test, specimen),
             "strain": run["accumulated_strain"].values.astype(float),
             "M": equivalent_stress(stress) / mean_stress(stress),
-            **{label: along_stress(run[key].values.astype(float), stress) for label, key in TENSORS.items()},
+            **{label: ALONG * along_deviator(run[key].values.astype(float), stress) for label, key in TENSORS.items()},
             "Z": run["coordination_number"].values.astype(float),
             "Lambda": run["mean_normalised_force"].values.astype(float),
             "e": run["void_ratio"].values.astype(float),
@@ -89,7 +74,7 @@ def end_table(data: xr.Dataset, table: pandas.DataFrame, begin: float = BEGIN, e
         rows.append(
             {
                 **{key: first[key] for key in ("run", "test", "specimen", *FACTORS[:-1])},
-                "lode": lode_angle(stress),
+                "lode": float(lode_angle(stress)),
                 "strain": last,
                 **test.loc[inside, list(QUANTITIES)].mean().to_dict(),
             }

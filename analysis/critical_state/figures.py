@@ -41,7 +41,8 @@ GRID = np.linspace(0.02, 1.0, 50)
 
 
 def drift_figure(records: pandas.DataFrame) -> Figure:
-    """M, A, F, Ft, Z and Lambda against strain: mean over the specimens of each kind of test, with the scatter."""
+    """M, A, F, Ft, Z and Lambda of medium specimens against strain: mean over each kind of test, with the scatter."""
+    records = records[records["density"] == "medium"]
     figure = new_figure(WIDTH * 1.2, 5.6)
     axes = figure.subplots(2, 3, sharex=True).ravel()
     tests = [test for test in ("cv", "cp", "cr", "cv_extension", "cp_extension", "shear") if _has(records, test)]
