@@ -1,4 +1,4 @@
-"""`./lab critical-state`: runs the campaign and writes results/critical_state, or rewrites it from the data set there."""
+"""`./lab critical-state`: runs the campaign, or uses the stored data set, and writes results/critical_state."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def direction(test: str) -> str:
 
 
 def questions(ends: pandas.DataFrame) -> dict[str, tuple[pandas.DataFrame, Sequence[object]]]:
-    """factor -> (the tests compared, the group or the number of each). The paper's stiffness rule except `stiffness`."""
+    """factor -> (the tests compared, the group or the number of each); the paper's stiffness rule where not said."""
     paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000")]
     compressed = paper[[direction(test) == "compression" for test in paper["test"]]]
     both = ends[(ends["size"] == "4000") & (ends["test"].isin(["cv", "cv_series", "cp", "cp_series"]))]
