@@ -1,0 +1,95 @@
+"""The critical state at large strain: what is asked of the tests, with planted answers, and the stored tables."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+
+from analysis.critical_state.command import DATA, write
+from analysis.critical_state.ends import factors, packing
+from analysis.critical_state.questions import direction, one_critical_state, stationarity
+from analysis.paper.lines import critical_Lambda, critical_Z
+from analysis.places import results_folder
+
+STORED = Path(results_folder("critical_state"))
+
+
+def planted(lower_M=0.0):
+    """Ends of 27 tests of as many specimens on the paper's lines, with scatter; dense ones with a q/p that is lower by `lower_M`."""
+    rng = np.random.default_rng(2)
+    rows = []
+    for density, e in (("dense", 0.61), ("medium", 0.67), ("loose", 0.72)):
+        for seed in range(9):
+            path = ("cv", "cp", "cr")[seed % 3]
+            at = e + rng.normal(0.0, 0.01)
+            rows.append(
+                {
+                    "run": f"{path}-{density}-s{seed}",
+                    "test": path,
+                    "specimen": f"{density}-s{seed}",
+                    **factors(path, density),
+                    "lode": 0.0,
+                    "M": 0.92 - lower_M * (density == "dense") + rng.normal(0.0, 0.005),
+                    "A": 0.45 + rng.normal(0.0, 0.01),
+                    "F": 0.77 + rng.normal(0.0, 0.01),
+                    "Ft": 0.045 + rng.normal(0.0, 0.001),
+                    "e": at,
+                    "Z": float(critical_Z(at)) + rng.normal(0.0, 0.02),
+                    "Lambda": float(critical_Lambda(at)) + rng.normal(0.0, 2e-4),
+                    "p_MPa": 20.0 * (0.76 - at) * (1.0 + rng.normal(0.0, 0.02)),
+                }
+            )
+    return pandas.DataFrame(rows)
+
+
+def test_names_say_what_a_test_is():
+    assert factors("cv_full_series", "full_series_dense") == {
+        "path": "cv",
+        "density": "dense",
+        "stiffness": "series",
+        "size": "full",
+        "cell": "tall",
+    }
+    assert packing("flat_medium_500-s11") == "flat_medium-s11"
+    assert [direction(test) for test in ("cv", "cp_series", "cr_extension", "shear")] == [
+        "compression",
+        "compression",
+        "extension",
+        "other",
+    ]
+
+
+def test_an_offset_of_one_density_is_found_and_none_is_invented():
+    for lower, found in ((0.05, True), (0.0, False)):
+        table = one_critical_state(planted(lower))
+        of_M = table[(table["quantity"] == "M") & (table["factor"] == "density")]
+        assert (of_M["corrected"].iloc[0] < 0.05) == found
+        others = table[(table["quantity"] != "M") & table["corrected"].notna()]
+        assert (others["corrected"] > 0.05).all()
+
+
+def test_a_drift_is_resolved_only_where_there_is_one():
+    rng = np.random.default_rng(1)
+    strain = np.linspace(0.0, 1.0, 101)
+    tests = []
+    for seed in range(5):
+        noise = rng.normal(0.0, 0.002, strain.size)
+        values = dict.fromkeys(("A", "F", "Ft", "Z", "Lambda", "e", "p_MPa"), 1.0 + noise)
+        falling = 0.92 + np.where(strain < 0.5, -0.3 * (strain - 0.5), 0.0) + noise
+        tests.append(
+            pandas.DataFrame(
+                {"run": f"r{seed}", "test": "cv", "specimen": f"s{seed}", "strain": strain, "M": falling, **values}
+            )
+        )
+    table = stationarity(pandas.concat(tests)).set_index(["window", "quantity"])["verdict"]
+    assert table["30-40 %", "M"] == "drifts" and table["70-100 %", "M"] == "stationary"
+    assert table["30-40 %", "Z"] == "stationary"
+
+
+@pytest.mark.skipif(not (STORED / DATA).exists(), reason="results/critical_state holds no data set")
+def test_the_stored_tables_follow_from_the_stored_data(tmp_path):
+    (tmp_path / DATA).write_bytes((STORED / DATA).read_bytes())
+    list(write(tmp_path, "again", lambda done, text: None))
+    for file in STORED.glob("*.csv"):
+        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name
