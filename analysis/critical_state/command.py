@@ -16,6 +16,7 @@ from analysis.critical_state.questions import by_lode_angle, lines, offsets, one
 from analysis.other_paths.collect import collect
 from analysis.paper.command import finished, simulate
 from analysis.places import results_folder
+from labkit.campaign import read_campaign
 from labkit.cli.arguments import positive_int
 from labkit.dem import Progress
 from labkit.errors import InputError
@@ -85,6 +86,7 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     for name, figure in figures.items():
         plots.save(figure, folder / f"{name}.png", [source], command)
         yield folder / f"{name}.png"
-    write_text(folder / "README.md", page(tables, command))
+    planned = len(read_campaign(CAMPAIGN).runs)
+    write_text(folder / "README.md", page(tables, planned, command))
     yield folder / "README.md"
     progress(1.0, "done")

@@ -24,12 +24,12 @@ The runs are made by `./lab critical-state FOLDER`, which can be interrupted and
 `{command}`."""
 
 
-def page(tables: Mapping[str, pandas.DataFrame], command: str) -> str:
-    """README.md of the study."""
+def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> str:
+    """README.md of the study; planned: number of tests in the campaign."""
     ends = tables["ends"]
     parts = [
         INTRODUCTION.format(command=command),
-        f"{len(ends)} tests of {ends['specimen'].nunique()} specimens. The end state of a test is its mean over the "
+        f"{len(ends)} of the {planned} tests of the campaign, on {ends['specimen'].nunique()} specimens. The end state of a test is its mean over the "
         f"last {100 * (1 - BEGIN):.0f} % of the strain ([ends.csv](ends.csv)).",
         "## Do the tests reach a critical state?",
         "![drift](drift.png)",
