@@ -20,11 +20,11 @@ import xarray as xr
 import labkit as lk
 from analysis.netcdf import characters
 from analysis.paper.size_groups import write_size_groups
-from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, data_sha256, open_netcdf, provenance_json, whole_file
+from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, finish, open_netcdf, provenance_json, whole_file
 
 PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> snapshots whose contacts are kept
 FIG_2 = "cv-dense"
-LEFT_OUT = ("data_sha256", "history")
+LEFT_OUT = ("data_sha256", "seal", "history")
 
 
 def condense(file: str | Path, output: str | Path, command: str) -> bool:
@@ -51,8 +51,7 @@ def condense(file: str | Path, output: str | Path, command: str) -> bool:
                 }
                 encoding = coding | characters(statistics)
                 statistics.to_netcdf(temporary, mode="a", group="derived", encoding=encoding)
-            with netCDF4.Dataset(temporary, "a") as thin:
-                thin.data_sha256 = data_sha256(thin)
+            finish(temporary)
     return True
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from labkit.bench.points import measure, text_of
 from labkit.dem.paths import Path
 from labkit.errors import PhysicsError
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Integrator, Scipy

@@ -26,10 +26,10 @@ from labkit.dem.paths import PATHS
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe
 from labkit.errors import InputError
-from labkit.io.files import open_netcdf
+from labkit.io.netcdf import open_netcdf
 from labkit.io.schema import RECORD, SIZES, Variable
 from labkit.parameters import Parameter, parameters_of
-from labkit.runs.dataset import in_seconds, open_run
+from labkit.runs.dataset import in_seconds, open_records, open_run
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
     "path": "loading path",
@@ -113,7 +113,7 @@ def _column(cells: Sequence[tuple[Any, dict[str, str]] | None]) -> tuple[str, li
 
 
 def _read(file: Path) -> _File:
-    with open_netcdf(file, "run") as run:
+    with open_netcdf(file, "run", verify=False) as run:  # the hashes are checked when values are read
         texts = {name: getattr(run, name, "") for name in ("recipe", "provenance", "path_parameters", "scene")}
         known = {name: json.loads(text) if text else {} for name, text in texts.items()}
         inputs, name = known["provenance"].get("inputs", []), run.getncattr("path")
@@ -182,9 +182,9 @@ class _Records(BackendArray):
 
     def _read_one(self, run: int) -> np.ndarray:
         values = np.full(self.shape[1:], np.nan)
-        with netCDF4.Dataset(self.files[run]) as dataset:
+        with open_netcdf(self.files[run], "run") as dataset:
             if self.name in dataset.variables:
-                values[: self.records[run]] = dataset[self.name][...].filled(np.nan)
+                values[: self.records[run]] = np.ma.filled(dataset[self.name][...], np.nan)
         return values
 
 
@@ -215,7 +215,7 @@ class Runs:
         files = np.atleast_1d(self._campaign["file"].values)
         rows = []
         for file in files:
-            with xr.open_dataset(file, engine="netcdf4", decode_cf=False, cache=False) as records:
+            with open_records(file) as records:
                 coordinates = [name for name in ("time", "axial_strain") if name in records]
                 rows.append(function(in_seconds(records).set_coords(coordinates)))
         names = list(dict.fromkeys(name for row in rows for name in row))

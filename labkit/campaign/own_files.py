@@ -16,7 +16,7 @@ from labkit.campaign.document import Errors, compose, is_list, read_text
 from labkit.campaign.file import USE, read_campaign
 from labkit.campaign.items import Campaign
 from labkit.extensions import VARIABLE
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 
 FOLDER = "extensions"
 CAMPAIGN = "campaign.yaml"  # copy of the campaign file

@@ -27,7 +27,7 @@ from labkit.dem.specimen import Recipe
 from labkit.engines import ENGINES
 from labkit.errors import option_name
 from labkit.extensions import is_labkits
-from labkit.io.provenance import file_sha256
+from labkit.io.hashes import file_sha256
 from labkit.parameters import Parameter, with_unit
 
 STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"

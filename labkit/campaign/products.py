@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 import xarray as xr
 
 from labkit.campaign.plan import RUNS, STATISTICS
 from labkit.dem.limits import RECORDED, exceeded
-from labkit.io.files import whole_file
-from labkit.io.provenance import data_sha256, provenance
+from labkit.io.atomic import whole_file
+from labkit.io.netcdf import failure_named, finish
+from labkit.io.provenance import provenance
 from labkit.io.schema import RECORD
 from labkit.runs.critical import critical_states, is_shear
 from labkit.runs.dataset import open_run
@@ -42,10 +42,9 @@ def write_statistics(name: str) -> None:
         "provenance": provenance(inputs=[file], output=output, seed=run.attrs.get("seed")),
     }
     run.close()
-    with whole_file(output) as temporary:
+    with whole_file(output) as temporary, failure_named(output):
         statistics.to_netcdf(temporary, engine="netcdf4")
-        with netCDF4.Dataset(temporary, "a") as written:
-            written.data_sha256 = data_sha256(written)
+        finish(temporary)
 
 
 def numbers(run: xr.Dataset) -> Numbers:

@@ -20,6 +20,7 @@ from labkit.campaign.plan import FIGURES, OVERVIEW, REPORT, RUNS, STATISTICS, Jo
 from labkit.campaign.workflow import failures
 from labkit.dem.limits import Exceeded, exceeded_in
 from labkit.dem.settings import SETTINGS
+from labkit.io.netcdf import damage_named, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, of_file, write_with_provenance
 from labkit.runs.critical import ENOUGH_STRAIN
 
@@ -132,7 +133,9 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, Any] | None:
     file = Path(STATISTICS) / f"{job.name}.nc"
     if not file.exists():
         return None
-    with xr.open_dataset(file) as statistics:
+    with open_netcdf(file, "statistics"):
+        pass
+    with damage_named(file), xr.open_dataset(file) as statistics:
         value = {name: float(statistics[name]) for name in statistics}
     run = job.item
     assert isinstance(run, Run)

@@ -18,7 +18,7 @@ from pathlib import Path
 from labkit.dem.engine import Progress
 from labkit.engines.speed import speed
 from labkit.errors import PhysicsError
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 from labkit.io.provenance import machine
 
 SIZES = (150, 1000)  # grains of the two specimens

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from labkit.campaign.plan import Job, Plan
 from labkit.errors import InputError
-from labkit.io.files import require_writable, write_text
+from labkit.io.atomic import write_text
+from labkit.io.files import require_writable
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 

@@ -6,7 +6,7 @@ import sys
 
 from labkit.dem.engine import Progress
 from labkit.engines.tasks import RunTask, Task
-from labkit.io.files import labkit_kind, open_netcdf
+from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
 
 
@@ -35,5 +35,5 @@ def _steps_done(file: str) -> int:
     """Number of steps stored in a run file; 0 if there is no such file."""
     if labkit_kind(file) != "run":
         return 0
-    with open_netcdf(file, "run") as dataset:
+    with open_netcdf(file, "run", verify=False) as dataset:
         return int(getattr(dataset, "steps", 0))

@@ -10,7 +10,8 @@ from labkit.cli.registry import command
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state, write_state
 from labkit.errors import InputError
-from labkit.io.files import labkit_kind, open_netcdf, require_writable
+from labkit.io.files import require_writable
+from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
 from labkit.io.provenance import write_with_provenance
 from labkit.micro.void_ratio import void_ratio_nominal

@@ -12,6 +12,7 @@ from labkit.cli.descriptions import description_of, examples_of
 from labkit.cli.parser import Parser, named
 from labkit.cli.registry import Command, find, helps
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.io.netcdf import TRUST
 
 COMMANDS_EPILOG = """\
 `labkit COMMAND --help` explains a command and gives an example.
@@ -55,6 +56,8 @@ def call(argv: list[str]) -> int:
         raise InputError(f"{unknown[0]} is not an option of {name} (see {name} --help)")
     if command is None:  # --help, --version and unknown commands were handled by the parser
         raise InputError("a command is missing: give one (see labkit --help)")
+    if options.trust:
+        os.environ[TRUST] = "1"  # for the processes of this command too
     return command.execute(options, argv) or 0
 
 
@@ -83,6 +86,11 @@ def parser_for(command: Command | None, argv: list[str]) -> Parser:
                 action="append",
                 metavar="FILE",
                 help="Python file that registers paths, contact laws, statistics, engines or figures",
+            )
+            one.add_argument(
+                "--trust",
+                action="store_true",
+                help="read files whose hashes show that they are damaged or changed, as far as possible",
             )
             one.epilog = "\n\n".join(text for text in (one.epilog, examples_of(name)) if text)
             one.shorten_usage()

@@ -15,7 +15,8 @@ from labkit.dem.scene import MADE_WITH, Scene
 from labkit.exchange.answers import Answers
 from labkit.exchange.checks import Finding
 from labkit.exchange.formats import FORMATS
-from labkit.io.files import labkit_kind, require_writable
+from labkit.io.files import require_writable
+from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_with_provenance
 
 

@@ -10,7 +10,8 @@ from labkit.cli.arguments import one_of
 from labkit.cli.registry import command
 from labkit.errors import InputError
 from labkit.exchange.formats import FORMATS
-from labkit.io.files import labkit_kind, require_writable
+from labkit.io.files import require_writable
+from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_provenance, write_with_provenance
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import argparse
 
 from labkit.cli.look import figure_name, require_outputs
 from labkit.cli.registry import command
-from labkit.io.files import labkit_kind
+from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_with_provenance
 
 

@@ -14,7 +14,8 @@ from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import layer_options, stratified
 from labkit.errors import InputError
-from labkit.io.files import labkit_kind, make_folder, require_writable
+from labkit.io.files import make_folder, require_writable
+from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_with_provenance
 from labkit.runs.figures import FIGURES
 

@@ -17,7 +17,8 @@ from labkit.cli.simulate import history_of, named_path
 from labkit.dem.paths import PATHS
 from labkit.dem.paths import Path as PathKind
 from labkit.errors import InputError, PhysicsError
-from labkit.io.files import labkit_kind, open_netcdf, require_writable
+from labkit.io.files import require_writable
+from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.parameters import check_parameters, parameter, parameters_of
 
 BEYOND = ("error", "flat")  # choices of labkit.model.parameters; importing it here would slow down the help

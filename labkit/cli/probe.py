@@ -16,7 +16,8 @@ from labkit.dem.recorder import read_checkpoint
 from labkit.dem.state import State, read_state
 from labkit.engines import require_engine
 from labkit.errors import InputError
-from labkit.io.files import labkit_kind, open_netcdf, require_writable
+from labkit.io.files import require_writable
+from labkit.io.netcdf import labkit_kind, open_netcdf
 
 if TYPE_CHECKING:
     from labkit.runs.probe_set import Probes

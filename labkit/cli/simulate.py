@@ -41,7 +41,8 @@ from labkit.dem.stratified import Layer
 from labkit.engines import require_engine
 from labkit.engines.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute
 from labkit.errors import InputError
-from labkit.io.files import labkit_kind, open_netcdf, require_writable
+from labkit.io.files import require_writable
+from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import parameters_of, restored

@@ -13,7 +13,7 @@ from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.errors import InputError
-from labkit.io.files import open_netcdf
+from labkit.io.netcdf import open_netcdf
 from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress

@@ -25,12 +25,13 @@ from labkit.dem.laws import LAWS
 from labkit.dem.loading import Path as LoadingPath
 from labkit.dem.reach import Lag
 from labkit.dem.recorded import record_table
-from labkit.dem.state import State, read_group, write_attributes
+from labkit.dem.state import State, checked, read_group, write_attributes
 from labkit.errors import InputError, PhysicsError, shown
 from labkit.extensions import is_labkits
-from labkit.io.files import create_variables, open_netcdf, remove_leftovers, whole_file
+from labkit.io.atomic import remove_leftovers, whole_file
+from labkit.io.hashes import unseal
 from labkit.io.interruption import only_writer
-from labkit.io.provenance import data_sha256
+from labkit.io.netcdf import close_with_seal, create_variables, damaged, failure_named, open_netcdf, set_hashes
 from labkit.io.schema import CONTACTS, GRAINS, STATE, Variable
 from labkit.io.writer import Writer
 from labkit.micro.contacts import Contacts
@@ -125,6 +126,7 @@ class Recorder:
         """Does not touch the file yet; `with` locks it."""
         self.table = {**record_table(), **path.recorded(), **extra}
         self.file = Path(file)
+        self.scene = specimen.scene
         self.specimen = specimen.digest()
         self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
         self.path = path
@@ -185,10 +187,11 @@ class Recorder:
         """
         try:
             self._writer.wait()
-        except (OSError, RuntimeError) as error:  # netCDF4 raises RuntimeError if the disk is full
+        except OSError as error:
+            kept = "its last save is intact" if self.file.exists() else "there is no earlier save"
             raise PhysicsError(
-                f"{self.file} could not be saved ({getattr(error, 'strerror', None) or error}); its last save is "
-                "intact: free some disk space and give the same command again"
+                f"{self.file} could not be saved ({error.strerror or error}); {kept}: free some disk space and "
+                "give the same command again"
             ) from None
 
     def _note(self, point: Checkpoint) -> None:
@@ -206,10 +209,11 @@ class Recorder:
 
     def _append_to_file(self, point: Checkpoint, unsaved: _Unsaved) -> None:
         state = point.state
-        with whole_file(self.file) as temporary:
+        with failure_named(self.file), whole_file(self.file) as temporary:
             exists = self.file.exists()
             if exists:
                 shutil.copyfile(self.file, temporary)
+                unseal(temporary)
             with netCDF4.Dataset(temporary, "a" if exists else "w") as dataset:
                 if not exists:
                     self._create(dataset, state)
@@ -222,8 +226,8 @@ class Recorder:
                 dataset.threads = np.int32(point.threads)
                 _write_checkpoint(dataset, state)
                 _write_position(dataset["checkpoint"], point.position)
-                if point.complete:
-                    dataset.data_sha256 = data_sha256(dataset)
+                set_hashes(dataset, point.complete)
+            close_with_seal(temporary)
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
         dataset.setncattr("path", self.path.name)  # netCDF4 reserves `dataset.path`
@@ -266,6 +270,14 @@ class Recorder:
                     "choose another file, or load the same extensions to resume it"
                 )
 
+    def _require_plausible(self, state: State, dataset: netCDF4.Dataset) -> None:
+        """Raise InputError unless a checkpoint can belong to this run, of which the file may have no hash."""
+        same = np.array_equal(state.radius, np.ma.getdata(dataset["grains"]["radius"][...]))
+        if not same or state.scene != self.scene:
+            raise damaged(self.file, "the grains of its checkpoint are not those of the specimen")
+        if self.records == 0 or not np.isclose(state.time, state.step * state.time_step, rtol=1e-6, atol=0.0):
+            raise damaged(self.file, "the time of its checkpoint is not that of its step")
+
     def resume(self) -> StoredRun | None:
         """The unfinished or complete run in the file, or None if the file does not exist yet.
 
@@ -286,22 +298,33 @@ class Recorder:
             if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
                 raise InputError(f"{self.file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
-            checkpoint = dataset["checkpoint"]
+            checkpoint = _checkpoint_of(self.file, dataset)
             first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
-            position, state = _read_position(checkpoint), _read_checkpoint(dataset)
+            position, state = _read_position(checkpoint), _read_checkpoint(self.file, dataset)
+            self._require_plausible(state, dataset)
             ended = str(getattr(dataset, "ended_because", ""))
             return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended)
 
 
 def read_checkpoint(file: os.PathLike[str] | str) -> State:
-    """The State of the last save of a run file. Raises InputError if the file is not a run file."""
+    """The State of the last save of a run file. Raises InputError if the file is damaged or not a run file."""
     with open_netcdf(file, "run") as dataset:
-        return _read_checkpoint(dataset)
+        return _read_checkpoint(file, dataset)
 
 
-def _read_checkpoint(dataset: netCDF4.Dataset) -> State:
+def _checkpoint_of(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> netCDF4.Group:
+    """The group with the checkpoint. Raises InputError if a run has none, as reduced files and predictions."""
+    if "checkpoint" not in dataset.groups:
+        raise InputError(f"{file} has no checkpoint: give a run file as `labkit run` wrote it")
     group = dataset["checkpoint"]
-    return read_group(group, dataset, int(group.contacts))
+    if not 0 <= int(getattr(group, "contacts", -1)) <= len(group.dimensions["contact"]):
+        raise damaged(file, "the number of contacts of its checkpoint is wrong")
+    return group
+
+
+def _read_checkpoint(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> State:
+    group = _checkpoint_of(file, dataset)
+    return checked(file, lambda: read_group(group, dataset, int(group.contacts)))
 
 
 def _write_checkpoint(dataset: netCDF4.Dataset, state: State) -> None:

@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from typing import Any
 
 import netCDF4
@@ -20,9 +21,8 @@ import labkit
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.conventions import describe
-from labkit.io.files import create_variables, open_netcdf, whole_file
-from labkit.io.provenance import data_sha256
-from labkit.io.schema import SIZES, STATE
+from labkit.io.netcdf import create_variables, new_netcdf, open_netcdf, values_of
+from labkit.io.schema import LARGEST_RADIUS, SIZES, STATE
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
 
@@ -175,7 +175,7 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     values: dict[str, Any] = {}
     for name, variable in STATE.items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
-        values[name] = np.ascontiguousarray(group[name][rows].filled())
+        values[name] = values_of(group, name, rows)
     names = (*ATTRIBUTES, "precision")
     kept: dict[str, Any] = {name: getattr(attributes, name) for name in names if name in attributes.ncattrs()}
     for name in ("step", "seed"):
@@ -188,30 +188,37 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
-    """Write a state file atomically."""
-    with whole_file(path) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
+    """Write a state file atomically. Raises OSError."""
+    with new_netcdf(path) as dataset:
         write_attributes(dataset, state, "state")
         create_variables(dataset, STATE, {"grain": state.number_of_grains, "contact": len(state.contact_grain)})
         for name in STATE:
             dataset[name][...] = getattr(state, name)
-        dataset.data_sha256 = data_sha256(dataset)
 
 
-def read_state(path: str | os.PathLike) -> State:
-    """Read a state file. Raises InputError if it is missing, damaged or not a state file."""
-    with open_netcdf(path, "state") as dataset:
-        try:
-            state = read_group(dataset, dataset)
-            require_valid(state)
-            return state
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
-        except (IndexError, AttributeError, KeyError, RuntimeError, ValueError) as error:
-            raise InputError(f"{path} is damaged ({error}): create it again") from None
+def read_state(path: str | os.PathLike, verify: bool = True) -> State:
+    """Read a state file. Raises InputError if it is missing, damaged or not a state file.
+
+    verify: False to check the hash of its bytes, but not that of its data (labkit.io.netcdf).
+    """
+    with open_netcdf(path, "state", verify) as dataset:
+        return checked(path, lambda: read_group(dataset, dataset))
+
+
+def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
+    """The State that `read` returns from the file `path`. Raises InputError if it cannot be grains in a cell."""
+    try:
+        state = read()
+        require_valid(state)
+        return state
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is damaged ({error}): create it again") from None
 
 
 def require_valid(state: State) -> None:
-    """Raise ValueError if the arrays of a state cannot represent grains in a cell."""
+    """Raise ValueError if the values of a state cannot represent grains in a cell."""
     grains, contacts = state.number_of_grains, len(state.contact_grain)
     for name, variable in STATE.items():
         values = getattr(state, name)
@@ -220,11 +227,46 @@ def require_valid(state: State) -> None:
             raise ValueError(f"{name} has the wrong shape {values.shape}")
         if not np.isfinite(values).all():
             raise ValueError(f"{name} contains NaN or infinite values")
-    if not (state.radius > 0.0).all():
-        raise ValueError("radius contains values that are not positive")
+        if np.abs(values).max(initial=0) > LARGEST:
+            raise ValueError(f"{name} contains values above {LARGEST:g}")
+    if not grains:
+        raise ValueError("it has no grains")
+    if not ((state.radius > 0.0) & (state.radius < LARGEST_RADIUS)).all():
+        raise ValueError(f"radius contains values that are not between 0 and {LARGEST_RADIUS:g} m")
+    _require_cell(state)
+    if contacts:
+        _require_contacts(state)
+
+
+def _require_cell(state: State) -> None:
+    """Raise ValueError for a cell that cannot hold the grains."""
     if not state.volume > 0.0:
-        raise ValueError("the cell has no volume")
-    if np.abs(np.linalg.solve(state.cell, state.position.T)).max(initial=0.0) > FAR:
+        raise ValueError("the cell has no volume, or is left-handed")
+    widths = 1.0 / np.linalg.norm(np.linalg.inv(state.cell), axis=1)
+    if widths.min() < 2.0 * (1.0 - MOST_OVERLAP) * state.radius.max():
+        raise ValueError("the cell is narrower than its largest grain")
+    if np.abs(np.linalg.solve(state.cell, state.position.T)).max() > FAR:
         raise ValueError(f"a grain lies more than {FAR} cell lengths from the periodic cell")
-    if contacts and not (0 <= state.contact_grain.min() and state.contact_grain.max() < grains):
+
+
+def _require_contacts(state: State) -> None:
+    """Raise ValueError for contacts that grains cannot have."""
+    grain, shift = state.contact_grain, state.contact_shift
+    if not (grain.min() >= 0 and grain.max() < state.number_of_grains):
         raise ValueError("contact_grain refers to grains that do not exist")
+    if ((grain[:, 0] == grain[:, 1]) & (shift == 0).all(axis=1)).any():
+        raise ValueError("contact_grain lists a contact of a grain with itself")
+    if np.abs(shift).max() > 2 * FAR:
+        raise ValueError(f"contact_shift contains shifts of more than {2 * FAR} cells")
+    branch = branch_vectors(state.position, state.cell, grain, shift)
+    sum_of_radii = state.radius[grain].sum(axis=1)
+    overlap = 1.0 - np.linalg.norm(branch, axis=1) / sum_of_radii
+    if overlap.max() > MOST_OVERLAP:
+        raise ValueError(f"two grains overlap by {overlap.max():.0%} of their mean diameter")
+    if overlap.min() < -FARTHEST:
+        raise ValueError("contact_grain lists two grains that are far apart")
+
+
+LARGEST = 1e30  # in SI units; no quantity of a specimen is larger
+MOST_OVERLAP = 0.2  # of the mean diameter of two grains; no contact law holds beyond that
+FARTHEST = 0.5  # gap in a contact, over the mean diameter of its grains

@@ -15,7 +15,7 @@ from labkit.exchange.formats import Format, damaged, text_of
 from labkit.exchange.lammps_units import units_of_style
 from labkit.exchange.packing import Packing, triclinic
 from labkit.exchange.pairs import wrapped_with_images
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 
 STYLES = {  # columns of the section Atoms
     "sphere": ("id", "-", "diameter", "-", "x", "y", "z"),

@@ -18,7 +18,7 @@ from labkit.dem.state import State
 from labkit.exchange.answers import Answers
 from labkit.exchange.formats import Format, damaged, require_library
 from labkit.exchange.packing import FIRST, RADIUS, TENSION, ContactList, Packing
-from labkit.io.files import whole_file
+from labkit.io.atomic import whole_file
 
 WHAT = "ON-DEM files"
 SIGNATURE = "\x89HDF"

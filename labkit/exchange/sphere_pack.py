@@ -12,7 +12,7 @@ from labkit.exchange.answers import Answers
 from labkit.exchange.columns import same_length
 from labkit.exchange.formats import Format, damaged, text_of
 from labkit.exchange.packing import RADIUS, Packing
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 
 MARK = "##PERIODIC::"
 

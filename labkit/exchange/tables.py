@@ -23,7 +23,7 @@ from labkit.exchange.columns import (
 )
 from labkit.exchange.formats import Format, text_of
 from labkit.exchange.packing import ContactList, Packing
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 
 BARE = ("x", "y", "z", "size")  # four columns without a header
 

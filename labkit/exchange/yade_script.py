@@ -9,7 +9,7 @@ from pathlib import Path
 from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.exchange.formats import Format
-from labkit.io.files import write_text
+from labkit.io.atomic import write_text
 
 TEMPLATE = '''"""Grains of a labkit state for a stock YADE: `yade {name}`. Written by labkit; units m, kg, s.
 

@@ -3,13 +3,13 @@
 `labkit info` shows it and `labkit info --check` recomputes the hashes. netCDF and PNG files contain it; any other
 output, such as a table or a page, is accompanied by a file with the same name plus `.provenance.json`. There are two
 kinds of hash: `sha256` covers all bytes of a file; `data_sha256` covers only the data of a netCDF file (names, types,
-shapes and values, without attributes) and is therefore the same whenever the same data are produced.
+shapes and values, without attributes) and is therefore the same whenever the same data are produced. A netCDF file ends
+with the hash of all its bytes (labkit.io.hashes).
 """
 
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib.metadata
 import json
 import os
@@ -22,14 +22,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import netCDF4
-import numpy as np
-
 import labkit
-from labkit.io.files import labkit_kind, write_text
+from labkit.io.atomic import write_text
+from labkit.io.hashes import Name, file_sha256, seal_is_right
+from labkit.io.netcdf import attribute_of, data_verdict, labkit_kind
 
 BESIDE = ".provenance.json"  # suffix of the file that holds the provenance of a table or a page
-Name = str | os.PathLike[str]  # name of a file
 
 LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotlib", "snakemake")
 
@@ -118,47 +116,6 @@ def processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
-def file_sha256(file: Name) -> str:
-    """SHA-256 of all bytes of a file, hexadecimal."""
-    state = os.stat(file)
-    return _sha256(os.fspath(file), state.st_ino, state.st_mtime_ns, state.st_size)
-
-
-@functools.lru_cache(1024)  # a command with several outputs hashes the same inputs for each
-def _sha256(file, *state):
-    digest = hashlib.sha256()
-    with open(file, "rb") as handle:
-        while part := handle.read(1 << 20):
-            digest.update(part)
-    return digest.hexdigest()
-
-
-def data_sha256(dataset: netCDF4.Dataset) -> str:
-    """SHA-256 of the variables of an open netCDF4.Dataset and its groups, hexadecimal.
-
-    The checkpoint of a run is left out because its arrays may contain leftover data from earlier checkpoints.
-    """
-    digest = hashlib.sha256()
-    _add_group(digest, dataset)
-    return digest.hexdigest()
-
-
-CHUNK = 500_000  # values read at a time
-
-
-def _add_group(digest, group):
-    for name in sorted(group.variables):
-        variable = group.variables[name]
-        digest.update(f"{group.path}/{name} {variable.dtype} {variable.shape}\n".encode())
-        per_row = int(np.prod(variable.shape[1:], dtype=np.int64)) or 1
-        rows = max(1, CHUNK // per_row)
-        for first in range(0, variable.shape[0] if variable.shape else 1, rows):
-            part = variable[first : first + rows] if variable.shape else variable[...]
-            digest.update(np.ascontiguousarray(np.ma.getdata(part)).tobytes())
-    for name in sorted(set(group.groups) - {"checkpoint"}):
-        _add_group(digest, group.groups[name])
-
-
 def of_file(file: Name) -> dict[str, Any] | None:
     """Provenance of a file as a dictionary, or None if it has none."""
     file = Path(file)
@@ -172,8 +129,7 @@ def of_file(file: Name) -> dict[str, Any] | None:
     elif labkit_kind(file) is None:
         return None
     else:
-        with netCDF4.Dataset(file) as dataset:
-            text = getattr(dataset, "provenance", None)
+        text = attribute_of(file, "provenance")
     return json.loads(text) if text else None
 
 
@@ -188,10 +144,12 @@ def check(file: Name) -> list[tuple[str, str]]:
     if "sha256" in known:
         verdicts.append(("this file", "same" if file_sha256(file) == known["sha256"] else "differs"))
     elif labkit_kind(file):
-        with netCDF4.Dataset(file) as dataset:
-            stored = getattr(dataset, "data_sha256", None)
-            if stored is not None:
-                verdicts.append(("the data of this file", "same" if data_sha256(dataset) == stored else "differs"))
+        if seal_is_right(file):  # otherwise labkit_kind has raised an InputError
+            verdicts.append(("all bytes of this file", "same"))
+        elif attribute_of(file, "seal"):
+            verdicts.append(("all bytes of this file", "differs"))
+        if (verdict := data_verdict(file)) is not None:
+            verdicts.append(("the data of this file", verdict))
     for item in known.get("inputs", []):
         source = file.resolve().parent / item["file"]
         if not source.is_file():

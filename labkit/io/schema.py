@@ -1,8 +1,22 @@
-"""Schema of state and run files: name, dimensions, type, units and long name of every variable."""
+"""Schema of state and run files: name, dimensions, type, units and long name of every variable, types of attributes.
+
+`require_schema` compares an open file with it. What the values of a State or of contacts must satisfy is in
+labkit.dem.state and labkit.micro.contacts.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,3 +96,146 @@ GRAINS = _table(
 )
 
 SIZES = {"i": 3, "j": 3, "side": 2}
+
+
+# --- attributes -----------------------------------------------------------------------------------------------------
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_json(value: Any) -> bool:
+    """True for a JSON object, or an empty text."""
+    try:
+        return isinstance(value, str) and (value == "" or isinstance(json.loads(value), dict))
+    except (ValueError, RecursionError):
+        return False
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, (int, np.integer)) and int(value) >= 0
+
+
+def _is_time(value: Any) -> bool:
+    return isinstance(value, (float, np.floating)) and 0.0 <= float(value) < math.inf
+
+
+def _is_flag(value: Any) -> bool:
+    return isinstance(value, (int, np.integer)) and int(value) in (0, 1)
+
+
+def _are_energies(value: Any) -> bool:
+    values = np.asarray(value)
+    return values.shape == (5,) and values.dtype.kind == "f" and bool(np.isfinite(values).all())
+
+
+Check = tuple[Callable[[Any], bool], str]
+TEXT, JSON, COUNT = (_is_text, "text"), (_is_json, "a JSON object"), (_is_count, "a whole number")
+TIME_SPAN, FLAG, ENERGIES = (_is_time, "a time in s"), (_is_flag, "0 or 1"), (_are_energies, "five energies")
+
+ATTRIBUTES: dict[str, Check] = {  # of files of every kind, where they are present
+    "scene": JSON,
+    "path": TEXT,
+    "path_parameters": JSON,
+    "provenance": JSON,
+    "recipe": JSON,
+    "history": TEXT,
+    "engine": TEXT,
+    "engine_version": TEXT,
+    "precision": TEXT,
+    "ended_because": TEXT,
+    "specimen": TEXT,
+    "data_sha256": TEXT,
+    "time": TIME_SPAN,
+    "time_step": TIME_SPAN,
+    "wall_time": TIME_SPAN,
+    "step": COUNT,
+    "steps": COUNT,
+    "seed": COUNT,
+    "threads": COUNT,
+    "complete": FLAG,
+    "ledger": ENERGIES,
+}
+NEEDED = {  # attributes without which a file cannot be used
+    "state": ("scene", "time", "time_step", "step", "seed"),
+    "run": ("scene", "path", "path_parameters", "complete"),
+}
+
+
+# --- comparison with a file -----------------------------------------------------------------------------------------
+
+
+def require_schema(path: str | os.PathLike[str], dataset: netCDF4.Dataset, kind: str) -> None:
+    """Raises InputError, with the file, unless an open file has the variables, shapes and attributes of its kind."""
+    for problem in _problems(dataset, kind):
+        again = "repeat the run" if kind == "run" else "create it again"
+        raise InputError(f"{path} is damaged ({problem}): {again}")
+
+
+def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
+    for group, table, essential, exact in _tables(dataset, kind):
+        yield from (f"{name} is missing" for name in essential if group is None or name not in group.variables)
+        for name in table if group is not None else ():
+            if name in group.variables and (problem := _variable_problem(group[name], table[name], exact)):
+                yield problem
+    yield from _attribute_problems(dataset, kind)
+    if kind == "run":
+        yield from _snapshot_problems(dataset)
+
+
+def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
+    """(group, its table, variables that it needs, whether single precision is refused) of a kind of file."""
+    if kind == "state":
+        yield dataset, STATE, STATE, True
+    if kind == "run":
+        yield dataset, RECORD, ESSENTIAL, False
+        yield dataset.groups.get("contacts"), CONTACTS, CONTACTS, False
+        yield dataset.groups.get("grains"), GRAINS, GRAINS, False
+        if "checkpoint" in dataset.groups:
+            yield dataset.groups["checkpoint"], STATE, STATE, True
+
+
+def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:
+    """What is wrong with the type or the shape of a variable, or None."""
+    if variable.dimensions != known.dimensions:
+        return (
+            f"{known.name} has the dimensions ({', '.join(variable.dimensions)}), not ({', '.join(known.dimensions)})"
+        )
+    kind, actual = np.dtype(known.dtype), variable.dtype
+    if not isinstance(actual, np.dtype) or actual.kind != kind.kind or (exact and actual != kind):
+        return f"{known.name} has the type {actual}, not {kind}"
+    for dimension, size in zip(known.dimensions, variable.shape, strict=True):
+        if SIZES.get(dimension, size) != size:
+            return f"{known.name} has {size} components along {dimension}, not {SIZES[dimension]}"
+    return None
+
+
+def _attribute_problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
+    there = dataset.ncattrs()
+    yield from (f"the attribute {name} is missing" for name in NEEDED.get(kind, ()) if name not in there)
+    for name, (holds, meaning) in ATTRIBUTES.items():
+        if name in there and not holds(dataset.getncattr(name)):
+            yield f"the attribute {name} is not {meaning}"
+
+
+def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:
+    """What is wrong with the sizes of the snapshots of a run, or with its grains."""
+    contacts, records = dataset["contacts"], len(dataset.dimensions["time"])
+    record, sizes = (np.ma.getdata(contacts[name][...]) for name in ("record", "row_size"))
+    if len(record) and not (0 <= record.min() and record.max() < records and (np.diff(record) > 0).all()):
+        yield "contacts/record does not list records of the run"
+    if (len(sizes) and sizes.min() < 0) or int(sizes.sum(dtype=np.int64)) != len(contacts.dimensions["contact"]):
+        yield "the contacts are not those that contacts/row_size counts"
+    radius = np.ma.getdata(dataset["grains"]["radius"][...])
+    if not (np.isfinite(radius).all() and (radius > 0.0).all() and (radius < LARGEST_RADIUS).all()):
+        yield "grains/radius contains values that are not the radii of grains"
+    for name in ESSENTIAL:
+        if not np.isfinite(values := np.ma.getdata(dataset[name][...])).all() or (np.abs(values) > FILLED).any():
+            yield f"{name} contains values that were never recorded"
+    if records and not (np.linalg.det(np.ma.getdata(dataset["cell"][...])) > 0.0).all():
+        yield "a cell has no volume, or is left-handed"
+
+
+LARGEST_RADIUS = 1e6  # m
+FILLED = 1e36  # netCDF's fill value is 9.97e36

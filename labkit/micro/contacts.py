@@ -38,6 +38,19 @@ class Contacts:
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
 
+def require_contacts(contacts: Contacts, grains: int) -> None:
+    """Raise ValueError if contacts cannot be those of this number of grains."""
+    index = contacts.grain
+    if index.dtype.kind not in "iu" or (index.size and not 0 <= index.min() <= index.max() < grains):
+        raise ValueError("contact_grain refers to grains that do not exist")
+    for field in dataclasses.fields(contacts):
+        if not np.isfinite(getattr(contacts, field.name)).all():
+            raise ValueError(f"{field.name} contains values that are not numbers")
+    length = np.einsum("ci,ci->c", contacts.normal, contacts.normal)
+    if length.size and np.abs(length - 1.0).max() > 1e-5:  # 1e-7 in single precision
+        raise ValueError("normal contains vectors that are not of length one")
+
+
 NO_CONTACTS = Contacts(
     np.zeros((0, 2), int), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
 )

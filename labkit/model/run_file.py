@@ -13,7 +13,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import xarray as xr
 
@@ -22,8 +21,8 @@ import labkit.runs.dataset  # registers the accessor .lab for as_run
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.conventions import describe
-from labkit.io.files import create_variables, whole_file
-from labkit.io.provenance import data_sha256, provenance
+from labkit.io.netcdf import create_variables, new_netcdf
+from labkit.io.provenance import provenance
 from labkit.io.schema import CONTACTS, GRAINS, RECORD
 from labkit.model.driver import Result
 from labkit.model.parameters import Model
@@ -91,7 +90,7 @@ def write_result(
 
     history: the command; wall_time: s; parameters: further values that determine the result, for JSON. Raises OSError.
     """
-    with whole_file(file) as temporary, netCDF4.Dataset(temporary, "w") as dataset:
+    with new_netcdf(file) as dataset:
         describe(dataset, "labkit run predicted by the constitutive model", history)
         dataset.labkit_file = "run"
         dataset.labkit_version = dataset.engine_version = labkit.__version__
@@ -112,7 +111,6 @@ def write_result(
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
         for name, values in records(result).items():
             dataset[name][:] = values
-        dataset.data_sha256 = data_sha256(dataset)
 
 
 def model_of(run: xr.Dataset) -> Model | None:

@@ -13,8 +13,9 @@ import xarray as xr
 
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.io.netcdf import damage_named
 from labkit.io.schema import RECORD
-from labkit.micro.contacts import NO_CONTACTS, Contacts
+from labkit.micro.contacts import NO_CONTACTS, Contacts, require_contacts
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import Lives, follow, network_stress
 from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
@@ -91,11 +92,18 @@ class Lab(OfRecords):
         number = range(self.number_of_snapshots)[number]
         contacts, at = self.contacts(number), self._run.isel(snapshot=number)
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+        file = self._run.encoding.get("source", "this run")
+        with damage_named(file):
+            found = Contacts(*(contacts[name].values for name in names))
+        try:
+            require_contacts(found, len(self._radius))
+        except ValueError as error:
+            raise InputError(f"{file} is damaged ({error} in snapshot {number}): repeat the run") from None
         return Snapshot(
             self.scene,
             self._radius,
             at["snapshot_cell"].values,
-            Contacts(*(contacts[name].values for name in names)),
+            found,
             at["position"].values if "position" in at else None,
             float(at["snapshot_time"]) if "snapshot_time" in at else 0.0,
             float(at["snapshot_strain"]),

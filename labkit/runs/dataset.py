@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterator, Sequence
 
@@ -12,26 +13,37 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import read_state
 from labkit.errors import InputError
 from labkit.io.conventions import EPOCH
-from labkit.io.files import labkit_kind, open_netcdf
+from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
 from labkit.io.schema import RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.accessor import Lab, with_axes
 
 
-def open_run(path: str | os.PathLike) -> xr.Dataset:
+def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     """Open a run file as one lazy xarray.Dataset.
 
     Dimensions: `time` (records; coordinates `axial_strain`, `time`), `snapshot` (records with contacts), `contact`
     (ragged: `row_size` contacts per snapshot), `grain`, `side`, and `i`, `j` with the labels x, y, z: the axial stress
     is `run["stress"].sel(i="z", j="z")`. The variables of the groups `contacts` and `grains` keep their names and
     units. For a table of the records use `run.lab.to_dataframe()`: `run.to_dataframe()` would combine every record with
-    every contact and every grain. Raises InputError.
+    every contact and every grain. verify: as for read_state. Raises InputError.
     """
-    with open_netcdf(path, "run") as dataset:
+    with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
-    run = _joined([xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")])
+    with damage_named(path):
+        parts = [xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")]
+        run = _joined(parts)
     run.encoding["source"] = str(path)
     return run
+
+
+@contextlib.contextmanager
+def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
+    """Context with the records of a run file as a Dataset, without contacts and without decoding. Raises InputError."""
+    with open_netcdf(path, "run"):
+        pass
+    with damage_named(path), xr.open_dataset(path, engine="netcdf4", decode_cf=False, cache=False) as records:
+        yield records
 
 
 @xr.register_datatree_accessor("lab")
@@ -104,7 +116,8 @@ def open_state(path: str | os.PathLike) -> xr.Dataset:
     """Open a state file as one lazy xarray.Dataset with the variables of labkit.io.schema.STATE. Raises InputError."""
     with open_netcdf(path, "state"):
         pass
-    return with_axes(xr.open_dataset(path, decode_times=False))
+    with damage_named(path):
+        return with_axes(xr.open_dataset(path, decode_times=False))
 
 
 def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:

@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as File
 from typing import Any
 
-import netCDF4
 import numpy as np
 import pandas
 import xarray
@@ -21,9 +20,10 @@ import xarray
 import labkit
 from labkit.dem.probes import Plane, Probing, plane_of
 from labkit.errors import InputError
+from labkit.io.atomic import whole_file
 from labkit.io.conventions import CONVENTIONS, NO_COMMAND
-from labkit.io.files import open_netcdf, whole_file
-from labkit.io.provenance import data_sha256, provenance
+from labkit.io.netcdf import damage_named, failure_named, finish, open_netcdf
+from labkit.io.provenance import provenance
 from labkit.micro.tensors import to_six
 from labkit.runs.accessor import with_axes
 from labkit.runs.figures import FIGURES
@@ -228,10 +228,10 @@ class Probes:
             "provenance": provenance(history or None, inputs, file),
         }
         encoding: dict[str, Any] = {name: {"dtype": "S1"} for name in TEXTS}
-        with whole_file(file) as temporary:
+        encoding |= {str(name): {"fletcher32": True} for name in self.data.data_vars if name not in TEXTS}
+        with whole_file(file) as temporary, failure_named(file):
             self.data.drop_vars(("i", "j")).assign_attrs(attributes).to_netcdf(temporary, encoding=encoding)
-            with netCDF4.Dataset(temporary, "a") as dataset:
-                dataset.data_sha256 = data_sha256(dataset)
+            finish(temporary)
 
     def __repr__(self) -> str:
         number = self.data.sizes["probe"]
@@ -242,5 +242,5 @@ def open_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
     with open_netcdf(path, "probes"):
         pass
-    with xarray.open_dataset(path) as data:
+    with damage_named(path), xarray.open_dataset(path) as data:
         return Probes(with_axes(data.load()), File(path))

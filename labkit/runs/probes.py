@@ -28,7 +28,7 @@ from labkit.dem.servo import FLOOR, cell_stiffness
 from labkit.dem.state import State
 from labkit.engines.tasks import ProbesTask, RestTask, execute
 from labkit.errors import InputError, Interrupted
-from labkit.io.files import open_netcdf
+from labkit.io.netcdf import open_netcdf
 from labkit.io.progress import reporter
 from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot

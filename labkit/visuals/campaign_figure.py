@@ -8,12 +8,12 @@ from typing import Literal
 
 import matplotlib.pyplot as plt
 import numpy as np
-import xarray
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
 from labkit.campaign.items import Run
+from labkit.runs.dataset import open_records
 from labkit.runs.verify import SFF_PRESSURE
 from labkit.visuals.frame import as_axis
 
@@ -58,7 +58,7 @@ def overview(runs: Sequence[tuple[Run, str | Path]]) -> Figure:
 
 def _curves(file: str | Path) -> tuple[tuple[str, np.ndarray], np.ndarray, np.ndarray]:
     """Abscissa (label, values), q/p and e of the records of a run file."""
-    with xarray.open_dataset(file, engine="netcdf4", decode_cf=False, cache=False) as records:
+    with open_records(file) as records:
         records = records.set_coords("axial_strain")
         p, q = records.lab.mean_stress().values, records.lab.q().values
         ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > SFF_PRESSURE)

@@ -17,8 +17,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.atomic import whole_file
 from labkit.io.extras import install_command
-from labkit.io.files import whole_file
 from labkit.micro.fabric import statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
 from labkit.micro.normalised import normalised_normal_force

@@ -18,7 +18,7 @@ from matplotlib.lines import Line2D
 
 from labkit.dem.paths import PATHS, travelled
 from labkit.errors import InputError
-from labkit.io.files import whole_file
+from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance, write_provenance
 from labkit.visuals.frame import (
     DPI,

@@ -17,8 +17,8 @@ import xarray
 from xarray.backends import NetCDF4DataStore
 
 import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
-from labkit.io.files import open_netcdf
 from labkit.io.interruption import being_written
+from labkit.io.netcdf import open_netcdf
 
 SHOWN = ("stress", "stress_sff", "void_ratio", "strain", "axial_strain")
 FIRST_MARKS = "*o+x#%@$&="
@@ -66,7 +66,7 @@ def records(file: str) -> xarray.Dataset:
     Only the records are read, with the file opened just once: opening it twice could mix two versions if it is saved in
     between. Raises InputError if it is not a run file.
     """
-    with open_netcdf(file, "run") as dataset:
+    with open_netcdf(file, "run", verify=False) as dataset:
         run = xarray.open_dataset(NetCDF4DataStore(dataset), decode_times=False).set_coords("axial_strain")
         unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}  # in older files
         return run.assign({k: v for k, v in unknown.items() if k not in run})[list(SHOWN)].load()

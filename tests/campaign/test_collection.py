@@ -12,6 +12,7 @@ import pytest
 import labkit
 from labkit.campaign.collection import open_campaign
 from labkit.errors import InputError
+from tests.changed import changed
 
 RUNS = 300
 
@@ -30,7 +31,7 @@ def one(tmp_path_factory, labkit_command):
 
 def compact(file, output):
     """Copies a run file without its checkpoint and without space for more records."""
-    with netCDF4.Dataset(file) as old, netCDF4.Dataset(output, "w") as new:
+    with netCDF4.Dataset(file) as old, changed(output) as new:
         copy_group(old, new)
 
 
@@ -55,7 +56,7 @@ def many(tmp_path_factory, one):
     for k in range(RUNS):
         file = folder / "runs" / f"cv-{k:04d}.run.nc"
         shutil.copy(folder / "one.run.nc", file)
-        with netCDF4.Dataset(file, "a") as run:
+        with changed(file) as run:
             run.seed = k
             run["stress"][:] = run["stress"][:] * (1 + k)
     yield folder

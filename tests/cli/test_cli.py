@@ -15,6 +15,7 @@ from labkit.cli.dispatch import parser_for
 from labkit.cli.registry import find, helps
 from labkit.dem.paths import PATHS
 from labkit.runs.figures import FIGURES
+from tests.changed import changed
 
 
 @pytest.fixture
@@ -147,9 +148,8 @@ def test_without_yade_the_message_tells_how_to_install_it(folder, labkit_command
 
 
 def damage(file, group, name, index, value):
-    import netCDF4
 
-    with netCDF4.Dataset(file, "a") as dataset:
+    with changed(file) as dataset:
         (dataset[group] if group else dataset)[name][index] = value
 
 

@@ -14,7 +14,8 @@ import labkit as lk
 import labkit.runs.dataset  # registers the accessor of a tree
 from labkit.dem.recorder import read_checkpoint
 from labkit.io.conventions import TIME
-from labkit.io.provenance import data_sha256
+from labkit.io.hashes import data_sha256
+from tests.changed import changed
 
 CHECKER = Path(sys.executable).with_name("compliance-checker")
 TIME_NAME = "time since the start of the path"
@@ -30,7 +31,7 @@ def file(request):
 def older(run_file, tmp_path):
     """A copy of a run file as version 0.1.0 wrote it."""
     file = shutil.copy(run_file, tmp_path / "older.run.nc")
-    with netCDF4.Dataset(file, "a") as dataset:
+    with changed(file) as dataset:
         for name in ("title", "comment"):
             dataset.delncattr(name)
         dataset.history = ""

@@ -13,6 +13,7 @@ import labkit as lk
 from labkit.dem.paths import PATHS
 from labkit.dem.state import read_state
 from labkit.io.schema import CONTACTS, ESSENTIAL, GRAINS, RECORD, STATE
+from tests.changed import changed
 from tests.conftest import ROOT
 
 RUNS = sorted((ROOT / "results/paper/runs").glob("*.run.nc"))
@@ -22,7 +23,7 @@ OTHER = sorted(set(RECORD) - set(ESSENTIAL))
 
 def without(old, new, names):
     """A copy of a run file without some variables, `name` or `group/name`, or without a group, `group/`."""
-    with netCDF4.Dataset(old) as source, netCDF4.Dataset(new, "w") as target:
+    with netCDF4.Dataset(old) as source, changed(new) as target:
         for group in (source, *source.groups.values()):
             prefix = "" if group is source else f"{group.name}/"
             if prefix in names or prefix == "checkpoint/":
@@ -172,10 +173,10 @@ def test_a_file_without_an_essential_variable_is_refused(name, run_file, tmp_pat
 def test_a_damaged_file_is_refused_in_one_line(run_file, tmp_path, labkit_command):
     without(run_file, tmp_path / "stress.run.nc", {"stress"})
     shutil.copy(run_file, tmp_path / "scene.run.nc")
-    with netCDF4.Dataset(tmp_path / "scene.run.nc", "a") as run:
+    with changed(tmp_path / "scene.run.nc") as run:
         del run.scene
     shutil.copy(run_file, tmp_path / "law.run.nc")
-    with netCDF4.Dataset(tmp_path / "law.run.nc", "a") as run:
+    with changed(tmp_path / "law.run.nc") as run:
         run.scene = run.scene.replace("rolling_resistance", "hertz")
     before = sorted(tmp_path.iterdir())
     for file, said in (
@@ -195,7 +196,7 @@ def test_a_damaged_file_is_refused_in_one_line(run_file, tmp_path, labkit_comman
 
 def as_of_version_0_1_0(file):
     """Replaces the names of laws and the recipe in a file by those that version 0.1.0 wrote."""
-    with netCDF4.Dataset(file, "a") as dataset:
+    with changed(file) as dataset:
         scene = dataset.scene
         for earlier, name in EARLIER.items():
             scene = scene.replace(f'"{name}"', f'"{earlier}"')
@@ -241,7 +242,7 @@ def test_a_specimen_and_a_run_of_version_0_1_0_are_recognised(law, tmp_path, lab
         as_of_version_0_1_0(tmp_path / name)
     state = read_state(tmp_path / "s.state.nc")
     assert state.scene.law == EARLIER[law]
-    with netCDF4.Dataset(tmp_path / "r.run.nc", "a") as dataset:
+    with changed(tmp_path / "r.run.nc") as dataset:
         assert json.loads(dataset.scene)["law"] == law
         known = state.scene.identity()
         assert dataset.specimen == digest(state, json.dumps(known))

@@ -2,12 +2,12 @@
 
 import shutil
 
-import netCDF4
 import pytest
 
 import labkit
 from labkit.errors import InputError
 from labkit.runs import ENOUGH_STRAIN, require_critical
+from tests.changed import changed
 from tests.conftest import ROOT
 
 RUNS = ROOT / "results/paper/runs"
@@ -22,9 +22,9 @@ def files(tmp_path_factory):
     known = {name: folder / f"{name}.run.nc" for name in (*LONG, "isod-dense_high", "unfinished", "short")}
     for name, file in known.items():
         shutil.copy(RUNS / f"{name if name not in ('unfinished', 'short') else 'cv-dense'}.run.nc", file)
-    with netCDF4.Dataset(known["unfinished"], "a") as dataset:
+    with changed(known["unfinished"]) as dataset:
         dataset.complete = 0
-    with netCDF4.Dataset(known["short"], "a") as dataset:  # a complete test to 4 % of strain
+    with changed(known["short"]) as dataset:  # a complete test to 4 % of strain
         for name in ("axial_strain", "strain"):
             dataset[name][:] = dataset[name][:] * 0.1
     return known

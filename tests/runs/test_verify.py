@@ -9,6 +9,7 @@ import pytest
 import labkit
 from labkit.io.schema import ESSENTIAL, RECORD
 from labkit.runs.verify import findings
+from tests.changed import changed
 
 # variables added to run files after their first version
 LATER = (
@@ -30,7 +31,7 @@ def spoiled(run_file, tmp_path):
     def make(spoil):
         file = tmp_path / "spoiled.run.nc"
         shutil.copy(run_file, file)
-        with netCDF4.Dataset(file, "a") as dataset:
+        with changed(file) as dataset:
             spoil(dataset)
         found = findings(labkit.open_run(file))
         return {finding.name.split(",")[0]: finding for finding in found} | {finding.name: finding for finding in found}
@@ -70,7 +71,7 @@ def test_an_infinite_inertial_number_is_outside(spoiled):
 def test_a_file_without_later_variables_is_read(run_file, tmp_path):
     """Files of earlier versions and other programs may hold only the essential variables: the others read as NaN."""
     bare = tmp_path / "bare.run.nc"
-    with netCDF4.Dataset(run_file) as old, netCDF4.Dataset(bare, "w") as new:
+    with netCDF4.Dataset(run_file) as old, changed(bare) as new:
         copy(old, new, LATER)
         for name, group in old.groups.items():
             if name != "checkpoint":

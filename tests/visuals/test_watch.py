@@ -9,12 +9,12 @@ import subprocess
 import sys
 import time
 
-import netCDF4
 import pytest
 
 import labkit
 from labkit.io.interruption import only_writer
 from labkit.visuals.watch import CLEAR, MARKS, draw, records, status
+from tests.changed import changed
 
 LABKIT = [sys.executable, "-m", "labkit.cli"]
 
@@ -24,7 +24,7 @@ def unfinished(run_file, tmp_path_factory):
     """The run file with its end removed: an interrupted run."""
     file = tmp_path_factory.mktemp("unfinished") / "unfinished.run.nc"
     shutil.copy(run_file, file)
-    with netCDF4.Dataset(file, "a") as dataset:
+    with changed(file) as dataset:
         dataset.complete = 0
     return file
 

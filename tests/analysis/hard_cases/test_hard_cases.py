@@ -4,7 +4,6 @@ import dataclasses
 import json
 import shutil
 
-import netCDF4
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_REPORTED, SCENES, SILE
 from labkit.cli.dispatch import main
 from labkit.dem.scene import Scene
 from labkit.dem.state import read_state, write_state
+from tests.changed import changed
 
 GRAINS = 120
 EXTENT = 0.1  # fraction of the strains of the full cases
@@ -86,7 +86,7 @@ def tamper(file, name, factor):
     """Multiplies the last record of a variable, in a copy that replaces the file: a reader may have it open."""
     copy = file.with_suffix(".copy")
     shutil.copy(file, copy)
-    with netCDF4.Dataset(copy, "a") as dataset:
+    with changed(copy) as dataset:
         dataset[name][-1] = dataset[name][-1] * factor
     copy.replace(file)
 

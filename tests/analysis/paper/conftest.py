@@ -7,7 +7,6 @@ import dataclasses
 import json
 from pathlib import Path
 
-import netCDF4
 import numpy as np
 import pytest
 
@@ -20,6 +19,7 @@ from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.runs import SHEAR
 from labkit.sff.c0 import c0_stress
+from tests.changed import changed
 
 CAMPAIGN = Path(analysis.paper.__file__).with_name("paper.yaml")
 STARTS = {"dense": 0.21e6, "medium": 0.5e6, "loose": 0.3e6, "dense_high": 1e6, "cyclic_loose": 0.5e6}
@@ -52,7 +52,7 @@ def make(folder, model, tests=None, strain=1.6):
         )
         file = folder / f"{run.name}.run.nc"
         write_result(file, scattered(result, factors))
-        with netCDF4.Dataset(file, "a") as dataset:
+        with changed(file) as dataset:
             dataset.recipe = json.dumps({"void_ratio": e})
             dataset["inertial_number"][:] = 1e-4
             dataset["overlap_ratio"][:] = 0.01

@@ -1,0 +1,276 @@
+"""The gate through which every netCDF file is read and written.
+
+Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used, and an error
+of the netCDF library becomes one sentence with the file and the variable. A file without hashes, of another program or
+an unfinished run of an earlier version, is read with one line that says so. LABKIT_TRUST=1, which the option --trust
+sets, skips the hashes.
+
+Writing: a file gets its hashes and appears under its name only when it is complete.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.io.atomic import whole_file
+from labkit.io.conventions import TIME
+from labkit.io.hashes import NOTE, DamagedVariable, data_sha256, seal, seal_is_right
+from labkit.io.schema import SIZES, Variable, require_schema
+
+netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 MB: data are read and written only once
+
+TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
+NETCDF = "NetCDF:"  # how messages of the netCDF library begin
+ADVICE = "restore a copy or create it again; --trust reads it anyway"
+
+
+# --- reading --------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) -> Iterator[netCDF4.Dataset]:
+    """Context with a netCDF4.Dataset open for reading, whose hashes and schema are right.
+
+    kind: state, run, probes or statistics; verify: False to check only the hash of the bytes, for a command that shows
+    a file without computing from it. Raises InputError if the file is damaged or not a labkit `kind` file.
+    """
+    path = Path(path)
+    with _opened(path, f"give a labkit {kind} file") as dataset:
+        actual = _text(dataset, "labkit_file")
+        if actual != kind:
+            raise InputError(f"{path} is {described(actual)}: give a labkit {kind} file")
+        if verify and not trusted():
+            _require_hashes(path, dataset)
+        require_schema(path, dataset, kind)
+        yield dataset
+
+
+def labkit_kind(path: str | os.PathLike[str]) -> str | None:
+    """Kind of a labkit file, e.g. `state` or `run`; None for any other file. Raises InputError if it is damaged."""
+    path = Path(path)
+    if not path.is_file():
+        return None
+    _require_seal(path)
+    try:
+        with netCDF4.Dataset(path) as dataset:
+            return _text(dataset, "labkit_file")
+    except (OSError, RuntimeError, UnicodeError):
+        return None
+
+
+def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
+    """A text among the attributes of any netCDF file, or None. Raises InputError if the file is damaged."""
+    with _opened(Path(path), "give a netCDF file") as dataset:
+        return _text(dataset, name)
+
+
+def data_verdict(path: str | os.PathLike[str]) -> str | None:
+    """`same` or `differs`: the data of a file compared with its data_sha256; None if it has none. Raises InputError."""
+    with _opened(Path(path), "give a netCDF file") as dataset:
+        stored = _text(dataset, "data_sha256")
+        if stored is None:
+            return None
+        try:
+            return "same" if data_sha256(dataset) == stored else "differs"
+        except DamagedVariable:
+            return "differs"
+
+
+def described(kind: str | None) -> str:
+    """A kind of file in a sentence."""
+    return f"a labkit {kind} file" if kind else "not a labkit file"
+
+
+def trusted() -> bool:
+    """True if hashes are not checked."""
+    return os.environ.get(TRUST, "") not in ("", "0")
+
+
+@contextlib.contextmanager
+def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
+    """Context with an open file whose bytes have the hash in its seal, if it has one."""
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: {instead}")
+    try:
+        _require_seal(path)
+        dataset = netCDF4.Dataset(path)
+    except PermissionError:
+        raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
+    except (OSError, RuntimeError, UnicodeError):
+        raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
+    with contextlib.closing(dataset), damage_named(path):
+        yield dataset
+
+
+@contextlib.contextmanager
+def damage_named(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Context in which an error of the netCDF library becomes an InputError with the file."""
+    try:
+        yield
+    except DamagedVariable as error:
+        raise damaged(path, f"{error} cannot be read") from None
+    except (OSError, RuntimeError) as error:
+        if not str(error).startswith(NETCDF):
+            raise
+        raise damaged(path, str(error)) from None
+
+
+def damaged(path: str | os.PathLike[str], why: str) -> InputError:
+    """The error for a damaged file."""
+    return InputError(f"{path} is damaged ({why}): {ADVICE}")
+
+
+def values_of(group: Any, name: str, rows: Any = slice(None)) -> np.ndarray:
+    """Values of a variable, or of some of its rows, in a group of an open file. Raises DamagedVariable."""
+    try:
+        values = group[name][rows]
+        return np.ascontiguousarray(values.filled() if np.ma.isMaskedArray(values) else values)
+    except (RuntimeError, OSError, IndexError, KeyError, ValueError):
+        raise DamagedVariable(name) from None
+
+
+def _require_seal(path: Path) -> None:
+    """Raises InputError if a file does not have the hash in its seal, before HDF5 sees it."""
+    if not trusted() and seal_is_right(path) is False:
+        raise damaged(path, "its bytes differ from their hash")
+
+
+_told: set[Path] = set()  # files of which the command has said that they have no hash
+
+
+def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> None:
+    """Raises InputError unless the content of an open file is what labkit wrote, as far as it has hashes."""
+    if seal_is_right(path):
+        return
+    if "seal" in dataset.ncattrs():
+        raise damaged(path, "another program has changed it, or its end is missing")
+    stored, found = _text(dataset, "data_sha256"), data_sha256(dataset)
+    if stored is not None and found != stored:
+        raise damaged(path, "its data differ from data_sha256")
+    if stored is None and path.resolve() not in _told:
+        _told.add(path.resolve())
+        print(f"labkit: {path} has no hash: damage or changes would not be noticed", file=sys.stderr, flush=True)
+
+
+def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
+    """A text among the attributes of a file; None if it is missing or not text."""
+    try:
+        value = dataset.getncattr(name) if name in dataset.ncattrs() else None
+    except (RuntimeError, OSError, UnicodeError):
+        return None
+    return value if isinstance(value, str) else None
+
+
+# --- writing --------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def new_netcdf(path: str | os.PathLike[str]) -> Iterator[netCDF4.Dataset]:
+    """Context with a new netCDF4.Dataset, which becomes the file `path`, with its hashes, on success.
+
+    Raises OSError with `path` as its file name if the disk is full or fails.
+    """
+    with whole_file(path) as temporary:
+        with failure_named(path):
+            with netCDF4.Dataset(temporary, "w") as dataset:
+                yield dataset
+                set_hashes(dataset)
+            close_with_seal(temporary)
+
+
+def finish(file: Path) -> None:
+    """Give its hashes to a complete netCDF file that another library, such as xarray, has just written."""
+    with netCDF4.Dataset(file, "a") as dataset:
+        set_hashes(dataset)
+    close_with_seal(file)
+
+
+def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
+    """Write the attributes with hashes, last before a file is closed; `complete`: False for a run that goes on."""
+    if complete:
+        dataset.data_sha256 = data_sha256(dataset)
+    dataset.seal = NOTE
+
+
+def close_with_seal(file: Path) -> None:
+    """Append its seal to a file that was just closed. Raises OSError if its end is missing."""
+    with netCDF4.Dataset(file):  # HDF5 refuses a file of which the end is missing
+        pass
+    seal(file)
+
+
+@contextlib.contextmanager
+def failure_named(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Context in which an error of the netCDF library while writing becomes an OSError with the file name."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    except (DamagedVariable, RuntimeError) as error:
+        if not isinstance(error, DamagedVariable) and not str(error).startswith(NETCDF):
+            raise
+        free = os.statvfs(Path(path).resolve().parent)
+        left = free.f_bavail * free.f_frsize
+        raise OSError(
+            None, f"it could not be written ({error}; {left / 1e6:.3g} MB are free there)", str(path)
+        ) from error
+
+
+def create_variables(
+    group: netCDF4.Dataset,
+    table: Mapping[str, Variable],
+    sizes: Mapping[str, int],
+    compression: Literal["zlib"] | None = "zlib",
+) -> None:
+    """Creates the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
+
+    Every chunk has a checksum (fletcher32), which any program that reads the file checks.
+    """
+    known = {**SIZES, **sizes}
+    for variable in table.values():
+        for dimension in variable.dimensions:
+            if _find_dimension(group, dimension) is None:
+                group.createDimension(dimension, known.get(dimension))
+        chunks = [_chunk_size(name, known.get(name)) for name in variable.dimensions]
+        created = group.createVariable(
+            variable.name,
+            variable.dtype,
+            variable.dimensions,
+            compression=compression,
+            complevel=1,
+            shuffle=True,
+            fletcher32=True,
+            chunksizes=chunks,
+        )
+        created.units = variable.units
+        created.long_name = variable.long_name
+        if variable.name == "time":
+            created.setncatts(TIME)
+
+
+_CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}
+
+
+def _chunk_size(dimension: str, size: int | None) -> int:
+    """Chunk length along a dimension; `size` is None for an unlimited dimension."""
+    if size is None:
+        return _CHUNK[dimension]
+    return min(_CHUNK.get(dimension, size), max(size, 1))
+
+
+def _find_dimension(group: netCDF4.Dataset, name: str) -> netCDF4.Dimension | None:
+    owner: netCDF4.Dataset | None = group
+    while owner is not None:
+        if name in owner.dimensions:
+            return owner.dimensions[name]
+        owner = owner.parent
+    return None
