@@ -27,6 +27,7 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
         "analysis.boundary_value.command",
         "solve a biaxial test with finite elements; mesh convergence, iterations, fields",
     ),
+    "fuzz": ("analysis.fuzz.command", "read damaged files, hostile options and campaign files; counts per class"),
     "hard-cases": ("analysis.hard_cases.command", "run and judge scenes in which a simulation may go wrong; a page"),
 }
 

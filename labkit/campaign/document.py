@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 MOST_ERRORS = 100  # shown in one report
+MOST_BYTES = 1_000_000  # of a file
+MOST_NODES = 100_000  # values in a file, each alias counted with all that it stands for
+MOST_SIMILAR = 1000  # names among which a similar one is looked for
 Made = TypeVar("Made")
 
 
@@ -24,12 +27,11 @@ class Errors:
 
     def __init__(self) -> None:
         """No errors yet."""
-        self.all: list[tuple[int, str]] = []
+        self.all: dict[tuple[int, str], None] = {}
 
     def add(self, line: int, text: str) -> None:
         """Adds an error unless it is already listed."""
-        if (line, text) not in self.all:
-            self.all.append((line, text))
+        self.all[line, text] = None
 
     @property
     def count(self) -> int:
@@ -60,6 +62,10 @@ CAMPAIGN = Kind("campaign", "PyYAML and Snakemake", "`specimens:` and `runs:`", 
 def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
     """Text of a file. Raises InputError if it cannot be read."""
     try:
+        if file.exists() and not file.is_file():
+            raise InputError(f"{file} is not a regular file: give a {kind.name} file")
+        if file.stat().st_size > MOST_BYTES:
+            raise InputError(f"{file} has more than {MOST_BYTES / 1e6:g} MB: give a {kind.name} file, see {kind.page}")
         return file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise InputError(f"{file} is not UTF-8 text: give a {kind.name} file, see {kind.page}") from None
@@ -85,10 +91,40 @@ def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> MappingNode | N
     except yaml.YAMLError as error:
         errors.add(1, f"this is not YAML: {str(error).splitlines()[0]}")
         return None
+    if root is not None and (line := _exploding(root)) is not None:
+        errors.add(line, f"its aliases stand for more than {MOST_NODES} values: write them out, or leave some out")
+        return None
     if root is None or not is_mapping(root):
         errors.add(1, f"a {kind.name} file holds {kind.holds}, see {kind.page}")
         return None
     return root
+
+
+def _exploding(root: Node) -> int | None:
+    """Line of a list or mapping that stands for too many values through its aliases, or contains itself; else None."""
+    sizes: dict[int, int] = {}
+    stack, open_nodes = [(root, False)], set()
+    while stack:
+        node, visited = stack.pop()
+        children = [] if is_scalar(node) else _children(node)
+        if visited:
+            open_nodes.discard(id(node))
+            sizes[id(node)] = 1 + sum(sizes[id(child)] for child in children)
+            if sizes[id(node)] > MOST_NODES:
+                return line_of(node)
+        elif id(node) in open_nodes:
+            return line_of(node)
+        elif id(node) not in sizes:
+            open_nodes.add(id(node))
+            stack.append((node, True))
+            stack += [(child, False) for child in children]
+    return None
+
+
+def _children(node: Node) -> list[Node]:
+    if is_mapping(node):
+        return [child for pair in node.value for child in pair]
+    return list(node.value)
 
 
 def is_mapping(node: Node) -> TypeGuard[MappingNode]:
@@ -259,7 +295,7 @@ def scalar(node: Node, where: str, errors: Errors) -> str | None:
 
 def similar(name: str, known: Collection[str]) -> str:
     """A suggestion for a misspelled name, to append to the message."""
-    if not known:
+    if not 0 < len(known) <= MOST_SIMILAR:
         return ""
     close = difflib.get_close_matches(name, known, 1)
     return f": did you mean {close[0]!r}?" if close else f": use {', '.join(known)}"

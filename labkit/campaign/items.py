@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path as File
 from typing import Any
 
@@ -89,10 +90,17 @@ class Campaign:
 
     def origin(self, name: str) -> Specimen:
         """The Specimen from which the named specimen is derived, or that specimen itself."""
-        sources = {item.name: item.source for item in self.consolidated}
-        while name in sources:
-            name = sources[name]
-        return next(item for item in self.specimens if item.name == name)
+        while name in self._sources:
+            name = self._sources[name]
+        return self._made[name]
+
+    @functools.cached_property
+    def _sources(self) -> dict[str, str]:
+        return {item.name: item.source for item in self.consolidated}
+
+    @functools.cached_property
+    def _made(self) -> dict[str, Specimen]:
+        return {item.name: item for item in self.specimens}
 
     def consolidation(self, run: Run) -> str | None:
         """Name of the consolidation that labkit inserts before a run, or None.

@@ -40,9 +40,9 @@ def read_runs(
         if kind is Steps:
             _read_steps(fields, node)
         runs += [(run, fields) for run in _runs(name, kind, fields, top, specimens)]
-    if len(runs) > MOST_RUNS:
-        errors.add(runs[-1][1].line, f"there are {len(runs)} runs: give at most {MOST_RUNS} in one campaign")
-        return []
+        if len(runs) > MOST_RUNS:
+            errors.add(line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them")
+            return []
     require_unique([(run.name, fields.line) for run, fields in runs], "run", errors)
     return runs
 
@@ -81,13 +81,14 @@ def _runs(
             fields.error(problem, SPECIMEN.name)
     if kind is None:
         return []
-    paths = list(_paths(kind, fields, top))
+    paths = list(itertools.islice(_paths(kind, fields, top), MOST_RUNS + 1))
     names = [item for one in fields.listed(SPECIMEN.name) for item in specimens.groups.get(one, ())]
     options = restored(Options, {**given(top, Options), **given(fields.values, Options)})
     changes = _changes(fields, top)
     runs = []
     factor = chosen_settings(fields.values, top).rate_factor
-    for specimen, (pressure, path), working in itertools.product(names, paths, _workings(fields, top)):
+    combinations = itertools.product(names, paths, _workings(fields, top))
+    for specimen, (pressure, path), working in itertools.islice(combinations, MOST_RUNS + 1):
         if factor != 1.0 and "rate" not in fields.values and options.inertial_number is None:
             scene = dataclasses.replace(specimens.origins[specimen].scene, **dict(changes))
             path = path.at_rate(factor * path.default_rate(scene))

@@ -125,11 +125,8 @@ def _all_consolidated(
             fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
     sources = {name: fields.values.get(FROM.name) for name, fields in others.items()}
     cyclic = _cycles(sources, lines, errors)
-    waiting = [name for name in sources if name not in cyclic]
     consolidated = []
-    while waiting:
-        name = next(one for one in waiting if sources[one] not in waiting)
-        waiting.remove(name)
+    for name in _sources_first([name for name in sources if name not in cyclic], sources):
         fields = others[name]
         for item in _consolidated(name, fields, groups, top):
             origins[item.name] = origin = origins[item.source]
@@ -155,19 +152,44 @@ def _consolidated(
 
 def _cycles(sources: Mapping[str, str | None], lines: Mapping[str, int], errors: Errors) -> set[str]:
     """Names of specimens that are derived from themselves, or from such a specimen. `sources`: name -> source."""
-    cyclic = set()
+    cyclic: set[str] = set()
+    known: set[str] = set()
     for name in sources:
-        chain, source = [name], sources[name]
-        while source is not None and source in sources and source not in chain:
-            chain.append(source)
+        chain: dict[str, None] = {}
+        source: str | None = name
+        while source is not None and source in sources and source not in known and source not in chain:
+            chain[source] = None
             source = sources[source]
+        known |= chain.keys()
         if source in chain:
-            cyclic.add(name)
-            loop = chain[chain.index(source) :]
-            if name == min(loop, key=lambda one: lines[one]):
-                problem = f"specimen {name} is derived from itself ({' from '.join([*loop, loop[0]])})"
-                errors.add(lines[name], f"{problem}: start from a specimen with a void ratio")
+            names = list(chain)
+            loop = names[names.index(source) :]
+            first = min(loop, key=lambda one: lines[one])
+            turned = loop[loop.index(first) :] + loop[: loop.index(first)]
+            shown = [*turned[:LONGEST_LOOP], "..."] if len(turned) > LONGEST_LOOP else [*turned, first]
+            problem = f"specimen {first} is derived from itself ({' from '.join(shown)})"
+            errors.add(lines[first], f"{problem}: start from a specimen with a void ratio")
+        if source in chain or source in cyclic:
+            cyclic |= chain.keys()
     return cyclic
+
+
+LONGEST_LOOP = 10  # names shown of specimens that are derived from each other
+
+
+def _sources_first(names: Sequence[str], sources: Mapping[str, str | None]) -> list[str]:
+    """The names in their order, but each after its source."""
+    left: dict[str, None] = dict.fromkeys(names)
+    ordered: list[str] = []
+    for name in names:
+        chain: list[str] = []
+        source: str | None = name
+        while source is not None and source in left:
+            chain.append(source)
+            del left[source]
+            source = sources[source]
+        ordered += reversed(chain)
+    return ordered
 
 
 def require_unique(named: Iterable[tuple[str, int]], what: str, errors: Errors) -> None:

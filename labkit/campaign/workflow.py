@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaign.own_files import copy_campaign
@@ -24,6 +24,7 @@ from labkit.io.interruption import only_writer
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
 PROFILES = HERE / "profiles"
+PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
 LOG = f"{LOGS}/snakemake.log"
 
 
@@ -55,7 +56,8 @@ def run_workflow(
         for job in plan.jobs:  # so that the reason of a failure comes from this attempt
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
-        return _watched(command(cores, profile), folder, progress)
+        here = {PROCESS: str(os.getpid())} if profile is None else {}
+        return _watched(command(cores, profile), folder, progress, {**os.environ, **here})
 
 
 @contextlib.contextmanager
@@ -70,7 +72,7 @@ def alone_in(folder: Path) -> Iterator[None]:
         yield
 
 
-def _watched(command_line: Sequence[str], folder: Path, progress: Progress) -> int:
+def _watched(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
     """Runs Snakemake, reports its progress and writes its output to the log; returns its exit code.
 
     Snakemake and its jobs form a process group, so that Ctrl-C reaches each of them exactly once.
@@ -79,6 +81,7 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress) -> i
         child = subprocess.Popen(
             command_line,
             cwd=folder,
+            env=environment,
             preexec_fn=die_with_parent,
             process_group=0,
             text=True,
@@ -95,12 +98,13 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress) -> i
                 if done:
                     progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
             return child.wait()
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Interrupted) as error:
             print("labkit: stopping; running jobs write their checkpoints", file=sys.stderr, flush=True)
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
             child.communicate()
-            raise Interrupted(f"interrupted; repeat the same command to resume ({folder})", 130) from None
+            said = f"interrupted; repeat the same command to resume ({folder})"
+            raise Interrupted(said, error.code if isinstance(error, Interrupted) else 130) from None
 
 
 def command(cores: int, profile: str | None) -> list[str]:

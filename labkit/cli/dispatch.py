@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import sys
+from collections.abc import Mapping
 
 import labkit
 from labkit import extensions
@@ -12,6 +13,8 @@ from labkit.cli.descriptions import description_of, examples_of
 from labkit.cli.parser import Parser, named
 from labkit.cli.registry import Command, find, helps
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.io import streams
+from labkit.io.interruption import ended_by_signals
 from labkit.io.netcdf import TRUST
 
 COMMANDS_EPILOG = """\
@@ -26,15 +29,28 @@ def main(argv: list[str] | None = None) -> int:
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
     argv = sys.argv[1:] if argv is None else argv
+    streams.prepare()
+    code = _reported(argv)
+    full = streams.flushed()
+    return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
+
+
+def _reported(argv: list[str]) -> int:
+    """Runs a command line and reports its error; returns its exit code."""
     try:
-        return call(argv)
+        with ended_by_signals():
+            return call(argv)
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, named), exit_code(error))
-    except BrokenPipeError:  # the reader of the output closed it, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader of the output closed it, as `head` does, when the results were written
+        streams.silence()
         return 0
     except OSError as error:
         return fail(sentence(error), 1)
+    except MemoryError as error:
+        return fail(f"there is not enough memory ({str(error) or 'no details are known'}): use fewer grains or runs", 1)
+    except RecursionError:
+        return fail("a value is nested too deep: give a file that labkit wrote", 2)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
     except Exception as error:  # from a user-defined path, law, statistic, engine or figure
@@ -46,7 +62,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def call(argv: list[str]) -> int:
     """Runs a command line and returns its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
-    os.environ.setdefault("MPLBACKEND", "Agg")  # commands draw into files
+    os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
+    require_environment(os.environ)
     for file in files_to_use(argv):
         extensions.use(file)
     command = find(argv[0]) if argv else None
@@ -59,6 +76,20 @@ def call(argv: list[str]) -> int:
     if options.trust:
         os.environ[TRUST] = "1"  # for the processes of this command too
     return command.execute(options, argv) or 0
+
+
+def require_environment(variables: Mapping[str, str]) -> None:
+    """Raises InputError for environment variables with which Numba cannot start."""
+    threads, layer = variables.get("NUMBA_NUM_THREADS"), variables.get("NUMBA_THREADING_LAYER")
+    if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
+        raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")
+    if layer is not None and layer not in LAYERS:
+        raise InputError(
+            f"the environment variable NUMBA_THREADING_LAYER is {layer!r}: give {', '.join(LAYERS)}, or unset it"
+        )
+
+
+LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")
 
 
 def files_to_use(argv: list[str]) -> list[str]:

@@ -15,8 +15,8 @@ from labkit.cli.arguments import add_engine_options, add_parameters, computation
 from labkit.cli.naming import stem
 from labkit.cli.registry import command
 from labkit.cli.simulate import history_of
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.dem.limits import exceeded_in, require_pressure
-from labkit.dem.recorder import read_checkpoint
 from labkit.dem.schedule import Options, Schedule
 from labkit.dem.state import read_state
 from labkit.dem.steps import Steps

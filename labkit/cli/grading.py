@@ -20,7 +20,7 @@ def grading_options(parser: argparse.ArgumentParser) -> None:
 @command("grading", grading_options)
 def do_grading(options: argparse.Namespace, argv: list[str]) -> None:
     """Prints diameters of the grading and of the grains, and draws both."""
-    from labkit.dem.recorder import read_checkpoint
+    from labkit.dem.checkpoint import read_checkpoint
     from labkit.dem.state import read_state
     from labkit.visuals import grading_figure, plots
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from labkit.campaign.items import Run
 from labkit.campaign.own_files import read_copy
 from labkit.campaign.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
+from labkit.campaign.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
 from labkit.engines import die_with_parent
 from labkit.errors import InputError, PhysicsError, exit_code, fail, sentence
@@ -26,6 +27,8 @@ def main(kind: str, *name: str) -> int:
     """Carries out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     die_with_parent()  # after a kill of the workflow, no job continues to write files
+    if not campaign_lives():  # killed while this job was starting
+        return fail("the campaign was killed", 1)
     plan = plan_of(read_copy())
     products: dict[str, Callable[..., None]] = {"statistics": statistics, "figure": figure, "report": report}
     if kind not in products:
@@ -35,6 +38,12 @@ def main(kind: str, *name: str) -> int:
     except (InputError, PhysicsError) as error:
         return fail(sentence(error), exit_code(error))
     return 0
+
+
+def campaign_lives() -> bool:
+    """True unless this job belongs to a campaign on this computer that has ended."""
+    number = os.environ.get(PROCESS)
+    return number is None or exists(f"/proc/{number}") or not exists("/proc")
 
 
 def simulate(job: Job) -> int:

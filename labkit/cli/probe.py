@@ -11,8 +11,8 @@ from labkit.cli.model import add_model_options
 from labkit.cli.naming import stem
 from labkit.cli.registry import command
 from labkit.cli.simulate import history_of
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.dem.probes import Probing
-from labkit.dem.recorder import read_checkpoint
 from labkit.dem.state import State, read_state
 from labkit.engines import require_engine
 from labkit.errors import InputError

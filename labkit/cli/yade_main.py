@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 from labkit.cli.arguments import parse_in_yade
 from labkit.cli.parser import Parser, named
-from labkit.engines.tasks import execute, from_job
+from labkit.engines.tasks import done_file, execute, from_job
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 from labkit.extensions import blamed
 from labkit.io.progress import ERROR, reporter
@@ -34,6 +34,7 @@ def do_task(file: str) -> NoReturn:
     def work() -> None:
         task = from_job(json.loads(Path(file).read_text()))
         execute(task, reporter(task.kind))
+        done_file(file).touch()
 
     _finish(work, report=_report)
 

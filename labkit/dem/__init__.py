@@ -34,7 +34,7 @@ _NAMES = {
     "travelled": "paths",
     "LAWS": "laws",
     "ContactLaw": "laws",
-    "read_checkpoint": "recorder",
+    "read_checkpoint": "checkpoint",
     "QUANTITIES": "quantities",
     "Quantity": "quantities",
     "quantity": "quantities",

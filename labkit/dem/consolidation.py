@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+from pathlib import Path as File
+
 import numpy as np
 
 from labkit.dem import servo
 from labkit.dem.control import Control
 from labkit.dem.energy import opened, require_balanced
-from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.engine import Engine, Progress, Start, silent
+from labkit.dem.interim import Interim
 from labkit.dem.loading import Path
 from labkit.dem.paths import Consolidation
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
 from labkit.errors import InputError, PhysicsError
+from labkit.io.interruption import Signals, stop_on_signals
 from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot
@@ -32,9 +37,14 @@ def pressure_error(snapshot: Snapshot, pressure: float) -> float:
     return stress_error(snapshot, _path_to(pressure).control())
 
 
-def consolidate(specimen: State, pressure: float, start: Start, progress: Progress = silent) -> State:
-    """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit."""
-    return bring_to(specimen, _path_to(pressure), start, progress)
+def consolidate(
+    specimen: State, pressure: float, start: Start, progress: Progress = silent, interim: File | None = None
+) -> State:
+    """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit.
+
+    interim: file that keeps the state from time to time, so that an interrupted consolidation continues from there.
+    """
+    return bring_to(specimen, _path_to(pressure), start, progress, interim)
 
 
 def _path_to(pressure: float) -> Consolidation:
@@ -47,16 +57,41 @@ def stress_error(snapshot: Snapshot, control: Control) -> float:
     return float(np.abs(control.measure @ stress / control.at(0.0) - 1.0).max())
 
 
-def bring_to(specimen: State, path: Path, start: Start, progress: Progress = silent) -> State:
-    """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit."""
+def bring_to(
+    specimen: State, path: Path, start: Start, progress: Progress = silent, interim: File | None = None
+) -> State:
+    """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit.
+
+    interim: as for `consolidate`; Interrupted is then raised after a signal, once the file is written.
+    """
     path = path.for_scene(specimen.scene)
     control = path.control()
     if control is None:
         raise InputError(f"path {path.name} holds no stress: choose a path that does")
-    engine = start(opened(ready(specimen, start)))
+    kept = Interim(interim, specimen, path, start.name)
+    resumed = kept.resumed()
+    engine = start(resumed or opened(ready(specimen, start)))
+    with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
+        state = _to_rest(engine, resumed.step if resumed else 0, specimen, path, control, progress, kept, signals)
+    kept.remove()
+    return state
+
+
+def _to_rest(
+    engine: Engine,
+    begin: int,
+    specimen: State,
+    path: Path,
+    control: Control,
+    progress: Progress,
+    kept: Interim,
+    signals: Signals,
+) -> State:
+    """Advance the engine from the step `begin` until its State is at rest with the stresses at their targets."""
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
-    for step in range(0, REST_LIMIT, CHECK_INTERVAL):
+    for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = engine.state()
+        kept.keep(state, signals)
         snapshot = state.snapshot()
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)

@@ -12,11 +12,13 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.dem.state import Ledger, State
+from labkit.dem.time_step import critical_time_step
 from labkit.errors import PhysicsError
 from labkit.micro.indicators import elastic_energy
 from labkit.micro.snapshot import Snapshot
 
 BALANCE_LIMIT = 0.05  # of the larger of work and initial energy
+BLAMED = 0.9  # of the critical time step; a smaller one is not the likely reason of an error
 
 
 def fluctuation_velocity(state: State) -> np.ndarray:
@@ -73,6 +75,12 @@ def balance_error(state: State, snapshot: Snapshot | None = None, stored: float 
     return missing / scale if scale > 0.0 else 0.0
 
 
+def created_error(state: State, created: float) -> float:
+    """Energy that the contact law has created, J, relative to the reference of balance_error."""
+    scale = max(abs(state.ledger.cell_work), state.ledger.start)
+    return created / scale if scale > 0.0 else 0.0
+
+
 def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:
     """Raise PhysicsError if the error of the energy balance is too large.
 
@@ -81,7 +89,15 @@ def require_balanced(state: State, snapshot: Snapshot | None = None, error: floa
     error = balance_error(state, snapshot) if error is None else error
     if not abs(error) <= BALANCE_LIMIT:
         raise PhysicsError(
-            f"the energy balance is off by {error:.1%} of the work at step {state.step}: the time step "
-            f"{state.time_step:.3g} s is too large, reduce time_step_factor from {state.scene.time_step_factor:g}"
+            f"the energy balance is off by {error:.1%} of the work at step {state.step}: {_likely_reason(state, error)}"
             + ("" if state.scene.contact_law.labkits else "; or the losses of your law do not match its forces")
         )
+
+
+def _likely_reason(state: State, error: float) -> str:
+    """Why the balance is off: the time step, unless it is far below the critical one."""
+    factor = f"time_step_factor from {state.scene.time_step_factor:g}"
+    fraction = state.time_step / critical_time_step(state) if np.isfinite(error) else np.inf
+    if fraction > BLAMED:
+        return f"the time step {state.time_step:.3g} s is too large, reduce {factor}"
+    return f"the time step is {fraction:.0%} of the critical one; if a smaller one does not help, report it ({factor})"

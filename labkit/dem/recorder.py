@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -21,42 +20,35 @@ from typing import Any, cast
 import netCDF4
 import numpy as np
 
+from labkit.dem.checkpoint import (
+    Checkpoint,
+    Position,
+    checkpoint_of,
+    position_of,
+    ratcheting_of,
+    state_of,
+    write_checkpoint,
+)
 from labkit.dem.laws import LAWS
 from labkit.dem.loading import Path as LoadingPath
-from labkit.dem.reach import Lag
+from labkit.dem.ratcheting import Ratcheting
 from labkit.dem.recorded import record_table
-from labkit.dem.state import State, checked, read_group, write_attributes
+from labkit.dem.state import State, write_attributes
 from labkit.errors import InputError, PhysicsError, shown
 from labkit.extensions import is_labkits
 from labkit.io.atomic import remove_leftovers, whole_file
 from labkit.io.hashes import unseal
+from labkit.io.atomic import remove_leftovers
 from labkit.io.interruption import only_writer
-from labkit.io.netcdf import close_with_seal, create_variables, damaged, failure_named, open_netcdf, set_hashes
-from labkit.io.schema import CONTACTS, GRAINS, STATE, Variable
+from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
+from labkit.io.schema import CONTACTS, GRAINS, Variable
 from labkit.io.writer import Writer
 from labkit.micro.contacts import Contacts
 from labkit.micro.snapshot import Snapshot
 
 MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
-
-
-@dataclasses.dataclass(frozen=True)
-class Position:
-    """Position of a run on its path.
-
-    leg: number of reversals triggered by stress so far; lattice: the integer matrix U (3, 3) accumulated over all cell
-    replacements so far, see labkit.dem.lattice; skipped: planned time steps, less those made so far; stress:
-    at which the current leg started, (3, 3), Pa; lag: how long the servo has been at its limit, see labkit.dem.reach.
-    """
-
-    leg: int = 0
-    lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))
-    skipped: int = 0
-    stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
-    lag: Lag = dataclasses.field(default_factory=Lag)
-
-
-START = Position()
+RECORD_BYTES = 1_000  # of one record, about
+MARGIN = 900_000  # bytes by which a file may grow beyond its data: parts of chunks, tables of HDF5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,21 +61,7 @@ class StoredRun:
     complete: bool
     position: Position
     ended_because: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Checkpoint:
-    """A State from which a run can be resumed, or with which it ended, and what the file says about the run so far.
-
-    wall_time: s; ended_because: why the run ended before the aim of its path, one sentence; empty if it did not.
-    """
-
-    state: State
-    complete: bool
-    wall_time: float
-    threads: int = 1
-    position: Position = START
-    ended_because: str = ""
+    ratcheting: Ratcheting
 
 
 @dataclasses.dataclass
@@ -97,9 +75,10 @@ class _Unsaved:
     snapshots: list[tuple[int, Contacts, np.ndarray]] = dataclasses.field(default_factory=list)
 
     @property
-    def size(self) -> int:
+    def bytes(self) -> int:
         """Bytes in memory, about."""
-        return sum(position.nbytes + 100 * len(contacts) for _, contacts, position in self.snapshots)
+        snapshots = sum(position.nbytes + 120 * len(contacts) for _, contacts, position in self.snapshots)
+        return snapshots + RECORD_BYTES * len(self.records)
 
     def extend(self, later: _Unsaved) -> None:
         """Add later ones; a record with the same number replaces the earlier one."""
@@ -165,7 +144,7 @@ class Recorder:
     def checkpoint(self, point: Checkpoint) -> None:
         """Note a point from which the run can be resumed; if a save is due, start to write the file up to it."""
         self._note(point)
-        if self.all_saved or self._ready.size > MOST_UNSAVED or self._writer.is_due():
+        if self.all_saved or self._ready.bytes > MOST_UNSAVED or self._writer.is_due():
             self._write()
             if not is_labkits(type(self.path)):
                 self.wait()  # the path may read files while the run computes
@@ -208,26 +187,20 @@ class Recorder:
             self._writer.start(lambda: self._append_to_file(point, ready))
 
     def _append_to_file(self, point: Checkpoint, unsaved: _Unsaved) -> None:
-        state = point.state
-        with failure_named(self.file), whole_file(self.file) as temporary:
-            exists = self.file.exists()
-            if exists:
-                shutil.copyfile(self.file, temporary)
-                unseal(temporary)
-            with netCDF4.Dataset(temporary, "a" if exists else "w") as dataset:
-                if not exists:
-                    self._create(dataset, state)
-                self._append(dataset, unsaved)
-                write_attributes(dataset, state, "run")
-                dataset.complete = np.int32(point.complete)
-                dataset.ended_because = point.ended_because
-                dataset.wall_time = float(point.wall_time)
-                dataset.steps = np.int64(state.step)
-                dataset.threads = np.int32(point.threads)
-                _write_checkpoint(dataset, state)
-                _write_position(dataset["checkpoint"], point.position)
-                set_hashes(dataset, point.complete)
-            close_with_seal(temporary)
+        exists = self.file.exists()
+        space = MARGIN + unsaved.bytes + point.state.nbytes
+        with extended_netcdf(self.file, space) if exists else new_netcdf(self.file, space) as dataset:
+            if not exists:
+                self._create(dataset, point.state)
+            self._append(dataset, unsaved)
+            write_attributes(dataset, point.state, "run")
+            dataset.complete = np.int32(point.complete)
+            dataset.ended_because = point.ended_because
+            dataset.wall_time = float(point.wall_time)
+            dataset.steps = np.int64(point.state.step)
+            dataset.threads = np.int32(point.threads)
+            write_checkpoint(dataset, point)
+            set_hashes(dataset, point.complete)
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
         dataset.setncattr("path", self.path.name)  # netCDF4 reserves `dataset.path`
@@ -298,64 +271,13 @@ class Recorder:
             if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
                 raise InputError(f"{self.file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
-            checkpoint = _checkpoint_of(self.file, dataset)
+            checkpoint = checkpoint_of(self.file, dataset)
             first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
-            position, state = _read_position(checkpoint), _read_checkpoint(self.file, dataset)
+            position, state = position_of(checkpoint), state_of(self.file, dataset)
             self._require_plausible(state, dataset)
             ended = str(getattr(dataset, "ended_because", ""))
-            return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended)
-
-
-def read_checkpoint(file: os.PathLike[str] | str) -> State:
-    """The State of the last save of a run file. Raises InputError if the file is damaged or not a run file."""
-    with open_netcdf(file, "run") as dataset:
-        return _read_checkpoint(file, dataset)
-
-
-def _checkpoint_of(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> netCDF4.Group:
-    """The group with the checkpoint. Raises InputError if a run has none, as reduced files and predictions."""
-    if "checkpoint" not in dataset.groups:
-        raise InputError(f"{file} has no checkpoint: give a run file as `labkit run` wrote it")
-    group = dataset["checkpoint"]
-    if not 0 <= int(getattr(group, "contacts", -1)) <= len(group.dimensions["contact"]):
-        raise damaged(file, "the number of contacts of its checkpoint is wrong")
-    return group
-
-
-def _read_checkpoint(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> State:
-    group = _checkpoint_of(file, dataset)
-    return checked(file, lambda: read_group(group, dataset, int(group.contacts)))
-
-
-def _write_checkpoint(dataset: netCDF4.Dataset, state: State) -> None:
-    """Overwrite the last checkpoint; without compression, so that HDF5 can reuse its space."""
-    contacts = len(state.contact_grain)
-    if "checkpoint" not in dataset.groups:
-        group = dataset.createGroup("checkpoint")
-        create_variables(group, STATE, {"grain": state.number_of_grains}, compression=None)
-    group = dataset["checkpoint"]
-    group.contacts = np.int64(contacts)
-    for name, variable in STATE.items():
-        rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
-        group[name][rows] = getattr(state, name)
-
-
-def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
-    checkpoint.leg, checkpoint.skipped = np.int64(position.leg), np.int64(position.skipped)
-    checkpoint.lattice, checkpoint.leg_stress = position.lattice.ravel(), position.stress.ravel()
-    checkpoint.lag = np.array(dataclasses.astuple(position.lag))
-
-
-def _read_position(checkpoint: netCDF4.Group) -> Position:
-    """The Position of a checkpoint; files of version 0.1.0 lack most of it."""
-    lattice, stress = getattr(checkpoint, "lattice", np.eye(3)), getattr(checkpoint, "leg_stress", np.zeros((3, 3)))
-    return Position(
-        int(getattr(checkpoint, "leg", 0)),
-        np.reshape(lattice, (3, 3)),
-        int(getattr(checkpoint, "skipped", 0)),
-        np.reshape(stress, (3, 3)),
-        Lag(*map(float, getattr(checkpoint, "lag", ()))),
-    )
+            created = ratcheting_of(checkpoint, self.records)
+            return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended, created)
 
 
 def _difference(stored: dict[str, Any], requested: dict[str, Any]) -> str:

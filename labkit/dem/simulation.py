@@ -11,15 +11,18 @@ from typing import Any
 import numpy as np
 
 from labkit.dem import lattice
+from labkit.dem.checkpoint import Checkpoint, Position
 from labkit.dem.conditions import Condition, condition
 from labkit.dem.consolidation import consolidate, pressure_error
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.interim import interim_of
 from labkit.dem.measure import measure
 from labkit.dem.pace import TRAVELLED, pace, steps_at
 from labkit.dem.paths import Path
+from labkit.dem.ratcheting import Ratcheting
 from labkit.dem.reach import Lag, errors, is_at_limit, unreachable
-from labkit.dem.recorder import Checkpoint, Position, Recorder, StoredRun
+from labkit.dem.recorder import Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import cell_stiffness, velocity_gradient
 from labkit.dem.specimen import ready
@@ -66,17 +69,19 @@ def run(
         if stored and stored.ended_because:
             raise unfinished(stored.ended_because, file)
         if not stored:
-            specimen = prepare(specimen, path, start, progress, options.guarded)
+            specimen = prepare(specimen, path, start, progress, options.guarded, interim_of(file))
         with stop_on_signals() as signals:
             return _Loop(recorder, specimen, stored, start, options, progress).execute(signals)
 
 
-def prepare(specimen: State, path: Path, start: Start, progress: Progress, guarded: bool = True) -> State:
-    """The specimen at rest at the initial pressure of the path, consolidated first if necessary."""
+def prepare(
+    specimen: State, path: Path, start: Start, progress: Progress, guarded: bool = True, interim: File | None = None
+) -> State:
+    """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate)."""
     specimen = ready(specimen, start, guarded)
     pressure = path.start_pressure()
     if pressure is not None and pressure_error(specimen.snapshot(), pressure) > CONSOLIDATED:
-        specimen = consolidate(specimen, pressure, start, lambda done, text: progress(0.0, text))
+        specimen = consolidate(specimen, pressure, start, lambda done, text: progress(0.0, text), interim)
     return opened(specimen)
 
 
@@ -103,6 +108,7 @@ class _Loop:
         self.stopped = False
         self.ended_because = ""
         self.position = stored.position if stored else Position()
+        self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.engine = start(state)
         state = state if stored else self.engine.reload()
         self.step, self.time_step = state.step, state.time_step
@@ -115,7 +121,7 @@ class _Loop:
             self.enter_leg()
             self.record(state, last=False)
             _require_false_at_start(self.stop_when, self.first)
-            self.save(state, False)
+            self.recorder.save(self.checkpoint(state, False))
 
     @property
     def place(self) -> float:
@@ -199,10 +205,10 @@ class _Loop:
         else:
             self.continue_from(state, state.snapshot())
         if self.ended_because and not last:
-            self.save(state, False)
+            self.recorder.save(self.checkpoint(state, False))
             raise unfinished(self.ended_because, self.recorder.file)
         if last:
-            self.save(state, True)
+            self.recorder.save(self.checkpoint(state, True))
         elif saving:
             self.recorder.checkpoint(self.checkpoint(state, False))
         return last
@@ -271,8 +277,9 @@ class _Loop:
         last = last or self.path.ends(values) or (ended and self.number + 1 == self.path.legs())
         last = last or (self.stop_when is not None and self.stop_when.holds(values, self.first))
         require_sane(values, state)
+        self.ratcheting.add(state, self.recorder.records)
         if self.options.guarded:
-            require_balanced(state, snapshot, values["energy_balance_error"])
+            require_balanced(state, snapshot, values["energy_balance_error"] + self.ratcheting.error(state))
         if self.stopped and self.schedule.is_close_to_record(self.planned):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
@@ -314,30 +321,24 @@ class _Loop:
         return bool(number) and self.position.leg % -(-self.path.legs() // number) == 0
 
     def interrupted(self, signals: Signals) -> Interrupted:
-        return Interrupted(
-            f"stopped by signal {signals.caught}; {self.recorder.file} is saved: give the same command to resume it",
-            128 + signals.caught,
-        )
+        said = f"{self.recorder.file} is saved: give the same command to resume it"
+        return Interrupted(f"stopped by signal {signals.caught}; {said}", 128 + signals.caught)
 
     def checkpoint(self, state: State, complete: bool) -> Checkpoint:
         """The Checkpoint of a State of this run."""
-        seconds = self.wall_before + time.monotonic() - self.started
-        return Checkpoint(state, complete, seconds, self.threads, self.position, self.ended_because)
-
-    def save(self, state: State, complete: bool) -> None:
-        self.recorder.save(self.checkpoint(state, complete))
+        seconds, created = self.wall_before + time.monotonic() - self.started, self.ratcheting.copied()
+        return Checkpoint(state, complete, seconds, self.threads, self.position, self.ended_because, created)
 
 
 def unfinished(reason: str, file: File) -> PhysicsError:
-    """The error of a run that cannot be completed; its records up to there are in the file."""
+    """The error of a run that cannot be completed."""
     return PhysicsError(f"{reason}; the records up to there are in {file} (complete = 0)")
 
 
 def _require_false_at_start(stop_when: Condition | None, first: Mapping[str, Any]) -> None:
     """Raise InputError if the condition that ends a run is met before it starts."""
     if stop_when is not None and stop_when.holds(first, first):
-        problem = "is already met at the start"
-        allowed = "a condition that is met later on the path"
+        problem, allowed = "is already met at the start", "a condition that is met later on the path"
         raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
 
 

@@ -84,6 +84,11 @@ class State:
         return len(self.radius)
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(getattr(self, name).nbytes for name in STATE)
+
+    @property
     def volume(self) -> float:
         """Volume of the cell, m3."""
         return float(np.linalg.det(self.cell))
@@ -149,6 +154,8 @@ def grains_in_cell(
     )
 
 
+MARGIN = 50_000  # bytes of a state file besides its arrays, about
+
 FAR = 1000  # cells; no grain travels that far
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
@@ -189,7 +196,7 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
 
 def write_state(path: str | os.PathLike, state: State) -> None:
     """Write a state file atomically. Raises OSError."""
-    with new_netcdf(path) as dataset:
+    with new_netcdf(path, MARGIN + state.nbytes) as dataset:
         write_attributes(dataset, state, "state")
         create_variables(dataset, STATE, {"grain": state.number_of_grains, "contact": len(state.contact_grain)})
         for name in STATE:

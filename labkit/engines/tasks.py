@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 import json
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path as File
@@ -16,6 +17,7 @@ from typing import Any, ClassVar
 
 from labkit.dem import compression, consolidation, probes, simulation, specimen, stratified
 from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.interim import interim_of
 from labkit.dem.limits import rate_warning, require_pressure
 from labkit.dem.paths import Path, path_of
 from labkit.dem.recorded import recorded
@@ -28,6 +30,8 @@ from labkit.dem.stratified import Layer
 from labkit.engines import ENGINES, require_engine, starter
 from labkit.errors import InputError
 from labkit.extensions import file_of, is_labkits, use, used
+from labkit.errors import InputError, PhysicsError
+from labkit.extensions import file_of, use, used
 from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import being_written, busy
 from labkit.io.provenance import provenance
@@ -166,7 +170,9 @@ class ConsolidationTask(_OfState):
     kind = "consolidation"
 
     def do(self, progress: Progress) -> State:
-        return self.finished(consolidation.consolidate(self.state, self.pressure, self.start, progress), self.inputs)
+        interim = interim_of(self.output)
+        state = consolidation.consolidate(self.state, self.pressure, self.start, progress, interim)
+        return self.finished(state, self.inputs)
 
     def values(self, folder: File) -> dict[str, Any]:
         return {**super().values(folder), "pressure": self.pressure}
@@ -281,7 +287,14 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
         job = folder / "task.json"
         job.write_text(json.dumps(to_job(dataclasses.replace(task, output=output), folder)))
         run_script("task.py", [str(job)], task.threads, progress)
+        if not done_file(job).exists():
+            raise PhysicsError("yade ended without an error, but did nothing: is `yade` on the PATH really YADE?")
         return None if isinstance(task, (RunTask, ProbesTask)) else read_state(output)
+
+
+def done_file(job: os.PathLike[str] | str) -> File:
+    """Path of the file that a YADE process creates after it has carried out the task in the file `job`."""
+    return File(f"{job}.done")
 
 
 def to_job(task: Task, folder: File) -> dict[str, Any]:

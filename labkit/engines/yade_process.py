@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 from labkit.dem.engine import Progress
 from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.io.interruption import ending_signals
 from labkit.io.progress import ERROR, PIPE, read_pipe
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -109,7 +110,7 @@ def _raise(code: int, errors: Iterable[str]) -> NoReturn:
         if error["kind"] == "Interrupted":
             raise Interrupted(error["said"], code)
         raise PhysicsError(error["said"])
-    if code in (-signal.SIGINT, -signal.SIGTERM):
+    if code in (-signal.SIGINT, -signal.SIGTERM, -signal.SIGHUP):
         raise Interrupted(f"stopped by signal {-code}; nothing was written", 128 - code)
     sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))
     raise PhysicsError(f"YADE ended with exit status {code}")
@@ -124,7 +125,7 @@ def die_with_parent() -> None:
 
 
 class _ForwardedSignals:
-    """Context that forwards SIGINT and SIGTERM to the child, which decides how to stop."""
+    """Context that forwards SIGINT, SIGTERM and SIGHUP to the child, which decides how to stop."""
 
     def __init__(self, child: subprocess.Popen[str]) -> None:
         self.child = child
@@ -137,7 +138,7 @@ class _ForwardedSignals:
         def forward(number, frame):
             return self.child.send_signal(number)
 
-        self.before = {number: signal.signal(number, forward) for number in (signal.SIGINT, signal.SIGTERM)}
+        self.before = {number: signal.signal(number, forward) for number in (signal.SIGINT, *ending_signals())}
 
     def __exit__(self, *exception: Any) -> None:
         for number, handler in self.before.items():

@@ -14,6 +14,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -55,10 +56,12 @@ def seal(file: Name) -> None:
         handle.write(MARK + digest.encode() + b"\n")
 
 
-def unseal(file: Name) -> None:
-    """Remove the line that ends a sealed file, before the file is extended."""
-    if (found := _seal_of(file)) is not None:
-        os.truncate(file, found[0])
+def copy_unsealed(file: Name, to: Name) -> None:
+    """Copy a netCDF file without the line that ends a sealed one, so that it can be extended."""
+    found = _seal_of(file)
+    shutil.copyfile(file, to)
+    if found is not None:
+        os.truncate(to, found[0])
 
 
 def seal_is_right(file: Name) -> bool | None:

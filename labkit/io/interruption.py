@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
+from typing import IO
 
-from labkit.errors import InputError
+from labkit.errors import InputError, Interrupted
 
 
 class Signals:
@@ -21,7 +23,7 @@ class Signals:
 
 @contextlib.contextmanager
 def stop_on_signals() -> Iterator[Signals]:
-    """Context in which SIGINT and SIGTERM only store their number in the Signals object.
+    """Context in which SIGINT, SIGTERM and SIGHUP only store their number in the Signals object.
 
     Python lets only the main thread handle signals: in other threads, none are caught.
     """
@@ -30,13 +32,37 @@ def stop_on_signals() -> Iterator[Signals]:
     def catch(number: int, frame: FrameType | None) -> None:
         signals.caught = number
 
-    chosen = (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()
-    before = {number: signal.signal(number, catch) for number in chosen}
-    try:
+    with handled((signal.SIGINT, *ending_signals()), catch):
         yield signals
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Context in which SIGTERM and SIGHUP raise Interrupted, so that no temporary file is left behind."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise Interrupted(f"stopped by signal {number}; nothing was written", 128 + number)
+
+    with handled(ending_signals(), stop):
+        yield
+
+
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """SIGTERM, and SIGHUP unless it is ignored, as after `nohup`."""
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    return (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)
+
+
+@contextlib.contextmanager
+def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+    """Context in which signals have another handler. Python lets only the main thread change it."""
+    chosen = numbers if threading.current_thread() is threading.main_thread() else ()
+    before = {number: signal.signal(number, handler) for number in chosen}
+    try:
+        yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+        for number, earlier in before.items():
+            signal.signal(number, earlier if earlier is not None else signal.SIG_DFL)
 
 
 @contextlib.contextmanager
@@ -46,15 +72,31 @@ def only_writer(file: Path) -> Iterator[None]:
     Raises InputError if another process is writing `file`.
     """
     lock = lock_of(file)
-    with open(lock, "w") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise busy(file) from None
-        try:
-            yield
-        finally:
-            lock.unlink(missing_ok=True)
+    for _ in range(MOST_TRIES):
+        with open(lock, "w") as handle:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise busy(file) from None
+            if not _is_file(handle, lock):  # the process that held the lock has deleted it in between
+                continue
+            try:
+                yield
+            finally:
+                lock.unlink(missing_ok=True)
+            return
+    raise busy(file)
+
+
+MOST_TRIES = 100
+
+
+def _is_file(handle: IO[str], path: Path) -> bool:
+    """True if an open file is the one that has this name now."""
+    try:
+        return os.fstat(handle.fileno()).st_ino == path.stat().st_ino
+    except FileNotFoundError:
+        return False
 
 
 def busy(file: Path) -> InputError:

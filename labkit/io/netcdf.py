@@ -23,7 +23,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.io.atomic import whole_file
 from labkit.io.conventions import TIME
-from labkit.io.hashes import NOTE, DamagedVariable, data_sha256, seal, seal_is_right
+from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
 from labkit.io.schema import SIZES, Variable, require_schema
 
 netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 MB: data are read and written only once
@@ -174,21 +174,46 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
 
 
 @contextlib.contextmanager
-def new_netcdf(path: str | os.PathLike[str]) -> Iterator[netCDF4.Dataset]:
+def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
     """Context with a new netCDF4.Dataset, which becomes the file `path`, with its hashes, on success.
 
-    Raises OSError with `path` as its file name if the disk is full or fails.
+    size: bytes that it may need, or 0; the file is not begun unless the disk has them. Raises OSError with `path` as
+    its file name if the disk is full or fails.
     """
-    with whole_file(path) as temporary:
-        with failure_named(path):
-            with netCDF4.Dataset(temporary, "w") as dataset:
-                yield dataset
-                set_hashes(dataset)
-            close_with_seal(temporary)
+    with whole_file(path) as temporary, failure_named(path):
+        _reserve(temporary, size)
+        with netCDF4.Dataset(temporary, "w") as dataset:
+            yield dataset
+            set_hashes(dataset)
+        close_with_seal(temporary)
+
+
+@contextlib.contextmanager
+def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
+    """Context with a netCDF4.Dataset open for changes, a copy of the file `path`, which it replaces on success.
+
+    more: bytes that may be added. Raises OSError as new_netcdf.
+    """
+    with whole_file(path) as temporary, failure_named(path):
+        copy_unsealed(path, temporary)
+        _reserve(temporary, os.path.getsize(temporary) + more)
+        with netCDF4.Dataset(temporary, "a") as dataset:
+            yield dataset
+        close_with_seal(temporary)
+
+
+def _reserve(file: Path, size: int) -> None:
+    """Allocate the disk space of a file; HDF5 cuts off what it does not need.
+
+    A full disk then shows here: where it shows in HDF5, the interpreter may crash when it closes the file.
+    """
+    if size:
+        with open(file, "ab") as handle:
+            os.posix_fallocate(handle.fileno(), 0, size)
 
 
 def finish(file: Path) -> None:
-    """Give its hashes to a complete netCDF file that another library, such as xarray, has just written."""
+    """Give its hashes to a complete netCDF file that was just written."""
     with netCDF4.Dataset(file, "a") as dataset:
         set_hashes(dataset)
     close_with_seal(file)

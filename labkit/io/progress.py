@@ -9,6 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from labkit.io.streams import show
+
 PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that displays the progress
 MARK = "\x1elabkit "
 ERROR = "labkit-error: "  # printed by a child process before an error in JSON
@@ -17,7 +19,7 @@ ERROR = "labkit-error: "  # printed by a child process before an error in JSON
 def reporter(title: str) -> Callable[[float, str], None]:
     """A function (fraction, text) that reports progress in the form suited to standard output."""
     if os.environ.get(PIPE):
-        return lambda fraction, text: print(f"{MARK}{fraction:.6f} {text}", flush=True)
+        return lambda fraction, text: show(f"{MARK}{fraction:.6f} {text}")
     if sys.stdout.isatty():
         return Bar(title)
     return Lines(title)
@@ -73,7 +75,7 @@ class Lines:
         now, left = time.monotonic(), self.clock.left(fraction)
         due = self.last is None or fraction - self.last >= self.fraction_step or fraction >= 1.0 > self.last
         if due or now - self.last_time >= self.seconds_step:
-            print(f"{self.title}: {fraction:4.0%}, {left} left, {text}", flush=True)
+            show(f"{self.title}: {fraction:4.0%}, {left} left, {text}")
             self.last, self.last_time = fraction, now
 
 
@@ -95,9 +97,9 @@ class Bar:
         """Updates the bar."""
         left = self.clock.left(fraction)
         if self.bar is None:
-            print(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="", flush=True)
+            show(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="")
             if fraction >= 1.0:
-                print()
+                show("")
             return
         self.bar.set_postfix_str(f"{left} left, {text}", refresh=False)
         self.bar.update(fraction - self.bar.n)

@@ -90,7 +90,7 @@ def write_result(
 
     history: the command; wall_time: s; parameters: further values that determine the result, for JSON. Raises OSError.
     """
-    with new_netcdf(file) as dataset:
+    with new_netcdf(file, 200_000 + 1_000 * len(result.vector)) as dataset:
         describe(dataset, "labkit run predicted by the constitutive model", history)
         dataset.labkit_file = "run"
         dataset.labkit_version = dataset.engine_version = labkit.__version__

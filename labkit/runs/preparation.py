@@ -192,7 +192,7 @@ def _after(specimen: State, path: CyclicConstantMeanStress, engine: str, precisi
     import tempfile
     from pathlib import Path
 
-    from labkit.dem.recorder import read_checkpoint
+    from labkit.dem.checkpoint import read_checkpoint
 
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         file = Path(folder) / "cycle.run.nc"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from labkit.dem.recorder import read_checkpoint
+from labkit.dem.checkpoint import read_checkpoint
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.recorder import read_checkpoint
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.dem.state import write_state
 from labkit.exchange import FORMATS
 

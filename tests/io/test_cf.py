@@ -12,7 +12,7 @@ import xarray as xr
 
 import labkit as lk
 import labkit.runs.dataset  # registers the accessor of a tree
-from labkit.dem.recorder import read_checkpoint
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.io.conventions import TIME
 from labkit.io.hashes import data_sha256
 from tests.changed import changed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.recorder import read_checkpoint
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.dem.state import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
 from tests.changed import changed

@@ -110,7 +110,7 @@ def test_a_killed_run_ends_with_bit_identical_records(name, tiny, undisturbed, t
     assert sorted(p.name for p in tmp_path.iterdir()) == ["r.run.nc"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_saves_the_last_checkpoint_and_the_resumed_run_has_the_same_bits(number, tiny, undisturbed, tmp_path):
     reference, _ = undisturbed("cp")
     file = tmp_path / "r.run.nc"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.recorder import read_checkpoint
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.errors import InputError
 from labkit.micro.fabric import statistics
 from labkit.micro.tensors import to_six, to_tensor

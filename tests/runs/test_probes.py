@@ -8,8 +8,8 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
+from labkit.dem.checkpoint import read_checkpoint
 from labkit.dem.probes import PLANES, Probing, StrainProbe, plane_of, without_sliding
-from labkit.dem.recorder import read_checkpoint
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
 from labkit.runs.probes import affine_stiffness, at_rest, path_maker, probes_of

@@ -39,11 +39,12 @@ def spoiled(run_file, tmp_path):
     return make
 
 
-def test_contacts_that_are_nan_fail(spoiled):
+def test_contacts_that_are_nan_are_refused(spoiled):
     def spoil(dataset):
         dataset["contacts"]["normal_force"][:] = np.nan
 
-    assert not spoiled(spoil)["stored stress against its contacts"].holds
+    with pytest.raises(labkit.InputError, match="normal_force contains values that are not numbers in snapshot 0"):
+        spoiled(spoil)
 
 
 def test_contacts_that_were_changed_fail(spoiled):
@@ -53,12 +54,12 @@ def test_contacts_that_were_changed_fail(spoiled):
     assert not spoiled(spoil)["stored stress against its contacts"].holds
 
 
-def test_a_stress_that_is_nan_fails(spoiled):
+def test_a_stress_that_is_nan_is_refused(spoiled):
     def spoil(dataset):
         dataset["stress"][3] = np.nan
 
-    found = spoiled(spoil)
-    assert not found["records with a stress that is not finite"].holds
+    with pytest.raises(labkit.InputError, match="stress contains values that were never recorded"):
+        spoiled(spoil)
 
 
 def test_an_infinite_inertial_number_is_outside(spoiled):

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 import labkit
@@ -25,7 +26,7 @@ def unfinished(run_file, tmp_path_factory):
     file = tmp_path_factory.mktemp("unfinished") / "unfinished.run.nc"
     shutil.copy(run_file, file)
     with changed(file) as dataset:
-        dataset.complete = 0
+        dataset.complete = np.int32(0)
     return file
 
 

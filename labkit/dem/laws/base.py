@@ -104,12 +104,13 @@ class YadeLaw(NamedTuple):
 class ContactLaw(abc.ABC):
     """Contact law with a linear normal spring, kn = (pi/2) E D* (below Eq. 3), unless a subclass overrides it.
 
-    name: used for the law in scenes, files and on the command line. Arrays of radii and overlaps may have any shape; SI
-    units.
+    name: used for the law in scenes, files and on the command line; avoids_ratcheting: True if its slip contains YADE's
+    factor (Ra + Rb)/|d| (labkit.dem.ratcheting). Arrays of radii and overlaps may have any shape; SI units.
     """
 
     name: ClassVar[str]
     description: ClassVar[str] = ""
+    avoids_ratcheting: ClassVar[bool] = False
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Normal stiffness kn = (pi/2) E D*, D* = Da Db/(Da + Db) (below Eq. 3), N/m.

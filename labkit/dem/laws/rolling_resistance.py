@@ -22,6 +22,7 @@ class RollingResistance(ContactLaw):
 
     name = "rolling_resistance"
     description = "rolling-resistance law of YADE"
+    avoids_ratcheting = True
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Rolling stiffness kr = kt Ra Rb/4, N m."""

@@ -1,0 +1,149 @@
+"""One case at a time, each in a process of its own, so that a crash or a hang is an outcome like any other."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import select
+import shutil
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import labkit as lk
+from analysis.fuzz.damage import DAMAGES, damaged
+from analysis.fuzz.inputs import READERS, hostile_words, read_mutated_campaign
+from labkit.cli.dispatch import main as run_command
+
+LIMIT = 60.0  # s, after which a case hangs
+GOOD = ("same", "used", "refused", "failed")  # outcomes that are as they should be
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """One input. kind: its class; seed: makes it again; what: the file to keep if it fails, or its text."""
+
+    kind: str
+    seed: int
+    outcome: Callable[[], str]
+    what: Callable[[], bytes]
+
+
+def file_cases(files: Path, expected: dict[str, str], seed: int) -> Iterator[Case]:
+    """Damaged files of each kind, without end."""
+    for number in range(seed, sys.maxsize):
+        for read, (name, _) in READERS.items():
+            for damage in DAMAGES:
+                content = (files / name).read_bytes()
+                yield Case(
+                    f"{read}: {damage}",
+                    number,
+                    lambda read=read, damage=damage, content=content, n=number: _read_damaged(
+                        read, damaged(content, damage, n), expected[read]
+                    ),
+                    lambda damage=damage, content=content, n=number: damaged(content, damage, n),
+                )
+
+
+def _read_damaged(read: str, content: bytes, expected: str) -> str:
+    name, function = READERS[read]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        file.write_bytes(content)
+        return _outcome(lambda: "same" if function(file) == expected else "OTHER NUMBERS")
+
+
+def option_cases(files: Path, seed: int) -> Iterator[Case]:
+    """Command lines with hostile values, without end."""
+    for number in range(seed, sys.maxsize):
+        words = hostile_words(number)
+        yield Case(
+            f"options: {words[0]}",
+            number,
+            lambda words=words: _command(files, words),
+            lambda words=words: "\n".join(words).encode(errors="surrogateescape"),
+        )
+
+
+def _command(files: Path, words: list[str]) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("s.state.nc", "r.run.nc"):
+            shutil.copy2(files / name, folder)
+        os.chdir(folder)
+        before = _listing(folder)
+        code: list[int] = []
+        outcome = _outcome(lambda: code.append(_exit_code(words)) or {0: "used", 2: "refused"}.get(code[0], "failed"))
+        os.chdir("/")
+        after = _listing(folder)
+        if outcome == "refused" and set(after) - set(before):
+            return f"LEFT FILES {sorted(set(after) - set(before))[:2]}"
+        changed = [name for name in before if after.get(name) != before[name]]
+        return f"INPUT CHANGED {changed[0]}" if changed else outcome
+
+
+def _exit_code(words: list[str]) -> int:
+    try:
+        return run_command(words)
+    except SystemExit as ended:
+        return int(ended.code or 0)
+
+
+def _listing(folder: str) -> dict[str, tuple[int, int]]:
+    """Name -> (size, time of change) of all files."""
+    return {str(file): (file.stat().st_size, file.stat().st_mtime_ns) for file in Path(folder).rglob("*")}
+
+
+def campaign_cases(seed: int) -> Iterator[Case]:
+    """Random campaign files, without end."""
+    for number in range(seed, sys.maxsize):
+        yield Case("campaign files", number, lambda n=number: _campaign(n), lambda n=number: f"seed {n}".encode())
+
+
+def _campaign(seed: int) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = _outcome(lambda: read_mutated_campaign(Path(folder), seed) or "used")
+        left = sorted(file.name for file in Path(folder).iterdir() if file.name != "c.yaml")
+        return f"LEFT FILES {left[:2]}" if left else outcome
+
+
+def _outcome(do: Callable[[], str]) -> str:
+    try:
+        return do()
+    except lk.InputError as error:
+        return "refused" if str(error).strip() else "NO MESSAGE"
+    except Exception as error:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return f"TRACEBACK {type(error).__name__}: {error} ({Path(place.filename).name}, {place.lineno})"[:300]
+
+
+def in_child(case: Case, limit: float = LIMIT) -> str:
+    """The outcome of a case in a forked process: HANG if it takes too long, CRASH if the process does not end well."""
+    receive, send = os.pipe()
+    child = os.fork()
+    if child == 0:
+        _be_quiet()
+        with contextlib.suppress(BaseException):
+            os.write(send, case.outcome().encode(errors="replace"))
+        os._exit(0)
+    os.close(send)
+    ready, _, _ = select.select([receive], [], [], limit)
+    text = os.read(receive, 4096).decode(errors="replace") if ready else ""
+    os.close(receive)
+    if not ready:
+        os.kill(child, signal.SIGKILL)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if not ready:
+        return "HANG"
+    return text or f"CRASH {code}"
+
+
+def _be_quiet() -> None:
+    """Send the output of this process to the null device."""
+    null = os.open(os.devnull, os.O_RDWR)
+    for number in (0, 1, 2):
+        os.dup2(null, number)
+    sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)

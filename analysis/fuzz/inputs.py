@@ -1,0 +1,127 @@
+"""The inputs to be damaged, what is done with them, and the options with hostile values."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import random
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import labkit as lk
+from analysis.fuzz.damage import mutated
+from labkit.campaign import read_campaign
+from labkit.dem import read_checkpoint
+
+VALUES = (
+    *(
+        "",
+        " ",
+        "-",
+        "--",
+        "nan",
+        "inf",
+        "-inf",
+        "0",
+        "-1",
+        "1e999",
+        "-1e999",
+        "1e-999",
+        "9" * 30,
+        "1e30",
+        "0x10",
+        "1_000",
+    ),
+    *("true", "None", "1,2", "1;2", "1 s", " s", "MPa", "1MPa", "1 furlong", "é", "\u202e", "\n", "a\nb", "$(touch x)"),
+    *("../../x", "/dev/null", "/dev/full", "/proc/self/mem", ".", "/", "x" * 300, "{}", "[]", "[" * 2000, '{"a": 1}'),
+    *("\udcff", "s.state.nc", "r.run.nc", "m.run.nc", "none.nc", "1e-300", "-0.0", "0.1.2", "1e5", "3.7", "%s", "{0}"),
+)
+COMMANDS: Mapping[str, tuple[list[str], list[str]]] = {  # command -> (words, options that take a value)
+    "info": (["FILE"], []),
+    "verify": (["r.run.nc"], ["--rows", "--csv", "-o"]),
+    "critical": (["r.run.nc"], ["--min-strain", "--csv", "-o"]),
+    "figure": (["VALUE", "r.run.nc"], ["--variable", "--strength", "--groups", "--snapshot", "-o", "--csv"]),
+    "picture": (["FILE"], ["--snapshot", "-o"]),
+    "watch": (["--once", "FILE"], ["--interval"]),
+    "export": (["FILE"], ["--what", "--snapshot", "-o"]),
+    "grading": (["FILE"], ["-o"]),
+    "calibrate": (["FILE"], ["-o"]),
+    "model": (["VALUE"], ["--void-ratio", "--pressure", "--strain", "--record-strain", "--parameters", "-o", "--rate"]),
+    "campaign": (["--dry-run", "VALUE"], ["--folder", "--cores", "--profile"]),
+    "specimen": (["--void-ratio", "VALUE"], ["--grains", "--side", "--seed", "--friction", "--grading", "-o", "--law"]),
+    "run": (["VALUE", "FILE"], ["--strain", "--pressure", "--rate", "--record-strain", "--snapshots", "--stop-when"]),
+    "consolidate": (["FILE"], ["--pressure", "--threads", "-o", "--engine"]),
+}
+NEVER_STARTS = ("run", "consolidate", "specimen")  # their output is in a folder that does not exist
+
+
+def make_inputs(folder: Path) -> dict[str, Path]:
+    """Undamaged files in a folder, name -> file: a state, a complete run, and an unfinished one."""
+    files = {name: folder / name for name in ("s.state.nc", "r.run.nc")}
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=100), lk.Scene(), progress=False)
+    lk.write_state(files["s.state.nc"], state)
+    path = lk.paths.ConstantVolume(strain=4e-3, rate=50.0)
+    lk.run(state, path, file=files["r.run.nc"], progress=False, snapshots=2)
+    return files
+
+
+def numbers(values: Mapping[str, Any]) -> str:
+    """A hash of named arrays, to compare what is read."""
+    digest = hashlib.sha256()
+    for name in sorted(values):
+        digest.update(name.encode() + np.ascontiguousarray(values[name]).tobytes())
+    return digest.hexdigest()
+
+
+def read_state(file: Path) -> str:
+    """What a state file gives to a run."""
+    state = lk.read_state(file)
+    return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.time_step})
+
+
+def read_run(file: Path) -> str:
+    """What a run file gives to statistics."""
+    run = lk.Run.open(file)
+    try:
+        values = {str(name): run.data[name].values for name in run.data.variables if run.data[name].dtype.kind in "fiu"}
+        values |= {f"love {k}": lk.love_stress(snapshot) for k, snapshot in enumerate(run.snapshots)}
+        return numbers(values | {"scene": np.frombuffer(run.scene.to_json().encode(), np.uint8)})
+    finally:
+        run.data.close()
+
+
+def resume(file: Path) -> str:
+    """What the checkpoint of a run gives to its continuation."""
+    state = read_checkpoint(file)
+    return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.step})
+
+
+READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (file, function)
+    "state": ("s.state.nc", read_state),
+    "run": ("r.run.nc", read_run),
+    "checkpoint": ("r.run.nc", resume),
+}
+
+
+def read_mutated_campaign(folder: Path, seed: int) -> None:
+    """Read a random campaign file."""
+    file = folder / "c.yaml"
+    file.write_text(mutated(random.Random(seed)), encoding="utf-8", errors="surrogatepass")
+    read_campaign(file)
+
+
+def hostile_words(seed: int) -> list[str]:
+    """A command line with one to three hostile values."""
+    chance = random.Random(f"words {seed}")
+    name = chance.choice(list(COMMANDS))
+    words, options = COMMANDS[name]
+    pick = functools.partial(chance.choice, VALUES)
+    files = ["s.state.nc", "r.run.nc"]
+    made = [word.replace("VALUE", pick()) if word == "VALUE" else word for word in words]
+    made = [chance.choice([*files, pick()]) if word == "FILE" else word for word in made]
+    for option in chance.sample(options, min(len(options), chance.randint(1, 3))):
+        made += [option, pick()]
+    return [name, *made, *(["-o", "missing/x.nc"] if name in NEVER_STARTS else [])]

@@ -1,0 +1,118 @@
+"""Closed and full outputs, signals, broken environment variables, a yade that does nothing, little memory."""
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.cli import main
+from labkit.dem.state import read_state, write_state
+
+LABKIT = [sys.executable, "-m", "labkit.cli"]
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """A specimen of 120 grains."""
+    file = tmp_path_factory.mktemp("small") / "s.state.nc"
+    write_state(file, lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=120), lk.Scene(), progress=False))
+    return file
+
+
+def shell(redirection, *words, **environment):
+    """`labkit words` with its output redirected by the shell."""
+    command = f"{shlex.join([*LABKIT, *map(str, words)])} {redirection}"
+    environment = {**os.environ, **environment}
+    return subprocess.run(["bash", "-c", command], env=environment, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("redirection", [">/dev/full", "| head -1", ">&-"])
+def test_a_run_is_completed_whatever_happens_to_its_output(redirection, small, tmp_path):
+    file = tmp_path / "r.run.nc"
+    words = ["run", "cv", small, "--strain", "0.002", "--engine", "fused", "-o", file]
+    done = shell(redirection, *words)
+    assert "Traceback" not in done.stderr and "Exception" not in done.stderr, done.stderr
+    with netCDF4.Dataset(file) as run:
+        assert run.complete == 1
+    if redirection == ">/dev/full":
+        assert done.returncode == 1 and done.stderr.endswith("labkit: standard output: No space left on device\n")
+
+
+def test_names_that_the_locale_cannot_show_are_escaped(small, tmp_path):
+    file = tmp_path / "körner.state.nc"
+    file.write_bytes(small.read_bytes())
+    done = shell("", "info", file, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
+    assert done.returncode == 0 and "labkit state file" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(
+    "name, value", [("NUMBA_NUM_THREADS", "-1"), ("NUMBA_NUM_THREADS", "0"), ("NUMBA_THREADING_LAYER", "nonsense")]
+)
+def test_environment_variables_that_stop_numba_are_named(name, value, small, monkeypatch, capsys):
+    monkeypatch.setenv(name, value)
+    assert main(["info", str(small)]) == 2
+    assert capsys.readouterr().err.startswith(f"labkit: the environment variable {name} is '{value}': give ")
+
+
+def test_a_backend_of_matplotlib_that_does_not_exist_is_not_used(small, tmp_path):
+    done = shell("", "picture", small, "-o", tmp_path / "p.png", MPLBACKEND="nonsense")
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_yade_that_does_nothing_is_not_believed(small, tmp_path, monkeypatch, capsys):
+    program = tmp_path / "bin" / "yade"
+    program.parent.mkdir()
+    program.write_text("#!/bin/sh\nexit 0\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    output = tmp_path / "r.run.nc"
+    assert main(["run", "cv", str(small), "--engine", "yade", "-o", str(output)]) == 1
+    assert "yade ended without an error, but did nothing" in capsys.readouterr().err and not output.exists()
+
+
+def test_little_memory_ends_in_one_line(small):
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -v 900000; exec {shlex.join([*LABKIT, 'info', str(small)])}"],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+
+
+def test_an_interrupted_consolidation_is_continued(small, tmp_path):
+    output = tmp_path / "c.state.nc"
+    kept = tmp_path / ".c.state.nc.consolidation"
+    words = [*LABKIT, "consolidate", small, "--pressure", "2MPa", "--engine", "fused", "-o", output]
+    process = subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in process.stdout:
+        if "stress off by" in line:
+            break
+    process.send_signal(signal.SIGHUP)
+    _, err = process.communicate(timeout=60)
+    if process.returncode == 0:
+        pytest.skip("the consolidation had ended before the signal arrived")
+    assert process.returncode == 128 + signal.SIGHUP and f"{kept} keeps the consolidation so far" in err, err
+    reached = read_state(kept).step
+    assert reached > 0 and not output.exists()
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True)
+    assert done.returncode == 0 and not kept.exists(), done.stderr
+    state = read_state(output)
+    np.testing.assert_allclose(np.diag(lk.love_stress(state.snapshot())), 2e6, rtol=2e-3)
+    assert state.history.count("\n") <= 1 and "consolidate" in state.history
+
+
+def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):
+    words = ["specimen", "--void-ratio", "0.62", "--grains", "2000", "--engine", "fused", "-o", tmp_path / "s.state.nc"]
+    process = subprocess.Popen([*LABKIT, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.readline()
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 143 and err.endswith("labkit: stopped by signal 15; nothing was written\n"), err
+    assert list(tmp_path.iterdir()) == []

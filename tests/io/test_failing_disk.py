@@ -1,0 +1,32 @@
+"""The disk fails at the n-th call, for every n: the earlier file stays, nothing is left, the message has the name."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="module")
+def failing_disk(tmp_path_factory):
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None or not sys.platform.startswith("linux"):
+        pytest.skip("needs a C compiler and Linux")
+    library = tmp_path_factory.mktemp("faults") / "faults.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-O1", "-o", library, HERE / "faults.c", "-ldl"], check=True)
+    return library
+
+
+def test_every_failing_call_is_reported_and_leaves_the_file_as_it_was(failing_disk, specimen_file, tmp_path):
+    words = [sys.executable, HERE / "failing_disk.py", specimen_file, tmp_path]
+    environment = {**os.environ, "LD_PRELOAD": str(failing_disk)}
+    done = subprocess.run(words, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert {name: one["problems"] + one["left"] for name, one in found.items()} == {name: [] for name in found}
+    assert all(one["failures"] >= 2 for one in found.values()), found
