@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import os
 import sys
@@ -46,6 +47,9 @@ def _reported(argv: list[str]) -> int:
         streams.silence()
         return 0
     except OSError as error:
+        if error.filename is None and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
+            streams.silence()
+            return fail(f"standard output: {error.strerror}", 1)
         return fail(sentence(error), 1)
     except MemoryError as error:
         return fail(f"there is not enough memory ({str(error) or 'no details are known'}): use fewer grains or runs", 1)

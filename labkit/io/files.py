@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from labkit.errors import InputError
-from labkit.io.netcdf import described, labkit_kind
+from labkit.io.netcdf import described, labkit_kind, require_name
 
 
 def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> None:
@@ -16,6 +16,7 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
     kind: the kind of labkit file that may be overwritten if `path` exists; None: any file that is not a labkit file.
     """
     path = Path(path)
+    require_name(path)
     if path.is_dir():
         raise InputError(f"{path} is a directory: give a file name")
     if len(path.name.encode()) > 200:

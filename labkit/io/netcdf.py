@@ -59,6 +59,7 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
     path = Path(path)
     if not path.is_file():
         return None
+    require_name(path)
     _require_seal(path)
     try:
         with netCDF4.Dataset(path) as dataset:
@@ -85,6 +86,15 @@ def data_verdict(path: str | os.PathLike[str]) -> str | None:
             return "differs"
 
 
+def require_name(path: str | os.PathLike[str]) -> None:
+    """Raises InputError for a file name that the netCDF library cannot be given."""
+    try:
+        os.fspath(path).encode(sys.getfilesystemencoding())
+    except UnicodeEncodeError:
+        shown = os.fspath(path).encode("ascii", "backslashreplace").decode()
+        raise InputError(f"the file name {shown} is not {sys.getfilesystemencoding()} text: rename the file") from None
+
+
 def described(kind: str | None) -> str:
     """A kind of file in a sentence."""
     return f"a labkit {kind} file" if kind else "not a labkit file"
@@ -100,6 +110,7 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
     """Context with an open file whose bytes have the hash in its seal, if it has one."""
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
+    require_name(path)
     try:
         _require_seal(path)
         dataset = netCDF4.Dataset(path)

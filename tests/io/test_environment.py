@@ -40,15 +40,30 @@ def test_a_run_is_completed_whatever_happens_to_its_output(redirection, small, t
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr, done.stderr
     with netCDF4.Dataset(file) as run:
         assert run.complete == 1
-    if redirection == ">/dev/full":
-        assert done.returncode == 1 and done.stderr.endswith("labkit: standard output: No space left on device\n")
+    assert done.returncode == 0
 
 
-def test_names_that_the_locale_cannot_show_are_escaped(small, tmp_path):
+def test_a_result_that_cannot_be_printed_is_an_error(small):
+    done = shell(">/dev/full", "info", small)
+    assert done.returncode == 1 and done.stderr == "labkit: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize("settings", [{"LC_ALL": "C"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}])
+def test_names_that_the_locale_cannot_show_are_escaped(settings, small, tmp_path):
     file = tmp_path / "körner.state.nc"
     file.write_bytes(small.read_bytes())
-    done = shell("", "info", file, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
-    assert done.returncode == 0 and "labkit state file" in done.stdout, done.stderr
+    done = shell("", "info", file, **settings)
+    if len(settings) == 1:
+        assert done.returncode == 0 and "labkit state file" in done.stdout, done.stderr
+    else:
+        assert done.returncode == 2 and "is not ascii text: rename the file" in done.stderr, done.stderr
+
+
+def test_a_name_that_is_not_utf_8_is_refused(small, tmp_path, capsys):
+    file = tmp_path / "k\udcff.state.nc"
+    file.write_bytes(small.read_bytes())
+    assert main(["info", str(file)]) == 2
+    assert capsys.readouterr().err.endswith("k\\udcff.state.nc is not utf-8 text: rename the file\n")
 
 
 @pytest.mark.parametrize(
