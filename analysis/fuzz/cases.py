@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import os
 import select
 import shutil
@@ -39,18 +40,14 @@ def file_cases(files: Path, expected: dict[str, str], seed: int) -> Iterator[Cas
         for read, (name, _) in READERS.items():
             for damage in DAMAGES:
                 content = (files / name).read_bytes()
-                yield Case(
-                    f"{read}: {damage}",
-                    number,
-                    lambda read=read, damage=damage, content=content, n=number: _read_damaged(
-                        read, damaged(content, damage, n), expected[read]
-                    ),
-                    lambda damage=damage, content=content, n=number: damaged(content, damage, n),
-                )
+                made = functools.partial(damaged, content, damage, number)
+                outcome = functools.partial(_read_damaged, read, made, expected[read])
+                yield Case(f"{read}: {damage}", number, outcome, made)
 
 
-def _read_damaged(read: str, content: bytes, expected: str) -> str:
+def _read_damaged(read: str, made: Callable[[], bytes], expected: str) -> str:
     name, function = READERS[read]
+    content = made()
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name
         file.write_bytes(content)
@@ -61,12 +58,8 @@ def option_cases(files: Path, seed: int) -> Iterator[Case]:
     """Command lines with hostile values, without end."""
     for number in range(seed, sys.maxsize):
         words = hostile_words(number)
-        yield Case(
-            f"options: {words[0]}",
-            number,
-            lambda words=words: _command(files, words),
-            lambda words=words: "\n".join(words).encode(errors="surrogateescape"),
-        )
+        text = functools.partial("\n".join(words).encode, errors="surrogateescape")
+        yield Case(f"options: {words[0]}", number, functools.partial(_command, files, words), text)
 
 
 def _command(files: Path, words: list[str]) -> str:
@@ -75,8 +68,7 @@ def _command(files: Path, words: list[str]) -> str:
             shutil.copy2(files / name, folder)
         os.chdir(folder)
         before = _listing(folder)
-        code: list[int] = []
-        outcome = _outcome(lambda: code.append(_exit_code(words)) or {0: "used", 2: "refused"}.get(code[0], "failed"))
+        outcome = _outcome(lambda: {0: "used", 2: "refused"}.get(_exit_code(words), "failed"))
         os.chdir("/")
         after = _listing(folder)
         if outcome == "refused" and set(after) - set(before):
@@ -100,12 +92,12 @@ def _listing(folder: str) -> dict[str, tuple[int, int]]:
 def campaign_cases(seed: int) -> Iterator[Case]:
     """Random campaign files, without end."""
     for number in range(seed, sys.maxsize):
-        yield Case("campaign files", number, lambda n=number: _campaign(n), lambda n=number: f"seed {n}".encode())
+        yield Case("campaign files", number, functools.partial(_campaign, number), f"seed {number}".encode)
 
 
 def _campaign(seed: int) -> str:
     with tempfile.TemporaryDirectory() as folder:
-        outcome = _outcome(lambda: read_mutated_campaign(Path(folder), seed) or "used")
+        outcome = _outcome(lambda: read_mutated_campaign(Path(folder), seed))
         left = sorted(file.name for file in Path(folder).iterdir() if file.name != "c.yaml")
         return f"LEFT FILES {left[:2]}" if left else outcome
 

@@ -29,9 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of `./lab fuzz`."""
     parser.add_argument("--minutes", type=positive_int, default=5, metavar="N", help="time to take (default: 5)")
     parser.add_argument("--files", type=positive_int, metavar="N", help="number of damaged files, instead of the time")
-    parser.add_argument(
-        "--options", type=positive_int, metavar="N", help="number of command lines"
-    )
+    parser.add_argument("--options", type=positive_int, metavar="N", help="number of command lines")
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")
     parser.add_argument("--seed", type=positive_int, metavar="N", help="first seed (default: from the clock)")
     parser.add_argument("-o", "--output", metavar="FOLDER", default=results_folder("fuzz"), help="folder of the table")

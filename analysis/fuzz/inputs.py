@@ -106,11 +106,12 @@ READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (fi
 }
 
 
-def read_mutated_campaign(folder: Path, seed: int) -> None:
-    """Read a random campaign file."""
+def read_mutated_campaign(folder: Path, seed: int) -> str:
+    """Read a random campaign file; returns `used` if it is valid."""
     file = folder / "c.yaml"
     file.write_text(mutated(random.Random(seed)), encoding="utf-8", errors="surrogatepass")
     read_campaign(file)
+    return "used"
 
 
 def hostile_words(seed: int) -> list[str]:

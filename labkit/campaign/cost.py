@@ -29,6 +29,8 @@ CONTACTS_PER_GRAIN = 2.8
 RECORD_BYTES = 60 * 8
 SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
+DAYS = 10 * 86400.0  # s; a longer time is given in days
+ENDLESS = 30 * 86400.0  # s; a command that takes longer says that it cannot finish
 MUCH_FASTER = 3.0  # times; from here on a command suggests the fused engine
 
 
@@ -136,6 +138,8 @@ def announcement(task: Task, steps_done: int = 0) -> str:
     most = " at most" if isinstance(task, RunTask) and task.path.stops_early else ""
     about = "" if isinstance(task, RunTask) else "about "
     line = f"{task.engine}, {about}{grains:,} grains, {about}{steps:,} steps{most}{done}, about {rough_time(seconds)}"
+    if seconds > ENDLESS:
+        return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
     fused = left * task_seconds(task, "fused")
     if task.engine == "fused" or seconds < MUCH_FASTER * fused or not _fits("fused", task):
         return line
@@ -191,4 +195,6 @@ def rough_time(seconds: float) -> str:
     """A time in s as text, rounded, in a single unit."""
     if seconds < 100.0:
         return f"{max(seconds, 1.0):.0f} s"
+    if seconds > DAYS:
+        return f"{seconds / 86400.0:,.0f} days"
     return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.3g} h"

@@ -36,8 +36,6 @@ from labkit.dem.recorded import record_table
 from labkit.dem.state import State, write_attributes
 from labkit.errors import InputError, PhysicsError, shown
 from labkit.extensions import is_labkits
-from labkit.io.atomic import remove_leftovers, whole_file
-from labkit.io.hashes import unseal
 from labkit.io.atomic import remove_leftovers
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes

@@ -28,10 +28,8 @@ from labkit.dem.specimen import Recipe
 from labkit.dem.state import State, read_state, write_state
 from labkit.dem.stratified import Layer
 from labkit.engines import ENGINES, require_engine, starter
-from labkit.errors import InputError
-from labkit.extensions import file_of, is_labkits, use, used
 from labkit.errors import InputError, PhysicsError
-from labkit.extensions import file_of, use, used
+from labkit.extensions import file_of, is_labkits, use, used
 from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import being_written, busy
 from labkit.io.provenance import provenance

@@ -115,6 +115,15 @@ def test_labkit_does_not_import_its_users():
         assert not packages & {"analysis", "examples", "tests", "yade_scripts"}, name_of(file)
 
 
+def test_netcdf_files_are_opened_in_one_place():
+    """labkit.io.netcdf checks the hashes; xarray reads only what passed there."""
+    users = {name_of(file) for file in files("labkit") if "netCDF4.Dataset(" in file.read_text()}
+    assert users == {"labkit/io/netcdf.py"}
+    for file in files("labkit"):
+        text = file.read_text()
+        assert text.count("open_dataset(") <= text.count("open_netcdf(") + text.count("damage_named("), name_of(file)
+
+
 def test_import_labkit_loads_no_library():
     libraries = {"numpy", "matplotlib", "xarray", "numba"}
     code = f"import sys, labkit; dir(labkit); print(*sorted({libraries} & set(sys.modules)))"
