@@ -109,7 +109,7 @@ def one_of(choices: Collection[str]) -> Callable[[str], str]:
 def positive_int(text: str) -> int:
     """A positive integer."""
     if not (text.isascii() and text.isdecimal() and len(text) <= 18 and int(text) >= 1):
-        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a whole number from 1 to 1e18")
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a whole number above 0")
     return int(text)
 
 

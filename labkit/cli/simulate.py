@@ -141,6 +141,8 @@ def consolidation_task(options: argparse.Namespace, history: str) -> Consolidati
     require_pressure(path, state.scene)
     pressure = path.start_pressure() or 0.0
     output = options.output or consolidated_name(options.specimen, pressure)
+    if File(output).resolve() == File(options.specimen).resolve():
+        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
     require_writable(output, "state")
     return ConsolidationTask(
         state=state,

@@ -48,9 +48,10 @@ def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) ->
         actual = _text(dataset, "labkit_file")
         if actual != kind:
             raise InputError(f"{path} is {described(actual)}: give a labkit {kind} file")
-        if verify and not trusted():
-            _require_hashes(path, dataset)
+        hashed = not verify or trusted() or _require_hashes(path, dataset)
         require_schema(path, dataset, kind)
+        if not hashed:
+            _warn_once(path)
         yield dataset
 
 
@@ -158,16 +159,21 @@ def _require_seal(path: Path) -> None:
 _told: set[Path] = set()  # files of which the command has said that they have no hash
 
 
-def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> None:
-    """Raises InputError unless the content of an open file is what labkit wrote, as far as it has hashes."""
+def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
+    """True if the content of an open file is what labkit wrote, False if it has no hashes. Raises InputError."""
     if seal_is_right(path):
-        return
+        return True
     if "seal" in dataset.ncattrs():
         raise damaged(path, "another program has changed it, or its end is missing")
     stored, found = _text(dataset, "data_sha256"), data_sha256(dataset)
     if stored is not None and found != stored:
         raise damaged(path, "its data differ from data_sha256")
-    if stored is None and path.resolve() not in _told:
+    return stored is not None
+
+
+def _warn_once(path: Path) -> None:
+    """Say that a file has no hash, once in a command."""
+    if path.resolve() not in _told:
         _told.add(path.resolve())
         print(f"labkit: {path} has no hash: damage or changes would not be noticed", file=sys.stderr, flush=True)
 

@@ -123,6 +123,12 @@ def test_an_interrupted_consolidation_is_continued(small, tmp_path):
     assert state.history.count("\n") <= 1 and "consolidate" in state.history
 
 
+def test_a_consolidation_does_not_replace_its_own_specimen(small, capsys):
+    before = small.read_bytes()
+    assert main(["consolidate", str(small), "--pressure", "1MPa", "-o", str(small)]) == 2
+    assert "is the specimen itself" in capsys.readouterr().err and small.read_bytes() == before
+
+
 def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):
     words = ["specimen", "--void-ratio", "0.62", "--grains", "2000", "--engine", "fused", "-o", tmp_path / "s.state.nc"]
     process = subprocess.Popen([*LABKIT, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
