@@ -54,7 +54,9 @@ def main(options: argparse.Namespace, command: str) -> int:
     print(table(["class", *columns, "cases"], [list(map(str, row)) for row in rows], range(1, len(columns) + 2)))
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([["class", *columns, "cases"], *rows])
-    write_with_provenance(folder / "counts.csv", text.getvalue(), command=f"{command} --seed {seed}")
+    write_with_provenance(
+        folder / "counts.csv", text.getvalue(), command=command if options.seed else f"{command} --seed {seed}"
+    )
     return int(any(one not in GOOD for one in columns))
 
 

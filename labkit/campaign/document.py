@@ -63,7 +63,7 @@ def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
     """Text of a file. Raises InputError if it cannot be read."""
     try:
         if file.exists() and not file.is_file():
-            raise InputError(f"{file} is not a regular file: give a {kind.name} file")
+            raise InputError(f"{file} cannot be read (not a regular file): give a {kind.name} file")
         if file.stat().st_size > MOST_BYTES:
             raise InputError(f"{file} has more than {MOST_BYTES / 1e6:g} MB: give a {kind.name} file, see {kind.page}")
         return file.read_text(encoding="utf-8")

@@ -45,7 +45,7 @@ BROKEN = {
     "nested without end": ("[" * 5000, [(1, "nested too deep")]),
     "too many runs": (
         specimen("void_ratio: 0.67, grains: 150, seed: [" + ", ".join(map(str, range(11000))) + "]"),
-        [(5, "there are 11000 runs: give at most 10000")],
+        [(5, "with this entry there are more than 10000 runs")],
     ),
     "no runs": (HEAD, [(1, "`runs:` is missing")]),
     "no specimens": (RUNS, [(1, "`specimens:` is missing"), (2, "no specimen 'a'")]),
