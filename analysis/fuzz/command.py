@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import contextlib
 import csv
 import gc
 import io
@@ -36,11 +37,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Run the cases, print and write the counts, keep what failed; returns 1 if something failed."""
+    """Run the cases until done or Ctrl-C, print and write the counts, keep what failed; 1 if something failed."""
     seed = options.seed or int(time.time())
     folder = make_folder(options.output, "-o")
     counts: dict[str, collections.Counter[str]] = {}
-    with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name:
+    with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name, contextlib.suppress(KeyboardInterrupt):
         for case, outcome in _outcomes(Path(name), options, seed):
             known = counts.setdefault(case.kind, collections.Counter())
             short = outcome.split(" ")[0] if outcome not in ("OTHER NUMBERS",) else outcome

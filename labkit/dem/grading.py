@@ -213,6 +213,8 @@ GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Logn
 @functools.lru_cache
 def read_grading(text: str) -> Grading:
     """The Grading described by a text or in a CSV file; see this module. Raises InputError."""
+    if not text.strip():
+        raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", text).split()  # `0.1 mm` is `0.1mm`
     if name.lower().endswith(".csv"):
         values: dict[str, Any] = _read_csv(Path(name))

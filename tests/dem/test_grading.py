@@ -118,3 +118,8 @@ def test_the_time_step_is_stable_in_a_wide_grading():
     assert scene.time_step < critical_time_step(
         FusedEngine(inserted).state()
     )  # deep overlaps: more contacts than later
+
+
+def test_a_blank_grading_is_refused():
+    with pytest.raises(lk.InputError, match="grading is empty: give one of uniform"):
+        lk.Scene(grading=" ")
