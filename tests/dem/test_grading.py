@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import labkit as lk
 from labkit.dem.grading import Lognormal, RosinRammler, Sieve, Uniform, read_grading
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe, insert_grains
