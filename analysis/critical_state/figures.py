@@ -86,9 +86,9 @@ def lines_figure(ends: pandas.DataFrame) -> Figure:
         rows = ends[ends["test"] == test]
         marker = "v" if direction(test) == "extension" else "s" if "series" in test else "o"
         style = {"ls": "", "marker": marker, "ms": 4, "color": color, "mfc": color if "full" in test else "none"}
-        for panel, x, y in zip(axes, ("p_MPa", "e", "e"), ("e", "Z", "Lambda"), strict=True):
-            panel.plot(rows[x], rows[y], **style, label=TESTS[test])
-            panel.set(xlabel=LABELS[x], ylabel=LABELS[y])
+        for panel, (across, up) in zip(axes, (("p_MPa", "e"), ("e", "Z"), ("e", "Lambda")), strict=True):
+            panel.plot(rows[across], rows[up], **style, label=TESTS[test])
+            panel.set(xlabel=LABELS[across], ylabel=LABELS[up])
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8)
     return figure
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas
 
 from analysis.critical_state.ends import BEGIN, QUANTITIES
 from analysis.paper.estimates import jackknife
-from analysis.paper.lines import LINES, PAPER, both_lines, e_p_line
+from analysis.paper.lines import LINES, PAPER, Fit, both_lines, e_p_line
 from analysis.statistics import adjusted, cluster_mean, one_line, slope_table, stationarity_table
 
 # (begin, end) of the strain over which slopes are fitted; the first is the end of the paper's tests
@@ -126,7 +126,7 @@ def lines(ends: pandas.DataFrame) -> pandas.DataFrame:
         ):
             for k, name in enumerate(names):
                 found = jackknife(
-                    lambda chosen, k=k, fit=fit, tests=tests: float(fit(tests.iloc[chosen])[k]),
+                    _parameter(fit, tests, k),
                     len(tests),
                     len(names),
                     tests["specimen"].tolist(),
@@ -144,6 +144,11 @@ def lines(ends: pandas.DataFrame) -> pandas.DataFrame:
                     }
                 )
     return pandas.DataFrame(rows)
+
+
+def _parameter(fit: Fit, tests: pandas.DataFrame, k: int) -> Callable[[np.ndarray], float]:
+    """The k-th parameter of a fit as a function of the rows that it uses."""
+    return lambda rows: float(fit(tests.iloc[rows])[k])
 
 
 def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:

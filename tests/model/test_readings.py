@@ -12,7 +12,7 @@ from labkit.model.driver import drive
 from labkit.model.parameters import Model, Readings
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import state_rate
-from labkit.umat.properties import properties
+from labkit.umat.props import properties
 
 
 def test_with_the_factor_lambda_c4_does_not_reach_the_critical_state(model):
