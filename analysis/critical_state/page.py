@@ -29,8 +29,8 @@ def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> 
     ends = tables["ends"]
     parts = [
         INTRODUCTION.format(command=command),
-        f"{len(ends)} of the {planned} tests of the campaign, on {ends['specimen'].nunique()} specimens. The end state of "
-        f"a test is its mean over the last {100 * (1 - BEGIN):.0f} % of the strain ([ends.csv](ends.csv)).",
+        f"{len(ends)} of the {planned} tests of the campaign, on {ends['specimen'].nunique()} specimens. The end state "
+        f"of a test is its mean over the last {100 * (1 - BEGIN):.0f} % of the strain ([ends.csv](ends.csv)).",
         "## Do the tests reach a critical state?",
         "![drift](drift.png)",
         "Mean and standard deviation over specimens; the shaded ranges are 30 to 40 % and the last 30 %.",
