@@ -250,7 +250,7 @@ def _require_cell(state: State) -> None:
     if not state.volume > 0.0:
         raise ValueError("the cell has no volume, or is left-handed")
     widths = 1.0 / np.linalg.norm(np.linalg.inv(state.cell), axis=1)
-    if widths.min() < 2.0 * (1.0 - MOST_OVERLAP) * state.radius.max():
+    if widths.min() < 2.0 * NARROWEST * state.radius.max():
         raise ValueError("the cell is narrower than its largest grain")
     if np.abs(np.linalg.solve(state.cell, state.position.T)).max() > FAR:
         raise ValueError(f"a grain lies more than {FAR} cell lengths from the periodic cell")
@@ -268,12 +268,16 @@ def _require_contacts(state: State) -> None:
     branch = branch_vectors(state.position, state.cell, grain, shift)
     sum_of_radii = state.radius[grain].sum(axis=1)
     overlap = 1.0 - np.linalg.norm(branch, axis=1) / sum_of_radii
-    if overlap.max() > MOST_OVERLAP:
-        raise ValueError(f"two grains overlap by {overlap.max():.0%} of their mean diameter")
+    if overlap.mean() > MOST_OVERLAP:
+        raise ValueError(
+            f"its grains overlap by {overlap.mean():.0%} of their diameter on average, too deep for a contact law: "
+            "relax them first, as labkit specimen does"
+        )
     if overlap.min() < -FARTHEST:
         raise ValueError("contact_grain lists two grains that are far apart")
 
 
 LARGEST = 1e30  # in SI units; no quantity of a specimen is larger
-MOST_OVERLAP = 0.2  # of the mean diameter of two grains; no contact law holds beyond that
+MOST_OVERLAP = 0.2  # mean of all contacts, over their mean diameter; the guards of a run judge smaller ones
+NARROWEST = 0.8  # width of the cell over the diameter of its largest grain
 FARTHEST = 0.5  # gap in a contact, over the mean diameter of its grains

@@ -256,7 +256,8 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
         if "checkpoint" not in dataset.groups or len(dataset.dimensions["time"]) != len(error):
             return error
         created = np.array(ratcheting_of(dataset["checkpoint"], len(error)).work)
-    return error + created / np.maximum(np.abs(run["cell_work"].values), float(run.attrs["ledger"][0]))
+    work = np.maximum(np.abs(run["cell_work"].values), float(run.attrs["ledger"][0]))
+    return error + np.divide(created, work, out=np.zeros_like(error), where=work > 0.0)
 
 
 def _known(run: xarray.Dataset, name: str) -> bool:

@@ -58,7 +58,7 @@ def test_pictures_keep_their_contacts(run_file, tmp_path):
 def test_a_run_is_reduced_once(thin, run_file):
     file = thin / "runs" / "cv-small.run.nc"
     assert not condense(run_file, file, "labkit paper")
-    assert check(file) == [("the data of this file", "same")]
+    assert ("the data of this file", "same") in check(file)
 
 
 def test_a_folder_without_runs_is_refused(tmp_path):
