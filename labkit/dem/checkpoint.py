@@ -35,9 +35,6 @@ class Position:
 START = Position()
 
 
-START = Position()
-
-
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
     """A State from which a run can be resumed, or with which it ended, and what the file says about the run so far.

@@ -10,6 +10,7 @@ computed from its own formula, slip times force, and not as a remainder, so that
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from labkit.dem.state import Ledger, State
 from labkit.dem.time_step import critical_time_step
@@ -64,21 +65,23 @@ def opened(state: State) -> State:
 def balance_error(state: State, snapshot: Snapshot | None = None, stored: float | None = None) -> float:
     """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
 
-    The reference is the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
+    The reference is that of `relative_to_work`.
     `snapshot`, `stored`: the Snapshot of the state and its stored_energy, if already computed.
     """
     ledger = state.ledger
-    scale = max(abs(ledger.cell_work), ledger.start)
     lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
     stored = stored_energy(state, snapshot) if stored is None else stored
     missing = ledger.cell_work + ledger.start - stored - lost
-    return missing / scale if scale > 0.0 else 0.0
+    return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 
 
-def created_error(state: State, created: float) -> float:
-    """Energy that the contact law has created, J, relative to the reference of balance_error."""
-    scale = max(abs(state.ledger.cell_work), state.ledger.start)
-    return created / scale if scale > 0.0 else 0.0
+def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> np.ndarray:
+    """An energy over the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
+
+    energy, cell_work: J, any shapes that broadcast; start: initial energy, J.
+    """
+    energy, scale = np.broadcast_arrays(energy, np.maximum(np.abs(cell_work), start))
+    return np.divide(energy, scale, out=np.zeros(energy.shape), where=scale > 0.0)
 
 
 def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:

@@ -21,11 +21,6 @@ def _along(cell: np.ndarray) -> np.ndarray:
     return along
 
 
-def widths(cell: np.ndarray) -> np.ndarray:
-    """Distances between opposite faces of a cell (3, 3), shape (3,)."""
-    return 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=1)
-
-
 def tilt(cell: np.ndarray) -> float:
     """Largest component of a cell vector along another one, divided by the length of the latter. cell: (3, 3), m."""
     return float(np.abs(_along(cell)).max())

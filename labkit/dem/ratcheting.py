@@ -24,7 +24,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dem.energy import created_error
+from labkit.dem.energy import relative_to_work
 from labkit.dem.state import State
 from labkit.micro.contacts import branch_vectors
 
@@ -75,4 +75,5 @@ class Ratcheting:
 
     def error(self, state: State) -> float:
         """What it adds to the relative error of the energy balance."""
-        return created_error(state, self.work[-1] if self.work else 0.0)
+        created = self.work[-1] if self.work else 0.0
+        return float(relative_to_work(created, state.ledger.cell_work, state.ledger.start))

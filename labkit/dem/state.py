@@ -23,6 +23,7 @@ from labkit.errors import InputError
 from labkit.io.conventions import describe
 from labkit.io.netcdf import create_variables, new_netcdf, open_netcdf, values_of
 from labkit.io.schema import LARGEST_RADIUS, SIZES, STATE
+from labkit.micro.cells import widths
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
 
@@ -249,8 +250,7 @@ def _require_cell(state: State) -> None:
     """Raise ValueError for a cell that cannot hold the grains."""
     if not state.volume > 0.0:
         raise ValueError("the cell has no volume, or is left-handed")
-    widths = 1.0 / np.linalg.norm(np.linalg.inv(state.cell), axis=1)
-    if widths.min() < 2.0 * NARROWEST * state.radius.max():
+    if widths(state.cell).min() < 2.0 * NARROWEST * state.radius.max():
         raise ValueError("the cell is narrower than its largest grain")
     if np.abs(np.linalg.solve(state.cell, state.position.T)).max() > FAR:
         raise ValueError(f"a grain lies more than {FAR} cell lengths from the periodic cell")

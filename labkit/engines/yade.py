@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.engine import Engine
-from labkit.dem.lattice import widths
 from labkit.dem.scene import Scene
 from labkit.dem.state import Ledger, State
 from labkit.errors import InputError, PhysicsError
+from labkit.micro.cells import widths
 
 try:
     import yade

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from scipy.spatial import cKDTree
 
-from labkit.dem.lattice import widths
+from labkit.micro.cells import widths
 
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 

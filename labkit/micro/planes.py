@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.micro.cells import widths
 from labkit.micro.snapshot import Snapshot
 
 
@@ -38,4 +39,4 @@ def plane_tractions(snapshot: Snapshot, axis: int, planes: int) -> np.ndarray:
     first = np.cumsum(crossed) - crossed
     plane = np.mod(lowest[contact] + np.arange(len(contact)) - first[contact], planes)
     sums = np.stack([np.bincount(plane, force[contact, k], planes) for k in range(3)], axis=1)
-    return sums / (snapshot.volume * np.linalg.norm(row))
+    return sums * widths(snapshot.cell)[axis] / snapshot.volume

@@ -12,7 +12,7 @@ import pandas
 import xarray
 
 from labkit.dem.checkpoint import ratcheting_of
-from labkit.dem.energy import BALANCE_LIMIT
+from labkit.dem.energy import BALANCE_LIMIT, relative_to_work
 from labkit.dem.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
 from labkit.dem.loading import Held, Path
 from labkit.dem.paths import path_of
@@ -256,8 +256,7 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
         if "checkpoint" not in dataset.groups or len(dataset.dimensions["time"]) != len(error):
             return error
         created = np.array(ratcheting_of(dataset["checkpoint"], len(error)).work)
-    work = np.maximum(np.abs(run["cell_work"].values), float(run.attrs["ledger"][0]))
-    return error + np.divide(created, work, out=np.zeros_like(error), where=work > 0.0)
+    return error + relative_to_work(created, run["cell_work"].values, float(run.attrs["ledger"][0]))
 
 
 def _known(run: xarray.Dataset, name: str) -> bool:

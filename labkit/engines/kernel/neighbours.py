@@ -11,10 +11,10 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dem.lattice import widths
 from labkit.engines.kernel.arranging import LOST, by_number
 from labkit.engines.kernel.compiling import compiled, kept
 from labkit.errors import PhysicsError
+from labkit.micro.cells import widths
 
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
