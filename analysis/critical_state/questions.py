@@ -10,8 +10,8 @@ import pandas
 
 from analysis.critical_state.ends import BEGIN, QUANTITIES
 from analysis.paper.estimates import jackknife
-from analysis.paper.lines import LINES, PAPER, Fit, both_lines, e_p_line
-from analysis.statistics import adjusted, cluster_mean, one_line, slope_table, stationarity_table
+from analysis.paper.lines import LINES, PAPER, Fit, both_lines, critical_Lambda, critical_Z, e_p_line, line_slopes
+from analysis.statistics import adjusted, adjusted_once, cluster_mean, one_line, slope_table, stationarity_table
 
 # (begin, end) of the strain over which slopes are fitted; the first is the end of the paper's tests
 WINDOWS = ((0.3, 0.4), (BEGIN, 1.0))
@@ -88,9 +88,7 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
                     }
                 )
     table = pandas.DataFrame(rows)
-    asked = table.drop_duplicates(["quantity", "factor"])
-    corrected = dict(zip(zip(asked["quantity"], asked["factor"], strict=True), adjusted(asked["p_value"]), strict=True))
-    table["corrected"] = [corrected[key] for key in zip(table["quantity"], table["factor"], strict=True)]
+    table["corrected"] = adjusted_once(table, ["quantity", "factor"])
     return table
 
 
@@ -103,13 +101,7 @@ def residuals(tests: pandas.DataFrame, quantity: str) -> tuple[np.ndarray, np.nd
     name = {"e": "e(p)", "Z": "Z(e)", "Lambda": "Lambda(e)"}[quantity]
     _, fit, at, _ = LINES[name]
     x = fit(tests)
-    steps = np.diag(1e-4 * np.maximum(np.abs(x), 1e-3))
-    slopes = [
-        (np.asarray(at(x + step, tests), dtype=float) - np.asarray(at(x - step, tests), dtype=float))
-        / (2.0 * step.sum())
-        for step in steps
-    ]
-    return y - np.asarray(at(x, tests), dtype=float), np.array([s for s in slopes if s.any()]).T
+    return y - np.asarray(at(x, tests), dtype=float), line_slopes(at, tests, x)
 
 
 def lines(ends: pandas.DataFrame) -> pandas.DataFrame:
@@ -158,8 +150,8 @@ def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
     specimens, within (95 %), p_value, corrected for the rows (Holm).
     """
     at = {
-        "Z": lambda t: LINES["Z(e)"][2](_paper(), t),
-        "Lambda": lambda t: LINES["Lambda(e)"][2](_paper(), t),
+        "Z": lambda t: critical_Z(t["e"]),
+        "Lambda": lambda t: critical_Lambda(t["e"]),
         "M": lambda t: 0.92,
         "A": lambda t: PAPER.A_c / math.sqrt(1.5),
         "F": lambda t: PAPER.F_c / math.sqrt(1.5),
@@ -177,16 +169,12 @@ def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
     return table
 
 
-def _paper() -> np.ndarray:
-    return np.array([PAPER.e_cmax, PAPER.c_cZ, PAPER.gamma_cZ, PAPER.c_cLam])
-
-
 def by_lode_angle(ends: pandas.DataFrame) -> pandas.DataFrame:
     """M, A, F, Ft, Z - Z^c(e) and Lambda - Lambda^c(e) against the Lode angle: means per test and 95 % half-widths."""
     paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000") & (ends["density"] == "medium")]
     values = paper.assign(
-        Z_off=paper["Z"] - np.asarray(LINES["Z(e)"][2](_paper(), paper), dtype=float),
-        Lambda_off=paper["Lambda"] - np.asarray(LINES["Lambda(e)"][2](_paper(), paper), dtype=float),
+        Z_off=paper["Z"] - critical_Z(paper["e"]),
+        Lambda_off=paper["Lambda"] - critical_Lambda(paper["e"]),
     )
     rows = []
     for test, group in values.groupby("test", sort=False):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,20 +10,17 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
 from analysis.other_paths.collect import collect
 from analysis.other_paths.engines import agreement, cycles_table, liquefaction_figure, read_curves
 from analysis.other_paths.errors import REFERENCE, budget_table, comparison, error_table, form_table
 from analysis.other_paths.figures import error_figure, rotation_figure, strength_figure
 from analysis.other_paths.page import page
 from analysis.other_paths.strength import end_table, mean_table, model_strength, strength_ratio
-from analysis.paper.command import finished, simulate
-from analysis.places import results_folder
-from labkit.cli.arguments import positive_int
 from labkit.dem import Progress
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text, write_with_provenance
+from labkit.io import make_folder, reporter, write_text
 from labkit.model import Model
-from labkit.visuals import plots
 
 TESTS, ENGINES = (Path(__file__).with_name(name) for name in ("paths.yaml", "engines.yaml"))
 DATA = "statistics.nc"
@@ -32,23 +28,9 @@ DATA = "statistics.nc"
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab other-paths`."""
-    parser.add_argument(
-        "campaign",
-        nargs="?",
-        help="campaign folder, created or resumed (default: none; the tables and figures are written again from "
-        "statistics.nc in the output folder)",
-    )
+    otherwise = "the tables and figures are written again from statistics.nc in the output folder"
+    add_campaign_options(parser, "other_paths", otherwise)
     parser.add_argument("engines", nargs="?", help="folder of the campaign that compares the engines (default: none)")
-    parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
-    parser.add_argument(
-        "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        default=results_folder("other_paths"),
-        help="folder for the results (default: results/other_paths)",
-    )
 
 
 def main(options: argparse.Namespace, command: str) -> int:
@@ -71,10 +53,9 @@ def main(options: argparse.Namespace, command: str) -> int:
 
 def compare(files: Sequence[Path], folder: Path, command: str, progress: Progress) -> None:
     """Writes engines.csv, liquefaction.csv and liquefaction.png from the runs that compare the engines."""
-    for name, table in (("engines", agreement(read_curves(files, progress))), ("liquefaction", cycles_table(files))):
-        text = table.to_csv(index=False, float_format="%.5g")
-        write_with_provenance(folder / f"{name}.csv", text, files, command)
-    plots.save(liquefaction_figure(files), folder / "liquefaction.png", files, command)
+    tables = {"engines": agreement(read_curves(files, progress)), "liquefaction": cycles_table(files)}
+    write_tables(tables, folder, files, command)
+    save_figures({"liquefaction": liquefaction_figure(files)}, folder, files, command)
 
 
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
@@ -99,19 +80,14 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     model = Model().reading(beyond_e_cmax="flat")
     strength = model_strength(model, float(start["void_ratio_nominal"]), float(start["coordination_number"]), b)
     tables["model_strength"] = pandas.DataFrame({"b": b, "M": strength})
-    for name, table in tables.items():
-        file = folder / f"{name}.csv"
-        write_with_provenance(file, table.to_csv(index=False, float_format="%.5g"), [source], command)
-        yield file
+    yield from write_tables(tables, folder, [source], command)
     progress(0.7, "figures")
     figures = {
         "strength": strength_figure(ends, tables["strength"], {"b": b, "M": strength}),
         "c0_errors": error_figure(errors),
         "c0_components": rotation_figure(data),
     }
-    for name, figure in figures.items():
-        plots.save(figure, folder / f"{name}.png", [source], command)
-        yield folder / f"{name}.png"
+    yield from save_figures(figures, folder, [source], command)
     for name in ("engines", "liquefaction"):
         if (folder / f"{name}.csv").exists():
             tables[name] = pandas.read_csv(folder / f"{name}.csv")

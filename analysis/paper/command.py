@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pandas
 
+from analysis.campaigns import add_campaign_options, finished, simulate
 from analysis.paper import runs, sources
 from analysis.paper.condense import condense
 from analysis.paper.drawn import draw_all
@@ -17,12 +17,8 @@ from analysis.paper.ends import Runs
 from analysis.paper.origins import threads_of
 from analysis.paper.report import report
 from analysis.paper.tables import write_tables
-from analysis.places import results_folder
-from labkit.campaign import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
-from labkit.cli.arguments import positive_int
 from labkit.dem import Progress
 from labkit.engines import find_yade
-from labkit.errors import InputError
 from labkit.io import make_folder, reporter, write_with_provenance
 from labkit.runs import snapshots
 from labkit.visuals import draw_grains, plots
@@ -34,19 +30,7 @@ CONDENSED, TABLES, FIGURES = 0.3, 0.5, 0.95  # fractions of the progress at whic
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab paper`."""
-    parser.add_argument(
-        "campaign",
-        nargs="?",
-        help="campaign folder, created or resumed (default: none; everything is rebuilt from the reduced run files in "
-        "the output folder)",
-    )
-    parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
-    parser.add_argument(
-        "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
-    )
-    parser.add_argument(
-        "-o", "--output", default=results_folder("paper"), help="folder for the results (default: results/paper)"
-    )
+    add_campaign_options(parser, "paper", "everything is rebuilt from the reduced run files in the output folder")
 
 
 def main(options: argparse.Namespace, command: str) -> int:
@@ -54,22 +38,10 @@ def main(options: argparse.Namespace, command: str) -> int:
     code = 0
     if options.campaign and not options.as_is:
         find_yade()
-        code = simulate(options.campaign, options.cores, reporter("campaign"))
+        code = simulate(options.campaign, options.cores, reporter("campaign"), TESTS)
     for file in paper(options.campaign, options.output, command, reporter("paper")):
         print(file)
     return int(code != 0)
-
-
-def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path = TESTS) -> int:
-    """Brings the campaign in `folder` up to date and returns its exit code.
-
-    It uses the campaign file in the folder, or else `tests`.
-    """
-    folder = Path(folder)
-    file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else tests
-    text = file.read_text(encoding="utf-8")
-    plan = plan_of(read_campaign(file))
-    return tell(plan, folder, run_workflow(plan, text, folder, cores, progress=progress))
 
 
 def paper(campaign: str | Path | None, output: str | Path, command: str, progress: Progress) -> Iterator[Path]:
@@ -109,14 +81,6 @@ def paper(campaign: str | Path | None, output: str | Path, command: str, progres
     report(folder, folder / "report.html", command)
     progress(1.0, "done")
     yield folder / "report.html"
-
-
-def finished(campaign: str | Path) -> list[Path]:
-    """Finished run files of the campaign in a folder. Raises InputError if there are none."""
-    files = sorted((Path(campaign) / RUNS).glob("*.run.nc"))
-    if not files:
-        raise InputError(f"{campaign} contains no finished runs: use a campaign folder of ./lab paper")
-    return files
 
 
 def cost_table(runs: Runs) -> pandas.DataFrame:

@@ -17,7 +17,7 @@ import labkit as lk
 from analysis import statistics
 from analysis.paper.estimates import jackknife
 from analysis.paper.specimens import density_of, specimens_of
-from analysis.statistics import adjusted
+from analysis.statistics import adjusted_once
 from labkit.micro import mean_stress
 from labkit.model import ROOT_3_2, Parameters, critical_coordination_number, critical_force, density_distance
 from labkit.sff import c0_stress
@@ -176,7 +176,7 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
         x = fit(ends)
         fitted = bool(np.isfinite(x).all())
         residual = ends[column].to_numpy(dtype=float) - np.asarray(at(x, ends), dtype=float) if fitted else np.zeros(0)
-        slopes = _slopes(at, ends, x) if fitted else np.zeros((0, 1))
+        slopes = line_slopes(at, ends, x) if fitted else np.zeros((0, 1))
         for factor, group_of in FACTORS.items():
             groups = group_of(ends)
             found = statistics.one_line(residual, slopes, np.array(groups), specimens) if fitted else None
@@ -198,9 +198,7 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
                     }
                 )
     table = pandas.DataFrame(rows, columns=list(ONE_LINE))
-    asked = table.drop_duplicates(["line", "factor"])
-    corrected = dict(zip(zip(asked["line"], asked["factor"], strict=True), adjusted(asked["p_value"]), strict=True))
-    table["corrected"] = [corrected[key] for key in zip(table["line"], table["factor"], strict=True)]
+    table["corrected"] = adjusted_once(table, ["line", "factor"])
     return table
 
 
@@ -219,7 +217,7 @@ ONE_LINE = (
 )
 
 
-def _slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:
+def line_slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:
     """Derivatives of the line with respect to x, (n, parameters), by central differences.
 
     Parameters without influence are left out.

@@ -16,7 +16,7 @@ from analysis.statistics.estimates import (
     t_interval,
     welch,
 )
-from analysis.statistics.multiplicity import SIGNIFICANT, adjusted, resolved, verdict
+from analysis.statistics.multiplicity import SIGNIFICANT, adjusted, adjusted_once, resolved, verdict
 from analysis.statistics.one_line import OneLine, one_line
 from analysis.statistics.stationarity import slope_of, slope_table, stationarity_table
 
@@ -28,6 +28,7 @@ __all__ = [
     "OneLine",
     "Tested",
     "adjusted",
+    "adjusted_once",
     "cluster_mean",
     "one_line",
     "paired_difference",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+import pandas
 from numpy.typing import ArrayLike
 from statsmodels.stats.multitest import multipletests
 
@@ -26,6 +28,13 @@ def adjusted(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:
     if tested.any():
         corrected[tested] = multipletests(p[tested], alpha=SIGNIFICANT, method=method)[1]
     return corrected
+
+
+def adjusted_once(table: pandas.DataFrame, by: Sequence[str]) -> np.ndarray:
+    """`p_value` of each row, corrected (Holm) for the number of tests; rows with the same `by` belong to one test."""
+    asked = table.drop_duplicates(list(by)).set_index(list(by))["p_value"]
+    corrected = pandas.Series(adjusted(asked), asked.index)
+    return corrected.loc[pandas.MultiIndex.from_frame(table[list(by)])].to_numpy()
 
 
 def resolved(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:

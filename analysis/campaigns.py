@@ -1,0 +1,80 @@
+"""What the commands of the studies share: their options, their campaign, and the files that they write."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas
+from matplotlib.figure import Figure
+
+from analysis.places import results_folder
+from labkit.campaign import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
+from labkit.cli.arguments import positive_int
+from labkit.dem import Progress
+from labkit.errors import InputError
+from labkit.io import open_netcdf, write_with_provenance
+from labkit.visuals import plots
+
+
+def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwise: str) -> None:
+    """Adds `campaign`, --as-is, --cores and --output.
+
+    results: folder in results/; otherwise: what happens without a campaign folder.
+    """
+    parser.add_argument(
+        "campaign", nargs="?", help=f"campaign folder, created or resumed (default: none; {otherwise})"
+    )
+    parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
+    parser.add_argument(
+        "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
+    )
+    parser.add_argument(
+        "-o", "--output", default=results_folder(results), help=f"folder for the results (default: results/{results})"
+    )
+
+
+def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path) -> int:
+    """Brings the campaign in `folder` up to date and returns its exit code.
+
+    It uses the campaign file in the folder, or else `tests`.
+    """
+    folder = Path(folder)
+    file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else tests
+    text = file.read_text(encoding="utf-8")
+    plan = plan_of(read_campaign(file))
+    return tell(plan, folder, run_workflow(plan, text, folder, cores, progress=progress))
+
+
+def finished(campaign: str | Path) -> list[Path]:
+    """Files of the finished runs of the campaign in a folder. Raises InputError if there are none."""
+    files = [file for file in sorted((Path(campaign) / RUNS).glob("*.run.nc")) if _ended(file)]
+    if not files:
+        raise InputError(f"{campaign} contains no finished runs: give a folder in which the campaign was run")
+    return files
+
+
+def _ended(file: Path) -> bool:
+    with open_netcdf(file, "run", verify=False) as dataset:
+        return bool(dataset.getncattr("complete")) or bool(getattr(dataset, "ended_because", ""))
+
+
+def write_tables(
+    tables: Mapping[str, pandas.DataFrame], folder: Path, sources: Sequence[str | Path], command: str
+) -> list[Path]:
+    """Writes each table as NAME.csv with its provenance; returns the files."""
+    for name, table in tables.items():
+        text = table.to_csv(index=False, float_format="%.5g")
+        write_with_provenance(folder / f"{name}.csv", text, sources, command)
+    return [folder / f"{name}.csv" for name in tables]
+
+
+def save_figures(
+    figures: Mapping[str, Figure], folder: Path, sources: Sequence[str | Path], command: str
+) -> list[Path]:
+    """Saves each figure as NAME.png with its provenance; returns the files."""
+    for name, figure in figures.items():
+        plots.save(figure, folder / f"{name}.png", sources, command)
+    return [folder / f"{name}.png" for name in figures]
