@@ -24,9 +24,7 @@ def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwis
 
     results: folder in results/; otherwise: what happens without a campaign folder.
     """
-    parser.add_argument(
-        "campaign", nargs="?", help=f"campaign folder, created or resumed (default: none; {otherwise})"
-    )
+    parser.add_argument("campaign", nargs="?", help=f"campaign folder, created or resumed (default: none; {otherwise})")
     parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
     parser.add_argument(
         "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"

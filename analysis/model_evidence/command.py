@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import xarray as xr
+
+from analysis.campaigns import save_figures, write_tables
+from analysis.critical_state.command import DATA
 from analysis.model_evidence.calibrations import calibrate_all
 from analysis.model_evidence.errors import combined, error_summary, test_errors
 from analysis.model_evidence.figures import error_figure
 from analysis.model_evidence.increments import increments
 from analysis.model_evidence.inversion import inversion_errors
+from analysis.model_evidence.new_tests import new_combined, new_errors, new_tests
 from analysis.model_evidence.page import page
 from analysis.model_evidence.residuals import forms_of_c4, missing_elements
 from analysis.paper import runs, sources
@@ -20,7 +26,6 @@ from analysis.paper.lines import both_lines
 from analysis.places import results_folder
 from labkit.dem import Progress
 from labkit.io import make_folder, reporter, write_with_provenance
-from labkit.visuals import plots
 
 FITS = "calibrations.json"
 
@@ -29,6 +34,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab model-evidence`."""
     parser.add_argument(
         "--paper", default=results_folder("paper"), help="results of ./lab paper (default: results/paper)"
+    )
+    parser.add_argument(
+        "--new",
+        default=os.path.join(results_folder("critical_state"), DATA),
+        help="data set of ./lab critical-state, whose tests no model was fitted to (default: the stored one)",
     )
     parser.add_argument(
         "--refit",
@@ -48,12 +58,15 @@ def main(options: argparse.Namespace, command: str) -> None:
     folder = Path(make_folder(options.output, "--output"))
     if options.refit:
         (folder / FITS).unlink(missing_ok=True)
-    for file in write(Path(options.paper), folder, command, reporter("model")):
+    for file in write(Path(options.paper), Path(options.new), folder, command, reporter("model")):
         print(file)
 
 
-def write(paper: Path, folder: Path, command: str, progress: Progress) -> Iterator[Path]:
-    """Writes the results from the reduced run files in `paper`; yields the files. Fits only what is not stored."""
+def write(paper: Path, new: Path, folder: Path, command: str, progress: Progress) -> Iterator[Path]:
+    """Writes the results from the reduced run files in `paper`; yields the files. Fits only what is not stored.
+
+    new: data set of ./lab critical-state; without it the models are not compared with new tests.
+    """
     stored = runs(paper)
     known = of_the_paper(in_memory(stored))
     calibrations = calibrate_all(known, folder / FITS, lambda share, text: progress(0.7 * share, text))
@@ -71,11 +84,13 @@ def write(paper: Path, folder: Path, command: str, progress: Progress) -> Iterat
         "inversion": inversion_errors(monotonic),
     }
     files = sources(stored)
-    for name, frame in tables.items():
-        write_with_provenance(folder / f"{name}.csv", frame.to_csv(index=False, float_format="%.5g"), files, command)
-        yield folder / f"{name}.csv"
-    plots.save(error_figure(errors), folder / "errors.png", files, command)
-    yield folder / "errors.png"
+    if new.exists():
+        progress(0.9, "comparing the models with new tests")
+        found = new_errors(new_tests(xr.load_dataset(new)), calibrations)
+        tables |= {"new_errors": found, "new_summary": error_summary(found), "new_combined": new_combined(found)}
+        files = [*files, str(new)]
+    yield from write_tables(tables, folder, files, command)
+    yield from save_figures({"errors": error_figure(errors)}, folder, files, command)
     write_with_provenance(folder / "README.md", page(tables, command), files, command)
     yield folder / "README.md"
     progress(1.0, "done")

@@ -33,14 +33,18 @@ def test_errors(runs: Runs, calibrations: Calibrations) -> pandas.DataFrame:
     tables = []
     for path in PATHS:
         own = {name: run for name, run in runs.items() if run.attrs["path"] == path}
-        models = {TABLE_2: Model(), **{name: Model().reading(**readings) for name, readings in ALSO_TABLE_2.items()}}
-        models |= {variant: calibrations[variant, path] for variant in VARIANTS}
+        models = readings_of_table_2() | {variant: calibrations[variant, path] for variant in VARIANTS}
         flat = {name: model.reading(beyond_e_cmax="flat") for name, model in models.items()}
         tables.append(compare(own, flat)[0])
     table = pandas.concat(tables, ignore_index=True).rename(columns={"parameters": "model"})
     table = table[table["model"] != "seed"]
     table.insert(1, "specimen", [specimen_of(str(run)) for run in table["run"]])
     return table.drop(columns=["calibrated_on", "e_error"])
+
+
+def readings_of_table_2() -> dict[str, Model]:
+    """Name -> the model with the constants of Table 2: the paper's, and other readings of it."""
+    return {TABLE_2: Model()} | {name: Model().reading(**readings) for name, readings in ALSO_TABLE_2.items()}
 
 
 def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
@@ -52,7 +56,7 @@ def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
     completed.
     """
     rows = []
-    for path in PATHS:
+    for path in dict.fromkeys(errors["path"]):
         own = errors[errors["path"] == path]
         for quantity in QUANTITIES:
             for model in dict.fromkeys(own["model"]):
@@ -111,8 +115,7 @@ def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
 
     ratio: of the errors, geometric mean over the quantities of a test, its tests and then the specimens, with low and
     high, its 95 % interval; only tests that both complete; p_value: t test over specimens that the logarithm of the
-    ratio is zero; corrected: for the number of rows (Holm).
-    one does.
+    ratio is zero; corrected: for the number of rows (Holm); failed: tests that only `model` does not complete.
     """
     long = errors.melt(["run", "specimen", "path", "model", "reached"], QUANTITIES, "quantity", "error")
     long = long[np.isfinite(long["error"])]

@@ -57,16 +57,21 @@ def reduced(run: xr.Dataset) -> xr.Dataset:
 
 
 def collect(files: Sequence[Path], output: Path, command: str, progress: Progress, title: str = TITLE) -> None:
-    """Reduces run files to one data set, dimensions run, point, snapshot, i, j, form and part, and writes it."""
-    sets, names = [], []
+    """Reduces run files to one data set, dimensions run, point, snapshot, i, j, form and part, and writes it.
+
+    Coordinates along run: test, specimen, and the path with its parameters (JSON) as in the run files.
+    """
+    sets, names, paths = [], [], []
     for k, file in enumerate(files):
         names.append(file.name.removesuffix(".run.nc"))
         progress(k / len(files), f"reading {names[-1]}")
         with lk.open_run(file) as run:
             sets.append(reduced(run))
+            paths.append((run.attrs["path"], run.attrs["path_parameters"]))
     data = xr.concat(sets, "run", join="outer").assign_coords(run=names)
     tests, specimens = zip(*map(test_and_specimen, names), strict=True)
     data = data.assign_coords(test=("run", list(tests)), specimen=("run", list(specimens)))
+    data = data.assign_coords(path=("run", [p for p, _ in paths]), path_parameters=("run", [p for _, p in paths]))
     data.attrs = {"title": title, "provenance": provenance_json(command, files, output)}
     coding: dict[str, dict[str, Any]] = {str(name): {"dtype": "f4", "zlib": True} for name in data.data_vars}
     with whole_file(output) as temporary:

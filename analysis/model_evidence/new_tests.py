@@ -1,0 +1,61 @@
+"""The models on tests that neither their calibration nor their choice has seen: those of results/critical_state."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas
+import xarray as xr
+
+from analysis.critical_state.ends import packing
+from analysis.critical_state.questions import direction
+from analysis.model_evidence.calibrations import VARIANTS, Calibrations
+from analysis.model_evidence.errors import combined, readings_of_table_2
+from analysis.paper.ends import Runs
+from analysis.paper.model_comparison import compare
+
+STRAIN = 0.4  # of the paper's tests, to which the models were fitted
+NOT_FITTED = "cyclic_cp"  # no calibration uses cyclic tests: the fits without them are fits to all other tests
+DIRECTIONS = ("compression", "extension")
+
+
+def new_tests(data: xr.Dataset, strain: float = STRAIN) -> Runs:
+    """Axisymmetric tests with the paper's stiffness up to a strain, name -> run; data: of ./lab critical-state."""
+    return {
+        str(name): _run(data.sel(run=name), strain)
+        for name, test in zip(data["run"].values, data["test"].values, strict=True)
+        if direction(str(test)) in DIRECTIONS and "series" not in str(test)
+    }
+
+
+def _run(one: xr.Dataset, strain: float) -> xr.Dataset:
+    """The records of a test up to a strain, as labkit.open_run has them."""
+    parameters = json.loads(str(one["path_parameters"].values))
+    parameters["strain"] = float(np.copysign(strain, parameters["strain"]))
+    run = one.isel(point=(one["accumulated_strain"] <= strain * (1.0 + 1e-6)).values).rename(point="time")
+    run = run.drop_vars(["run", "test", "specimen", "path", "path_parameters"]).astype("f8")
+    run["axial_strain"] = run["strain"][:, 2, 2].drop_vars(["i", "j"])
+    attrs = {"path": str(one["path"].values), "path_parameters": json.dumps(parameters)}
+    return run.assign_attrs(attrs)
+
+
+def new_errors(runs: Runs, calibrations: Calibrations) -> pandas.DataFrame:
+    """Errors of every model in every new test, a row per test and model, as those of analysis.model_evidence.errors.
+
+    `path` is the name of the test in its campaign, `direction` compression or extension.
+    """
+    models = readings_of_table_2() | {variant: calibrations[variant, NOT_FITTED] for variant in VARIANTS}
+    table = compare(runs, {name: model.reading(beyond_e_cmax="flat") for name, model in models.items()})[0]
+    table = table.rename(columns={"parameters": "model"}).drop(columns=["calibrated_on", "e_error"])
+    names = table["run"].str.partition("-")
+    table["path"] = names[0]
+    table.insert(1, "specimen", [packing(specimen) for specimen in names[2]])
+    table.insert(3, "direction", [direction(test) for test in names[0]])
+    return table
+
+
+def new_combined(errors: pandas.DataFrame) -> pandas.DataFrame:
+    """`combined` of the tests in compression, and of those in extension: a column `direction` and a row per pair."""
+    parts = {name: errors[errors["direction"] == name] for name in DIRECTIONS}
+    return pandas.concat([combined(part).assign(direction=name) for name, part in parts.items() if len(part)])
