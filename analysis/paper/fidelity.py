@@ -60,8 +60,9 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
     """
     comparisons = end_comparisons(runs)
     rows, tested = [], []
+    parts: dict[str, pandas.DataFrame] = {}
     for number in NUMBERS:
-        row, some = _row(number, runs, comparisons, study)
+        row, some = _row(number, runs, comparisons, study, parts)
         rows.append(row)
         tested.append(some)
     causes = pandas.DataFrame(
@@ -113,9 +114,13 @@ def _cause(row: dict[str, Any], item: Effect) -> dict[str, Any]:
 
 
 def _row(
-    number: Number, runs: Runs, comparisons: Sequence[Comparison], study: xr.Dataset | None
+    number: Number,
+    runs: Runs,
+    comparisons: Sequence[Comparison],
+    study: xr.Dataset | None,
+    parts: dict[str, pandas.DataFrame],
 ) -> tuple[dict[str, Any], list[Effect]]:
-    """(row of the numbers, tested causes)."""
+    """(row of the numbers, tested causes); parts: see _scatter."""
     chosen = number.select(runs)
     row: dict[str, Any] = {
         "number": number.name,
@@ -141,7 +146,7 @@ def _row(
         "uncertainty_of": _basis(ours, len(of)),
         "tests": len(of),
         "specimens": ours.n,
-        **_scatter(number, chosen),
+        **_scatter(number, chosen, parts),
         "difference": difference,
         "allowed": known + number.rounding,
         "judged": number.resolution if number.kind == "measured" else math.nan,
@@ -184,10 +189,10 @@ def estimate(number: Number, of: pandas.DataFrame) -> Tested:
     return jackknife(lambda rows: number.statistic(of.iloc[rows]), len(of), number.parameters, specimens)
 
 
-def _scatter(number: Number, chosen: Runs) -> dict[str, float]:
+def _scatter(number: Number, chosen: Runs, parts: dict[str, pandas.DataFrame]) -> dict[str, float]:
     """Pooled standard deviations between the seeds of a specimen and of the window mean of one test, from its blocks.
 
-    NaN between seeds if no specimen has several.
+    NaN between seeds if no specimen has several. parts: name -> blocks of a test, filled as they are needed.
     """
     if number.at_start or number.parameters > 1 or not chosen:
         return {}
@@ -199,8 +204,10 @@ def _scatter(number: Number, chosen: Runs) -> dict[str, float]:
     between = math.sqrt(sum(len(own) * own.var() for own in groups) / freedom) if freedom else math.nan
     square = []
     for name, run in chosen.items():
-        last = float(run["axial_strain"][-1])
-        own = blocks(name, run, (1.0 - WINDOW) * last, last)
+        if name not in parts:
+            last = float(run["axial_strain"][-1])
+            parts[name] = blocks(name, run, (1.0 - WINDOW) * last, last)
+        own = parts[name]
         square.append(np.var([number.statistic(own.iloc[[k]]) for k in range(len(own))], ddof=1) / len(own))
     return {"seed_scatter": between, "window_scatter": math.sqrt(np.mean(square))}
 

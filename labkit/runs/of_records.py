@@ -197,5 +197,5 @@ class OfRecords:
         return self._scalar(ratio, "1", "stress ratio q/p")
 
     def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
-        named = self._run["axial_strain"].copy(data=values).rename(None)
+        named = self._run["axial_strain"].copy(deep=False, data=values).rename(None)
         return named.assign_attrs(units=units, long_name=long_name)
