@@ -31,6 +31,8 @@ from labkit.io import require_writable, write_provenance
 TABLES = "./lab paper"  # commands that write missing files
 STUDY = "./lab speed-error"
 CASES = "./lab hard-cases"
+FAR = "./lab critical-state"
+WORTH = "./lab model-evidence"
 STUDIED = ("study.nc", "settings.csv")
 
 
@@ -65,6 +67,7 @@ def report(folder: str | Path, output: str | Path, command: str) -> None:
         fidelity,
         gallery,
         critical_state,
+        large_strain,
         figures,
         statistics,
         love,
@@ -170,6 +173,22 @@ def critical_state(folder: Path) -> str:
     )
 
 
+def large_strain(folder: Path) -> str:
+    """Tests to 100 % of strain and in other directions."""
+    file = folder.parent / "critical_state/offsets.csv"
+    text = (
+        "The ends at 40 % still drift. Further tests go to 100 % of strain, in compression, extension and between, with "
+        "both rules of stiffness; [their page](../critical_state/README.md) has all tables. Below: the distance of "
+        "their ends from the paper's lines and constants, means over specimens."
+    )
+    return join(
+        "## To 100 % of strain {#large-strain}",
+        text,
+        pieces.pictures("large_strain", folder, FAR),
+        pieces.csv_table(file, "distance from the paper's lines", FAR, fold=True),
+    )
+
+
 def figures(folder: Path) -> str:
     """The paper's figures."""
     there = [name for name in pieces.names_of("figures") if (folder / name).is_file()]
@@ -224,7 +243,8 @@ def model(folder: Path) -> str:
     text = model_summary(pandas.read_csv(file), boxed) if file.is_file() else ""
     all_errors = pieces.csv_table(file, "errors of q, p and e", TABLES, fold=True)
     parameters = pieces.csv_table(folder / "parameters.csv", "parameters of Table 2 and ours", TABLES, fold=True)
-    return join("## The model against the simulations {#model}", text, all_errors, parameters)
+    worth = pieces.pictures("model_evidence", folder, WORTH)
+    return join("## The model against the simulations {#model}", text, worth, all_errors, parameters)
 
 
 def boxed(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
