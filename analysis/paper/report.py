@@ -177,8 +177,8 @@ def large_strain(folder: Path) -> str:
     """Tests to 100 % of strain and in other directions."""
     file = folder.parent / "critical_state/offsets.csv"
     text = (
-        "The ends at 40 % still drift. Further tests go to 100 % of strain, in compression, extension and between, with "
-        "both rules of stiffness; [their page](../critical_state/README.md) has all tables. Below: the distance of "
+        "The ends at 40 % still drift. Further tests go to 100 % of strain, in compression, extension and between, "
+        "with both rules of stiffness; [their page](../critical_state/README.md) has all tables. Below: the distance of "
         "their ends from the paper's lines and constants, means over specimens."
     )
     return join(
