@@ -178,8 +178,8 @@ def large_strain(folder: Path) -> str:
     file = folder.parent / "critical_state/offsets.csv"
     text = (
         "The ends at 40 % still drift. Further tests go to 100 % of strain, in compression, extension and between, "
-        "with both rules of stiffness; [their page](../critical_state/README.md) has all tables. Below: the distance of "
-        "their ends from the paper's lines and constants, means over specimens."
+        "with both rules of stiffness; [their page](../critical_state/README.md) has all tables. Below: the distance "
+        "of their ends from the paper's lines and constants, means over specimens."
     )
     return join(
         "## To 100 % of strain {#large-strain}",
