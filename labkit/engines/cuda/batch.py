@@ -1,0 +1,279 @@
+"""States that advance together on the device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+import labkit
+from labkit.dem.energy import kinetic_energy
+from labkit.dem.state import State
+from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, take, zeros
+from labkit.engines.cuda.build import kernels_for, row_of, shape_of
+from labkit.engines.cuda.contacts import STRESSES
+from labkit.engines.cuda.device import BLOCK, SLICE, require_device
+from labkit.engines.cuda.listing import Listing, contacts_of, entries, listing_of, spread
+from labkit.engines.kernel.neighbours import grid_shape, sort_grains
+from labkit.errors import InputError, PhysicsError
+
+SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
+CHUNK = 50  # most steps between two looks at whether a search is due
+SPARE = 1.25  # room for entries over those needed at the last search that did not fit
+
+LOST = "a grain is lost or its position became NaN: the time step is too large"
+
+# arrays of a State that the device holds
+ON_DEVICE = (
+    "position",
+    "velocity",
+    "angular_velocity",
+    "contact_grain",
+    "contact_shift",
+    "tangential_force",
+    "rolling_moment",
+)
+
+
+class Batch:
+    """States on the device. They share the type of contact law; everything else may differ.
+
+    failures: why a state stopped, one sentence; None for those that can go on. A state that fails does not affect the
+    others, and the results of a state have the same bits in any batch.
+    """
+
+    def __init__(self, states: Sequence[State]) -> None:
+        """Load the states; compile the kernels at the first use of a contact law. Raises InputError."""
+        require_device()
+        if not states:
+            raise InputError("a batch needs at least one State")
+        n = len(states)
+        law, features = states[0].scene.contact_law, states[0].scene.contact_law.features(states[0].scene)
+        self._law, self._shape, self._kernels = type(law), shape_of(features), kernels_for(law, features)
+        self._count = np.array([state.number_of_grains for state in states])
+        padded = -(-self._count // BLOCK) * BLOCK
+        self._first = np.cumsum(padded) - padded
+        self._blocks = int(padded.sum()) // BLOCK
+        self._room = np.zeros(n, int)
+        self._states = new_states(self._first, self._count, len(row_of(features)))
+        self._grains = new_grains(np.repeat(np.arange(n), padded // BLOCK))
+        self._lists = new_lists(n, int(padded.sum()))
+        self._grid = new_grid(self._count, int(padded.sum()))
+        self._sums, self._totals = zeros((STRESSES, self._blocks)), zeros((n, STRESSES))
+        self._start = list(states)
+        self._order = [np.zeros(0, int)] * n
+        self._side = np.zeros(n, np.int32)
+        self.failures: list[str | None] = [None] * n
+        for i, state in enumerate(states):
+            self._put(i, state)
+        self._search(np.ones(n, bool), moving=0.0)
+
+    def __len__(self) -> int:
+        return len(self._start)
+
+    def load(self, i: int, state: State) -> None:
+        """Replace the i-th state by one of as many grains. Raises InputError."""
+        if state.number_of_grains != self._count[i]:
+            raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many")
+        self._put(i, state)
+        self.failures[i] = None
+        self._search(np.arange(len(self)) == i, moving=0.0)
+
+    def advance(self, steps: int | np.ndarray, velocity_gradient: np.ndarray) -> None:
+        """Advance each state by a number of steps, the same for all or (n,), with the gradients (n, 3, 3), 1/s."""
+        going = np.array([failure is None for failure in self.failures])
+        steps = left = np.where(going, steps, 0).astype(np.int32)
+        due = np.zeros(len(self), np.int32)
+        self._states.left.copy_to_device(left)
+        self._states.wanted.copy_to_device(np.ascontiguousarray(velocity_gradient, float))
+        k, s, g = self._kernels, self._states, self._grains
+        while left.any() or due.any():
+            if due.any():
+                self._search(due == 1)
+            for _ in range(min(int(left.max()), CHUNK)):
+                k.start_step[-(-len(self) // SLICE), SLICE](s)
+                k.move[self._blocks, BLOCK](s, g)
+                k.forces[self._blocks, BLOCK](s, g, self._lists, 1.0)
+            left, due = s.left.copy_to_host(), s.due.copy_to_host()
+        for i, done in enumerate(steps):
+            start = self._start[i]
+            time = start.time + int(done) * start.time_step
+            self._start[i] = start.replace(step=start.step + int(done), time=time)
+
+    def stress(self) -> np.ndarray:
+        """Love's stress of each state, (n, 3, 3), Pa, compression positive."""
+        k = self._kernels
+        k.stress_of_blocks[self._blocks, BLOCK](self._states, self._grains, self._lists, self._sums)
+        k.stress_of_states[(len(self), STRESSES), BLOCK](self._states, self._sums, self._totals)
+        volume = np.linalg.det(self._states.cell.copy_to_host())
+        return -self._totals.copy_to_host().reshape(-1, 3, 3) / volume[:, None, None]
+
+    def state(self, i: int) -> State:
+        """A copy of the i-th State, with contacts sorted by grain and the ledger up to date. Raises PhysicsError."""
+        start, order = self._start[i], self._order[i]
+        ledger = start.ledger.plus(*self._columns(self._grains.energies, i).sum(axis=1))
+        if not np.isfinite(ledger.cell_work):
+            raise PhysicsError(f"forces became NaN: the time step {start.time_step:.3g} s is too large")
+        kinematics = {}
+        for name, rows in zip(ON_DEVICE, (self._grains.position, self._grains.velocity, self._grains.spin), strict=False):
+            kinematics[name] = np.empty((len(order), 3))
+            kinematics[name][order] = self._columns(rows, i).T
+        cell = self._states.cell.copy_to_host()[i]
+        contacts = contacts_of(self._listing(i), order, kinematics["position"], start.radius, cell)
+        return start.replace(
+            **kinematics,
+            **contacts,
+            cell=cell,
+            velocity_gradient=self._states.used.copy_to_host()[i],
+            engine="cuda",
+            engine_version=labkit.__version__,
+            precision="double",
+            ledger=ledger,
+        )
+
+    def stop_grains(self, i: int) -> None:
+        """Set all velocities of the i-th state to zero; the ledger counts their energy as dissipated by damping."""
+        state = self.state(i)
+        zero = np.zeros_like(state.velocity)
+        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
+        self.load(i, state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
+
+    def _columns(self, array: Any, i: int) -> np.ndarray:
+        """The columns of an array of grains that belong to the i-th state."""
+        return take(array, int(self._first[i]), int(self._count[i]))
+
+    def _put(self, i: int, state: State) -> None:
+        """Copy a State to the device, without its neighbour list. Raises InputError."""
+        scene, law = state.scene, state.scene.contact_law
+        features = law.features(scene)
+        if type(law) is not self._law or shape_of(features) != self._shape:
+            raise InputError(
+                f"state {i} of a batch has another contact law or other features, such as friction or rolling "
+                "resistance: put states with the same ones in a batch"
+            )
+        skin, diameter = SKIN * 2.0 * state.radius.mean(), 2.0 * state.radius.max()
+        order = sort_grains(state.position, state.cell, diameter + skin).order
+        self._order[i], self._start[i] = order, state.replace(**dict.fromkeys(ON_DEVICE))
+        radius, first, g, s = state.radius[order], int(self._first[i]), self._grains, self._states
+        put(g.number, first, order)
+        put(g.radius, first, radius)
+        put(g.inverse_mass, first, 1.0 / scene.mass(radius))
+        put(g.inverse_inertia, first, 1.0 / scene.moment_of_inertia(radius))
+        put(g.position, first, state.position[order].T)
+        put(g.velocity, first, state.velocity[order].T)
+        put(g.spin, first, state.angular_velocity[order].T)
+        put(g.energies, first, np.zeros((ENERGIES, len(order))))
+        before, dt = state.velocity_gradient, state.time_step
+        drift = before @ np.linalg.solve(np.eye(3) + dt * before, state.cell)
+        rows = (s.time_step, dt), (s.skin, skin), (s.diameter, diameter), (s.law, row_of(features)), (s.due, 0)
+        for array, value in (*rows, (s.cell, state.cell), (s.used, before), (s.drift, drift)):
+            array[i : i + 1].copy_to_device(np.ascontiguousarray(np.asarray(value, array.dtype)[None]))
+        self._put_contacts(i, state)
+
+    def _put_contacts(self, i: int, state: State) -> None:
+        """Copy the contacts of a State to the device, as the list from which the first search takes their history."""
+        listing, count, slice_first, total = listing_of(state, self._order[i])
+        self._grow(np.where(np.arange(len(self)) == i, total, 0))
+        first, side, lists = int(self._first[i]), int(self._side[i]), self._lists
+        at, partner = int(lists.region.copy_to_host()[side, i]), listing.partner + first
+        put(lists.count[side], first, count)
+        put(lists.slice_first[side], first // SLICE, slice_first)
+        for array, values in (
+            (lists.partner, np.where(listing.is_first, partner, ~partner)),
+            (lists.shift, listing.shift.T),
+            (lists.history, listing.history.T),
+        ):
+            put(array, at, spread(values, listing.slot, total))
+
+    def _grow(self, needed: np.ndarray) -> None:
+        """Give each state room for the entries that it needs (n,)."""
+        small = needed > self._room
+        if not small.any():
+            return
+        room = np.where(small, -(-(SPARE * needed).astype(int) // SLICE) * SLICE, self._room)
+        first = np.cumsum(room) - room
+        region = np.stack([first, first + room.sum()])
+        old_region, s = self._lists.region.copy_to_host(), range(len(self))
+        changed: dict[str, Any] = {"region": cuda.to_device(region)}
+        for name in ("partner", "shift", "stiffness", "history"):
+            old = getattr(self._lists, name).copy_to_host()
+            new = np.zeros((*old.shape[:-1], 2 * int(room.sum()) + 1), old.dtype)
+            for i in s:
+                source, target = old_region[self._side[i], i], region[self._side[i], i]
+                new[..., target : target + self._room[i]] = old[..., source : source + self._room[i]]
+            changed[name] = cuda.to_device(new)
+        self._lists, self._room = self._lists._replace(**changed), room
+
+    def _search(self, which: np.ndarray, moving: float = 1.0) -> None:
+        """Find the neighbours of the states `which` (n,), and compute their forces; moving: see contacts.forces."""
+        k, s, g, grid = self._kernels, self._states, self._grains, self._grid
+        cell = s.cell.copy_to_host()
+        which = which & self._set_grid(which, cell)
+        n = len(self)
+        k.clear[n, BLOCK](grid)
+        k.place[self._blocks, BLOCK](s, g, grid)
+        k.offsets[n, BLOCK](grid)
+        k.sort[self._blocks, BLOCK](s, g, grid)
+        k.count[self._blocks, BLOCK](s, g, self._lists, grid)
+        k.arrange[n, BLOCK](s, self._lists, grid)
+        lost = grid.lost.copy_to_host() == 1
+        self._grow(np.where(which, grid.needed.copy_to_host(), 0))
+        k.fill[self._blocks, BLOCK](s, g, self._lists, grid)
+        self._side = np.where(which, 1 - self._side, self._side).astype(np.int32)
+        self._lists.side.copy_to_device(self._side)
+        first_cell = s.first_cell.copy_to_host()
+        first_cell[which] = cell[which]
+        s.first_cell.copy_to_device(first_cell)
+        for i in np.flatnonzero(which):
+            self._put_stiffness(int(i))
+        self._fail(which & lost)
+        s.due.copy_to_device(np.where(which, 0, s.due.copy_to_host()).astype(np.int32))
+        s.running.copy_to_device((which & ~lost).astype(np.int32))
+        k.forces[self._blocks, BLOCK](s, g, self._lists, moving)
+
+    def _set_grid(self, which: np.ndarray, cell: np.ndarray) -> np.ndarray:
+        """Define the grids of the states `which` (n,) with cells (n, 3, 3); return which of them have a sound cell."""
+        shape, span, inverse = np.ones((len(self), 3), int), np.ones((len(self), 3), int), np.zeros((len(self), 3, 3))
+        sound = which & (np.nan_to_num(np.linalg.det(np.nan_to_num(cell))) > 0.0) & np.isfinite(cell).all(axis=(1, 2))
+        reach = self._states.diameter.copy_to_host() + self._states.skin.copy_to_host()
+        for i in np.flatnonzero(sound):
+            shape[i], span[i] = grid_shape(cell[i], reach[i], int(self._count[i]))
+            inverse[i] = np.linalg.inv(cell[i])
+        self._fail(which & ~sound)
+        grid = self._grid
+        grid.searching.copy_to_device(sound.astype(np.int32))
+        grid.shape.copy_to_device(shape.astype(np.int32))
+        grid.span.copy_to_device(span.astype(np.int32))
+        grid.inverse.copy_to_device(inverse)
+        grid.lost.copy_to_device(np.zeros(len(self), np.int32))
+        return sound
+
+    def _fail(self, which: np.ndarray) -> None:
+        """Stop the states `which` (n,), of which a grain is lost."""
+        if not which.any():
+            return
+        for i in np.flatnonzero(which):
+            self.failures[i] = LOST
+        for array in (self._states.left, self._states.due):
+            array.copy_to_device(np.where(which, 0, array.copy_to_host()).astype(np.int32))
+
+    def _listing(self, i: int) -> Listing:
+        """The neighbour lists of the i-th state."""
+        first, side, lists = int(self._first[i]), int(self._side[i]), self._lists
+        count = self._columns(lists.count[side], i)
+        slice_first = take(lists.slice_first[side], first // SLICE, -(-len(count) // SLICE))
+        grain, slot = entries(count, slice_first)
+        at, room = int(lists.region.copy_to_host()[side, i]), int(self._room[i])
+        partner, shift, history = (take(a, at, room)[..., slot] for a in (lists.partner, lists.shift, lists.history))
+        is_first = partner >= 0
+        return Listing(grain, slot, np.where(is_first, partner, ~partner) - first, is_first, shift.T, history.T)
+
+    def _put_stiffness(self, i: int) -> None:
+        """Set the stiffness kn of each pair of neighbours of the i-th state."""
+        listing, radius = self._listing(i), self._start[i].radius[self._order[i]]
+        a = np.where(listing.is_first, listing.grain, listing.partner)
+        b = np.where(listing.is_first, listing.partner, listing.grain)
+        kn = spread(self._start[i].scene.normal_stiffness(radius[a], radius[b]), listing.slot, int(self._room[i]))
+        put(self._lists.stiffness, int(self._lists.region.copy_to_host()[self._side[i], i]), kn)

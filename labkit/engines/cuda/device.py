@@ -1,0 +1,54 @@
+"""Whether a GPU can be used, and the compilation of functions for it with numba-cuda."""
+
+from __future__ import annotations
+
+import dis
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numba
+from numba import cuda
+
+from labkit.engines.kernel.compiling import Version, with_globals
+from labkit.errors import InputError
+
+CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
+SIMULATED = bool(CONFIG.ENABLE_CUDASIM)  # Numba runs kernels as plain Python, for tests without a GPU
+
+SLICE = 32  # consecutive grains whose neighbour lists are interleaved: a warp
+BLOCK = SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; each thread of the simulator costs time
+
+
+def require_device() -> None:
+    """Raise InputError if there is no GPU that Numba can use."""
+    if not cuda.is_available():
+        raise InputError(
+            "the engine cuda needs an NVIDIA GPU with its driver, and numba-cuda: pip install 'labkit[cuda]', or "
+            "choose --engine fused"
+        )
+
+
+def device_function(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> Any:
+    """Compile a plain Python function for the device, together with the plain Python functions that it calls.
+
+    known: functions compiled so far, function -> compiled; extended in place.
+    """
+    if SIMULATED and "cuda" not in function.__code__.co_names:
+        return function
+    if function not in known:
+        known[function] = cuda.jit(with_globals(function, callees(function, known, version), version), device=True)
+    return known[function]
+
+
+def callees(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> dict[str, Any]:
+    """The plain Python functions that a function calls by a global name, compiled: name -> function."""
+    names = {code.argval for code in dis.get_instructions(function) if code.opname == "LOAD_GLOBAL"}
+    used = {name: function.__globals__.get(name) for name in names}
+    return {name: device_function(f, known, version) for name, f in used.items() if inspect.isfunction(f)}
+
+
+def kernel(function: Callable[..., None], names: dict[str, Any], version: Version) -> Any:
+    """Compile a kernel, and the functions that it calls; `names`: global names to redefine before."""
+    fresh = with_globals(function, names, version)
+    return cuda.jit(with_globals(fresh, callees(fresh, {}, version), version))
