@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 BELOW = ("io", "micro", "sff", "dem", "engines")  # whole rooms, but for the compiled engine
-COMPILED = ("engines/fused.py", "engines/kernel")
+COMPILED = ("engines/fused.py", "engines/kernel", "engines/cuda")
 COMMANDS = [f"cli/{name}.py" for name in ("__init__", "arguments", "parser", "registry", "simulate", "yade_main")]
 
 REFUSE = """

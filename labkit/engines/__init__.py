@@ -3,6 +3,7 @@
 yade          the YADE engine, the reference; it runs inside YADE
 yade_process  starts YADE as a child process
 fused         labkit's own compiled engine; its loop is in kernel/
+cuda          States on a GPU; needs numba-cuda
 threads       number of threads of the fused engine
 tasks         specimens, consolidations and runs as values that any engine can execute
 speed         speed of an engine, measured in a separate process
@@ -20,7 +21,12 @@ from labkit.extensions import Registry
 from labkit.lazy import attach
 
 ENGINES: Registry = Registry(
-    "engine", {"yade": "labkit.engines.yade:YadeEngine", "fused": "labkit.engines.fused:FusedEngine"}
+    "engine",
+    {
+        "yade": "labkit.engines.yade:YadeEngine",
+        "fused": "labkit.engines.fused:FusedEngine",
+        "cuda": "labkit.engines.cuda.engine:CudaEngine",
+    },
 )
 
 

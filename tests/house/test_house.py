@@ -42,7 +42,7 @@ LONGEST_FILE = 350
 
 # Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
-    "numba": ("engines/kernel", "engines/fused.py", "model", "visuals/render.py", "bench"),
+    "numba": ("engines/kernel", "engines/fused.py", "engines/cuda", "model", "visuals/render.py", "bench"),
     "llvmlite": ("engines/kernel",),
     "matplotlib": ("visuals",),
 }

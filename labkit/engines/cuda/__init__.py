@@ -6,6 +6,7 @@ listing.py   neighbour lists of the contacts of a State, and the contacts of a S
 search.py    kernels that find neighbours
 motion.py    kernels that move cells and grains
 contacts.py  kernels of contact forces, with the contact law, and of Love's stress
+scalars.py   functions of numpy for one number
 build.py     compiles the kernels for one contact law
 batch.py     States that advance together
 engine.py    the engine: a batch of one State

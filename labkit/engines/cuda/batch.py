@@ -61,7 +61,7 @@ class Batch:
         self._grains = new_grains(np.repeat(np.arange(n), padded // BLOCK))
         self._lists = new_lists(n, int(padded.sum()))
         self._grid = new_grid(self._count, int(padded.sum()))
-        self._sums, self._totals = zeros((STRESSES, self._blocks)), zeros((n, STRESSES))
+        self._sums, self._totals = zeros((self._blocks, STRESSES)), zeros((n, STRESSES))
         self._start = list(states)
         self._order = [np.zeros(0, int)] * n
         self._side = np.zeros(n, np.int32)
@@ -106,7 +106,7 @@ class Batch:
         """Love's stress of each state, (n, 3, 3), Pa, compression positive."""
         k = self._kernels
         k.stress_of_blocks[self._blocks, BLOCK](self._states, self._grains, self._lists, self._sums)
-        k.stress_of_states[(len(self), STRESSES), BLOCK](self._states, self._sums, self._totals)
+        k.stress_of_states[len(self), BLOCK](self._states, self._sums, self._totals)
         volume = np.linalg.det(self._states.cell.copy_to_host())
         return -self._totals.copy_to_host().reshape(-1, 3, 3) / volume[:, None, None]
 
@@ -117,7 +117,9 @@ class Batch:
         if not np.isfinite(ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {start.time_step:.3g} s is too large")
         kinematics = {}
-        for name, rows in zip(ON_DEVICE, (self._grains.position, self._grains.velocity, self._grains.spin), strict=False):
+        for name, rows in zip(
+            ON_DEVICE, (self._grains.position, self._grains.velocity, self._grains.spin), strict=False
+        ):
             kinematics[name] = np.empty((len(order), 3))
             kinematics[name][order] = self._columns(rows, i).T
         cell = self._states.cell.copy_to_host()[i]

@@ -14,12 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from labkit.dem.laws.base import ContactLaw, Features
-from labkit.engines.cuda import contacts, motion, search
+from labkit.engines.cuda import contacts, motion, scalars, search
 from labkit.engines.cuda.device import kernel
-from labkit.engines.kernel.compiling import Version
+from labkit.engines.kernel.compiling import Version, with_globals
 from labkit.errors import InputError
 
 READ = ("constants", "friction", "rolling", "dashpots", "damping")  # Features with numbers, in the order of a row
+
+VERSION = Version("cuda")
 
 
 class Kernels(NamedTuple):
@@ -57,15 +59,14 @@ def kernels_of(pair: Callable[..., Any], spring: Callable[..., Any], shape: tupl
 
     Raises InputError for features that are too long.
     """
-    version = Version("cuda")
     readers, first = {}, 0
     for name, length in zip(READ, shape, strict=True):
         readers[f"{name}_of"] = reader(name, length, first)
         first += 0 if length is None else length or 1
-    names = {"pair": pair, "spring": spring, **readers}
+    names = {"pair": pair, "spring": with_globals(spring, {"np": scalars}, VERSION), **readers}
     modules = {"start_step": motion, "move": motion, "forces": contacts}
     modules |= {"stress_of_blocks": contacts, "stress_of_states": contacts}
-    return Kernels(*(kernel(getattr(modules.get(n, search), n), names, version) for n in Kernels._fields))
+    return Kernels(*(kernel(getattr(modules.get(n, search), n), names, VERSION) for n in Kernels._fields))
 
 
 def kernels_for(law: ContactLaw, features: Features) -> Kernels:
@@ -75,26 +76,42 @@ def kernels_for(law: ContactLaw, features: Features) -> Kernels:
 
 def reader(name: str, length: int | None, first: int) -> Callable[[Any, int], Any]:
     """A function of (law, s) that reads a feature from the row s of `law`, from its column `first` on."""
-
-    def absent(law: Any, s: int) -> None:
-        return None
-
-    def number(law: Any, s: int) -> float:
-        return law[s, first]
-
-    def one(law: Any, s: int) -> tuple[float, ...]:
-        return (law[s, first],)
-
-    def two(law: Any, s: int) -> tuple[float, ...]:
-        return law[s, first], law[s, first + 1]
-
-    def three(law: Any, s: int) -> tuple[float, ...]:
-        return law[s, first], law[s, first + 1], law[s, first + 2]
-
-    def four(law: Any, s: int) -> tuple[float, ...]:
-        return law[s, first], law[s, first + 1], law[s, first + 2], law[s, first + 3]
-
-    readers = {None: absent, 0: number, 1: one, 2: two, 3: three, 4: four}
-    if length not in readers:
+    if length not in READERS:
         raise InputError(f"a contact law has {length} numbers in `{name}` of its features: the engine cuda takes four")
-    return readers[length]
+    return with_globals(READERS[length], {"FIRST": first}, VERSION)
+
+
+FIRST = 0  # replaced in each reader
+
+
+def absent(law: Any, s: int) -> None:
+    """Read a feature that is absent."""
+    return None
+
+
+def number(law: Any, s: int) -> float:
+    """Read a number."""
+    return law[s, FIRST]
+
+
+def one(law: Any, s: int) -> tuple[float, ...]:
+    """Read a tuple of one number."""
+    return (law[s, FIRST],)
+
+
+def two(law: Any, s: int) -> tuple[float, ...]:
+    """Read a tuple of two numbers."""
+    return law[s, FIRST], law[s, FIRST + 1]
+
+
+def three(law: Any, s: int) -> tuple[float, ...]:
+    """Read a tuple of three numbers."""
+    return law[s, FIRST], law[s, FIRST + 1], law[s, FIRST + 2]
+
+
+def four(law: Any, s: int) -> tuple[float, ...]:
+    """Read a tuple of four numbers."""
+    return law[s, FIRST], law[s, FIRST + 1], law[s, FIRST + 2], law[s, FIRST + 3]
+
+
+READERS: dict[int | None, Callable[[Any, int], Any]] = {None: absent, 0: number, 1: one, 2: two, 3: three, 4: four}

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numba import cuda
 
 from labkit.dem.laws.base import Contact, ContactLaw
-from labkit.dem.laws.vectors import ZERO, dot, length_and_inverse, minus, plus, times
+from labkit.dem.laws.vectors import ZERO, Vector, dot, length_and_inverse, minus, plus, times
 from labkit.engines.cuda.arrays import (
     CELL_WORK,
     DAMPING_LOSS,
@@ -86,64 +87,59 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
     grains.energies[DAMPING_LOSS, g] += dashpot_loss
 
 
-def elastic_force(states: States, grains: Grains, lists: Lists, s: int, g: int, at: int) -> tuple[Any, Any]:
-    """Branch, m, and force of the springs on the first grain g, N, of the contact `at`."""
+def branch(states: States, grains: Grains, lists: Lists, s: int, g: int, at: int) -> Vector:
+    """Branch of the contact `at` from its first grain g, m."""
     b = lists.partner[at]
     periods = (1.0 * lists.shift[0, at], 1.0 * lists.shift[1, at], 1.0 * lists.shift[2, at])
-    d = minus(plus(vector(grains.position, b), product(states.cell, s, periods)), vector(grains.position, g))
-    distance = math.sqrt(dot(d, d))
-    overlap = grains.radius[g] + grains.radius[b] - distance
-    share = -spring(lists.stiffness[at], overlap) / distance if overlap >= 0.0 else 0.0
-    return d, plus(times(share, d), vector(lists.history, at))
+    return minus(plus(vector(grains.position, b), product(states.cell, s, periods)), vector(grains.position, g))
 
 
-def block_sum(values: Any, t: int) -> float:
-    """Sum of values (BLOCK,), shared by the threads t of a block, in a fixed order."""
+def sum_of_block(rows: Any, t: int) -> float:
+    """Sum of column t of rows (BLOCK, STRESSES), which the threads of a block share, if t < STRESSES."""
     cuda.syncthreads()
-    half = BLOCK // 2
-    while half > 0:
-        if t < half:
-            values[t] += values[t + half]
-        cuda.syncthreads()
-        half //= 2
-    return values[0]
+    total = 0.0
+    if t < STRESSES:
+        for k in range(BLOCK):
+            total += rows[k, t]
+    return total
 
 
 def stress_of_blocks(states: States, grains: Grains, lists: Lists, sums: Any) -> None:
-    """Sum branch (x) force over the contacts of the grains of each block, into sums (STRESSES, block), N m.
+    """Sum branch (x) force over the contacts of the grains of each block, into sums (block, STRESSES), N m.
 
     The dashpot forces are excluded, as in records. One thread per grain.
     """
     g, t, s = cuda.grid(1), cuda.threadIdx.x, grains.state[cuda.blockIdx.x]
-    values = cuda.shared.array(BLOCK, "float64")
+    rows = cuda.shared.array((BLOCK, STRESSES), np.float64)
+    for k in range(STRESSES):
+        rows[t, k] = 0.0
     side = lists.side[s]
     base = lists.region[side, s] + lists.slice_first[side, g // SLICE] + g % SLICE
     count = lists.count[side, g] if g - states.first[s] < states.grains[s] else 0
-    xx = xy = xz = yx = yy = yz = zx = zy = zz = 0.0
     for at in range(base, base + SLICE * count, SLICE):
         if lists.partner[at] >= 0:
-            d, f = elastic_force(states, grains, lists, s, g, at)
-            xx, xy, xz = xx + d[0] * f[0], xy + d[0] * f[1], xz + d[0] * f[2]
-            yx, yy, yz = yx + d[1] * f[0], yy + d[1] * f[1], yz + d[1] * f[2]
-            zx, zy, zz = zx + d[2] * f[0], zy + d[2] * f[1], zz + d[2] * f[2]
-    own = (xx, xy, xz, yx, yy, yz, zx, zy, zz)
-    for k in range(STRESSES):
-        cuda.syncthreads()
-        values[t] = own[k]
-        total = block_sum(values, t)
-        if t == 0:
-            sums[k, cuda.blockIdx.x] = total
+            d = branch(states, grains, lists, s, g, at)
+            distance = math.sqrt(dot(d, d))
+            overlap = grains.radius[g] + grains.radius[lists.partner[at]] - distance
+            share = -spring(lists.stiffness[at], overlap) / distance if overlap >= 0.0 else 0.0
+            f = plus(times(share, d), vector(lists.history, at))
+            for k in range(3):
+                for j in range(3):
+                    rows[t, 3 * k + j] += d[k] * f[j]
+    total = sum_of_block(rows, t)
+    if t < STRESSES:
+        sums[cuda.blockIdx.x, t] = total
 
 
 def stress_of_states(states: States, sums: Any, totals: Any) -> None:
-    """Sum sums (STRESSES, block) over the blocks of each state into totals (n, STRESSES). One block per number."""
-    s, k, t = cuda.blockIdx.x, cuda.blockIdx.y, cuda.threadIdx.x
-    values = cuda.shared.array(BLOCK, "float64")
+    """Sum sums (block, STRESSES) over the blocks of each state into totals (n, STRESSES). One block per state."""
+    s, t = cuda.blockIdx.x, cuda.threadIdx.x
+    rows = cuda.shared.array((BLOCK, STRESSES), np.float64)
     first, last = states.first[s] // BLOCK, (states.first[s] + states.grains[s] + BLOCK - 1) // BLOCK
-    own = 0.0
-    for block in range(first + t, last, BLOCK):
-        own += sums[k, block]
-    values[t] = own
-    total = block_sum(values, t)
-    if t == 0:
-        totals[s, k] = total
+    for k in range(STRESSES):
+        rows[t, k] = 0.0
+        for block in range(first + t, last, BLOCK):
+            rows[t, k] += sums[block, k]
+    total = sum_of_block(rows, t)
+    if t < STRESSES:
+        totals[s, t] = total

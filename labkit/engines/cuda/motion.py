@@ -93,9 +93,7 @@ def pull_back(states: States, s: int) -> float:
     return math.sqrt(squared)
 
 
-def damped(
-    acceleration: Vector, velocity: Vector, load: Vector, dt: float, damping: Any
-) -> tuple[Vector, float]:
+def damped(acceleration: Vector, velocity: Vector, load: Vector, dt: float, damping: Any) -> tuple[Vector, float]:
     """Acceleration after local damping, and the energy that damping dissipates in the step, J.
 
     load: force or torque, N or N m; velocity: without that of the mean field.

@@ -10,15 +10,18 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numba import cuda
 
 from labkit.engines.cuda.arrays import HISTORY, Grains, Grid, Lists, States
 from labkit.engines.cuda.device import BLOCK, SLICE
 from labkit.engines.kernel.arranging import LOST
 
+PARTIAL = BLOCK + 1  # sums of the threads of a block, and their total
+
 
 def exclusive_sums(partial: Any, t: int) -> int:
-    """Replace partial (BLOCK,), shared by the threads t of a block, by the sums before each; return the total."""
+    """Replace partial (PARTIAL,), shared by the threads t of a block, by the sums before each; return the total."""
     cuda.syncthreads()
     if t == 0:
         total = 0
@@ -68,7 +71,7 @@ def place(states: States, grains: Grains, grid: Grid) -> None:
 def offsets(grid: Grid) -> None:
     """Find the first member of each grid cell of a state. One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
-    partial = cuda.shared.array(BLOCK + 1, "int64")
+    partial = cuda.shared.array(PARTIAL, np.int64)
     if grid.searching[s] == 0:
         return
     first = grid.first[s]
@@ -122,9 +125,7 @@ def enter(grains: Grains, lists: Lists, base: int, k: int, neighbour: int, x: in
         k -= 1
 
 
-def neighbours(
-    states: States, grains: Grains, lists: Lists, grid: Grid, s: int, g: int, base: int, write: bool
-) -> int:
+def neighbours(states: States, grains: Grains, lists: Lists, grid: Grid, s: int, g: int, base: int, write: bool) -> int:
     """Count the neighbours of a grain g of a state s, those closer than the skin, and enter them in its list."""
     count, first, cells = 0, states.first[s], grid.first[s]
     nx, ny, nz = grid.shape[s, 0], grid.shape[s, 1], grid.shape[s, 2]
@@ -169,7 +170,7 @@ def count(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
 def arrange(states: States, lists: Lists, grid: Grid) -> None:
     """Find the first entry of each slice of a state, and the entries that it needs. One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
-    partial = cuda.shared.array(BLOCK + 1, "int64")
+    partial = cuda.shared.array(PARTIAL, np.int64)
     if grid.searching[s] == 0:
         return
     new, first = 1 - lists.side[s], states.first[s] // SLICE

@@ -1,0 +1,157 @@
+"""The cuda engine in Numba's simulator of a GPU, which runs the kernels as plain Python, against the fused engine."""
+
+import os
+
+import numba
+import numpy as np
+import pytest
+
+from labkit.dem.laws import LAWS
+from labkit.dem.scene import Scene
+from labkit.dem.specimen import Recipe, make_specimen
+from labkit.dem.state import grains_in_cell, write_state
+from labkit.engines import starter
+from labkit.engines.fused import FusedEngine
+from labkit.errors import InputError, PhysicsError
+from labkit.io.schema import STATE
+
+numba.config.ENABLE_CUDASIM = True  # before the first import of numba.cuda
+
+from labkit.engines.cuda.batch import LOST, Batch  # noqa: E402
+from labkit.engines.cuda.engine import CudaEngine  # noqa: E402
+
+SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
+
+
+@pytest.fixture(scope="module")
+def specimen():
+    """About 100 grains."""
+    return make_specimen(Scene(law="spring_dashpot"), Recipe(0.67, 0.15, grains=100), starter("fused"))
+
+
+@pytest.fixture(scope="module")
+def small(specimen):
+    """The first 60 grains of the specimen in its cell."""
+    kept = (specimen.contact_grain < 60).all(axis=1)
+    of_grains = {name: getattr(specimen, name)[:60] for name in ("radius", "position", "velocity", "angular_velocity")}
+    of_contacts = {name: getattr(specimen, name)[kept] for name in STATE if STATE[name].dimensions[0] == "contact"}
+    return specimen.replace(**of_grains, **of_contacts)
+
+
+def sheared(state, scene):
+    """The state with another scene, after steps of fast shear: grains that move, spin and slide."""
+    engine = FusedEngine(state.replace(scene=scene))
+    engine.advance(20, SHEAR)
+    return engine.state()
+
+
+def require_equal(ours, others, stress, other_stress, tolerance):
+    np.testing.assert_array_equal(ours.contact_grain, others.contact_grain)
+    np.testing.assert_array_equal(ours.contact_shift, others.contact_shift)
+    force, other = (s.snapshot().contacts.force_on_first() for s in (ours, others))
+    assert np.abs(force - other).max() < tolerance * np.abs(other).max()
+    for name in ("position", "velocity", "angular_velocity", "tangential_force", "rolling_moment", "cell"):
+        a, b = getattr(ours, name), getattr(others, name)
+        assert np.abs(a - b).max() <= tolerance * np.abs(b).max(), name
+    assert np.abs(stress - other_stress).max() < tolerance * np.abs(other_stress).max()
+    losses, other_losses = ours.ledger, others.ledger
+    for name, value in vars(other_losses).items():
+        assert np.isclose(getattr(losses, name), value, rtol=10.0 * tolerance, atol=0.0), name
+
+
+def bits(state):
+    """Everything in a State that a simulation changes, as bytes."""
+    return [np.ascontiguousarray(getattr(state, name)).tobytes() for name in STATE] + [repr(state.ledger)]
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_after_one_step_the_forces_are_those_of_fused(law, small):
+    state = sheared(small, Scene(law=law, friction=0.3))
+    state = state.replace(scene=Scene(law=law, friction=0.25))  # rounding must not decide whether a contact slides
+    ours, fused = CudaEngine(state), FusedEngine(state)
+    for engine in (ours, fused):
+        engine.advance(1, SHEAR)
+    end = ours.state()
+    assert np.abs(end.tangential_force).max() > 0.0 and end.ledger.friction_loss > 0.0
+    assert (end.step, end.time) == (state.step + 1, state.time + state.time_step)
+    require_equal(end, fused.state(), ours.stress(), fused.stress(), 1e-12)
+
+
+def test_without_friction_the_forces_are_those_of_fused(small):
+    state = sheared(small, Scene(friction=0.0, rolling_friction=0.0))
+    ours, fused = CudaEngine(state), FusedEngine(state)
+    for engine in (ours, fused):
+        engine.advance(2, SHEAR)
+    require_equal(ours.state(), fused.state(), ours.stress(), fused.stress(), 1e-12)
+
+
+def test_grains_that_meet_their_own_images_are_found():
+    """2 x 2 x 2 grains in a cell of 1.9 diameters: each pair meets across both sides."""
+    scene = Scene(law="spring_dashpot")
+    radius, spacing = np.full(8, 85e-6), 0.95 * 170e-6
+    position = spacing * np.stack(np.meshgrid(*3 * [[0.0, 1.0]]), axis=-1).reshape(-1, 3)
+    state = grains_in_cell(scene, radius, position, 2 * spacing * np.eye(3))
+    state = state.replace(angular_velocity=np.random.default_rng(1).normal(0.0, 100.0, (8, 3)))
+    ours, fused = CudaEngine(state), FusedEngine(state)
+    for engine in (ours, fused):
+        engine.advance(2, SHEAR)
+    assert len(ours.state().contact_grain) == 24
+    require_equal(ours.state(), fused.state(), ours.stress(), fused.stress(), 1e-12)
+
+
+def test_after_50_steps_100_grains_are_those_of_fused(specimen):
+    ours, fused = CudaEngine(specimen), FusedEngine(specimen)
+    for engine in (ours, fused):
+        engine.advance(50, SHEAR)
+    end, expected = ours.state(), fused.state()
+    assert len(set(map(tuple, end.contact_grain)) - set(map(tuple, specimen.contact_grain))) > 5
+    require_equal(end, expected, ours.stress(), fused.stress(), 1e-9)
+
+
+def test_a_state_in_a_batch_has_the_bits_of_a_single_one(specimen, small):
+    """Even while another state of the batch fails, and they differ in size, friction, gradient and steps."""
+    broken = small.replace(velocity=np.where(np.arange(len(small.radius))[:, None] == 3, np.nan, small.velocity))
+    slippery = sheared(small, Scene(law="spring_dashpot", friction=0.1))
+    states, steps = [slippery, broken, specimen], np.array([7, 7, 4])
+    gradients = np.stack([SHEAR, SHEAR, -2.0 * SHEAR])
+    batch = Batch(states)
+    batch.advance(steps, gradients)
+    assert batch.failures == [None, LOST, None]
+    batch.advance(np.array([0, 3, 2]), gradients)
+    stresses = batch.stress()
+    for i, several in ((0, (7,)), (2, (4, 2))):
+        single = CudaEngine(states[i])
+        for n in several:
+            single.advance(n, gradients[i])
+        assert bits(batch.state(i)) == bits(single.state())
+        assert np.array_equal(stresses[i], single.stress())
+        assert batch.state(i).step == states[i].step + sum(several)
+    with pytest.raises(PhysicsError, match="a grain is lost"):
+        CudaEngine(broken).advance(1, SHEAR)
+
+
+def test_the_skin_changes_no_bit(small, monkeypatch):
+    """Lists are sorted, so that sums of forces do not depend on which neighbours they hold and when they are made."""
+    ends = []
+    for skin in (0.01, 0.1):
+        monkeypatch.setattr("labkit.engines.cuda.batch.SKIN", skin)
+        engine = CudaEngine(small)
+        engine.advance(4, SHEAR)
+        ends.append([getattr(engine.state(), name) for name in STATE])
+    for one, other in zip(*ends, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_states_with_different_laws_are_refused(small):
+    other = small.replace(scene=Scene(law="rolling_resistance"))
+    with pytest.raises(InputError, match="state 1 of a batch has another contact law"):
+        Batch([small, other])
+
+
+def test_without_a_gpu_the_message_is_one_line(small, tmp_path, labkit_process):
+    write_state(tmp_path / "s.state.nc", small)
+    words = ["run", "cv", tmp_path / "s.state.nc", "--engine", "cuda", "-o", tmp_path / "r.run.nc"]
+    done = labkit_process(*words, environment={**os.environ, "NUMBA_DISABLE_CUDA": "1"})
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and "pip install 'labkit[cuda]'" in done.stderr
+    assert not (tmp_path / "r.run.nc").exists()
