@@ -13,9 +13,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import cuda
 
-from labkit.engines.cuda.device import BLOCK, SLICE
+from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 
 # rows of the energies that a grain sums, in the order of a Ledger
 CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, ENERGIES = range(5)
@@ -128,7 +127,8 @@ def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
     n = len(first)
     counters, scalars = (zeros(n, np.int32) for _ in range(3)), (zeros(n) for _ in range(4))
     matrices = (zeros((n, 3, 3)) for _ in range(7))
-    return States(cuda.to_device(first), cuda.to_device(grains), *counters, *scalars, *matrices, zeros((n, numbers)))
+    of_host = cuda.to_device(first), cuda.to_device(grains)
+    return States._make((*of_host, *counters, *scalars, *matrices, zeros((n, numbers))))
 
 
 def new_grains(state: np.ndarray) -> Grains:
@@ -136,7 +136,7 @@ def new_grains(state: np.ndarray) -> Grains:
     g = BLOCK * len(state)
     scalars, vectors = (zeros(g) for _ in range(3)), (zeros((3, g)) for _ in range(6))
     of_blocks = cuda.to_device(state.astype(np.int32))
-    return Grains(of_blocks, zeros(g, np.int32), *scalars, *vectors, zeros((ENERGIES, g)))
+    return Grains._make((of_blocks, zeros(g, np.int32), *scalars, *vectors, zeros((ENERGIES, g))))
 
 
 def new_lists(n: int, grains: int) -> Lists:

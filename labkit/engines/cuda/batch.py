@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 import labkit
 from labkit.dem.energy import kinetic_energy
@@ -14,7 +13,7 @@ from labkit.dem.state import State
 from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, take, zeros
 from labkit.engines.cuda.build import kernels_for, row_of, shape_of
 from labkit.engines.cuda.contacts import STRESSES
-from labkit.engines.cuda.device import BLOCK, SLICE, require_device
+from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
 from labkit.engines.cuda.listing import Listing, contacts_of, entries, listing_of, spread
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
 from labkit.errors import InputError, PhysicsError
@@ -191,6 +190,7 @@ class Batch:
 
     def _grow(self, needed: np.ndarray) -> None:
         """Give each state room for the entries that it needs (n,)."""
+        needed = np.maximum(needed, 1)  # an array on the device cannot be empty
         small = needed > self._room
         if not small.any():
             return

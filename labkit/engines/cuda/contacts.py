@@ -10,7 +10,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 from labkit.dem.laws.base import Contact, ContactLaw
 from labkit.dem.laws.vectors import ZERO, Vector, dot, length_and_inverse, minus, plus, times
@@ -23,7 +22,7 @@ from labkit.engines.cuda.arrays import (
     Lists,
     States,
 )
-from labkit.engines.cuda.device import BLOCK, SLICE
+from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
 from labkit.engines.cuda.motion import product, put, vector
 

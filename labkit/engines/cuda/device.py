@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import dis
+import importlib
 import inspect
 from collections.abc import Callable
 from typing import Any
 
 import numba
-from numba import cuda
 
 from labkit.engines.kernel.compiling import Version, with_globals
 from labkit.errors import InputError
 
+try:
+    cuda: Any = importlib.import_module("numba.cuda")  # typed in a way that no type checker understands
+except ImportError:  # numba may leave it to numba-cuda in the future
+    cuda = None
 CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
 SIMULATED = bool(CONFIG.ENABLE_CUDASIM)  # Numba runs kernels as plain Python, for tests without a GPU
 
@@ -22,7 +26,7 @@ BLOCK = SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; e
 
 def require_device() -> None:
     """Raise InputError if there is no GPU that Numba can use."""
-    if not cuda.is_available():
+    if cuda is None or not cuda.is_available():
         raise InputError(
             "the engine cuda needs an NVIDIA GPU with its driver, and numba-cuda: pip install 'labkit[cuda]', or "
             "choose --engine fused"

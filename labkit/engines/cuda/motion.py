@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import cuda
-
 from labkit.dem.laws.vectors import Vector, dot, minus, plus, times
 from labkit.engines.cuda.arrays import DAMPING_LOSS, Grains, States
+from labkit.engines.cuda.device import cuda
 from labkit.engines.kernel.motion import damped_fraction as compiled_fraction
 
 damped_fraction = compiled_fraction.py_func

@@ -1,6 +1,6 @@
-"""Functions of numpy for one number; they replace numpy in the `spring` of a contact law, because numba-cuda lacks some.
+"""Functions of numpy for one number, which replace numpy in the `spring` of a contact law.
 
-`spring` is also applied to arrays, elsewhere, and therefore calls numpy.
+`spring` is also applied to arrays, elsewhere, and therefore calls numpy; numba-cuda lacks some of its functions.
 """
 
 from __future__ import annotations

@@ -11,10 +11,9 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 from labkit.engines.cuda.arrays import HISTORY, Grains, Grid, Lists, States
-from labkit.engines.cuda.device import BLOCK, SLICE
+from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.kernel.arranging import LOST
 
 PARTIAL = BLOCK + 1  # sums of the threads of a block, and their total
