@@ -97,6 +97,10 @@ def test_grains_that_meet_their_own_images_are_found():
         engine.advance(2, SHEAR)
     assert len(ours.state().contact_grain) == 24
     require_equal(ours.state(), fused.state(), ours.stress(), fused.stress(), 1e-12)
+    for engine in (ours, fused):
+        engine.stop_grains()
+    assert not ours.state().velocity.any() and not ours.state().angular_velocity.any()
+    assert np.isclose(ours.state().ledger.damping_loss, fused.state().ledger.damping_loss, rtol=1e-12)
 
 
 def test_after_50_steps_100_grains_are_those_of_fused(specimen):
@@ -126,6 +130,11 @@ def test_a_state_in_a_batch_has_the_bits_of_a_single_one(specimen, small):
         assert bits(batch.state(i)) == bits(single.state())
         assert np.array_equal(stresses[i], single.stress())
         assert batch.state(i).step == states[i].step + sum(several)
+    batch.load(1, small)
+    batch.advance(np.array([0, 1, 0]), gradients)
+    single = CudaEngine(small)
+    single.advance(1, SHEAR)
+    assert batch.failures == [None, None, None] and bits(batch.state(1)) == bits(single.state())
     with pytest.raises(PhysicsError, match="a grain is lost"):
         CudaEngine(broken).advance(1, SHEAR)
 

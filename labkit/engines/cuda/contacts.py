@@ -70,14 +70,13 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
         put(lists.history, at, response.tangential_force)
         lists.history[3, at], lists.history[4, at], lists.history[5, at] = response.rolling_moment
         force = plus(force, times(sign, response.force))
-        if is_first:
-            torque = plus(torque, response.torque_a)
-            cell_work += dt * dot(response.force, product(states.used, s, d))
-            friction_loss += response.friction_loss
-            rolling_loss += response.rolling_loss
-            dashpot_loss += response.dashpot_loss
-        else:
-            torque = plus(torque, response.torque_b)
+        turn = response.torque_a if is_first else response.torque_b
+        torque = plus(torque, turn)
+        counted = 1.0 if is_first else 0.0  # energies belong to the first grain
+        cell_work += counted * dt * dot(response.force, product(states.used, s, d))
+        friction_loss += counted * response.friction_loss
+        rolling_loss += counted * response.rolling_loss
+        dashpot_loss += counted * response.dashpot_loss
     put(grains.force, g, force)
     put(grains.torque, g, torque)
     grains.energies[CELL_WORK, g] += cell_work

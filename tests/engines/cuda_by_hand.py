@@ -1,0 +1,77 @@
+"""Checks of the cuda engine that are too slow for the tests, or need numba-cuda; none needs a GPU.
+
+python tests/engines/cuda_by_hand.py compile          # all kernels and laws for an H100; needs numba-cuda[cu12]
+NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py run     # a CP test, records against `fused`; minutes
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+import types
+from pathlib import Path
+
+import numba
+import numpy as np
+
+import labkit
+from labkit.dem.laws import LAWS
+
+CAPABILITY = (9, 0)  # of an H100
+
+
+def compile_all():
+    """Compile each kernel to PTX, and with ptxas to machine code; print the registers per thread and the spills."""
+    import nvidia.cuda_nvcc
+    from numba import cuda
+    from numba.cuda import dispatcher
+
+    from labkit.engines.cuda import arrays, build
+
+    dispatcher.get_current_device = lambda: types.SimpleNamespace(compute_capability=CAPABILITY)
+    arrays.cuda, arrays.zeros = types.SimpleNamespace(to_device=np.asarray), np.zeros  # only their types matter
+    first, count = np.array([0, 128]), np.array([100, 100])
+    known = {
+        "states": arrays.new_states(first, count, 9),
+        "grains": arrays.new_grains(np.array([0, 1])),
+        "lists": arrays.new_lists(2, 256),
+        "grid": arrays.new_grid(count, 256),
+        "moving": 1.0,
+        "sums": np.zeros((2, 9)),
+        "totals": np.zeros((2, 9)),
+    }
+    ptxas = Path(next(iter(nvidia.cuda_nvcc.__path__))) / "bin/ptxas"
+    for law in LAWS:
+        scene = labkit.Scene(law=law)
+        kernels = build.kernels_for(scene.contact_law, scene.contact_law.features(scene))
+        for name, kernel in kernels._asdict().items():
+            arguments = kernel.py_func.__code__.co_varnames[: kernel.py_func.__code__.co_argcount]
+            signature = numba.void(*(numba.typeof(known[argument]) for argument in arguments))
+            code, _ = cuda.compile_ptx(kernel.py_func, signature, cc=CAPABILITY)
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder) / "kernel.ptx"
+                file.write_text(code)
+                words = [ptxas, "-arch=sm_90", "-v", file, "-o", f"{file}.cubin"]
+                said = subprocess.run(words, capture_output=True, text=True, check=True).stderr
+            registers, spills = re.search(r"(\d+) registers", said)[1], re.search(r"(\d+) bytes spill stores", said)[1]
+            print(f"{law:22} {name:18} {registers:>4} registers, {spills} bytes of spills", flush=True)
+
+
+def run():
+    """Print the largest difference of each recorded quantity from that of `fused`, over its largest value."""
+    scene = labkit.Scene(law="spring_dashpot")
+    state = labkit.make_specimen(labkit.Recipe(0.67, 0.15, grains=100), scene, progress=False)
+    pressure = float(np.trace(labkit.love_stress(state.snapshot()))) / 3.0
+    path = labkit.paths.ConstantMeanStress(pressure=pressure, strain=6.5e-4, rate=100.0)
+    cuda, fused = (
+        labkit.run(state, path, engine=engine, progress=False, record_strain=3.25e-4, snapshots=1).data
+        for engine in ("cuda", "fused")
+    )
+    for name in fused:
+        a, b = cuda[name].values, fused[name].values
+        if a.dtype.kind == "f":
+            print(f"{name:28} {np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(b)), 1e-300):.1e}")
+
+
+if __name__ == "__main__":
+    {"compile": compile_all, "run": run}[sys.argv[1]]()
