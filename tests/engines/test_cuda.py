@@ -15,10 +15,11 @@ from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.io.schema import STATE
 
-numba.config.ENABLE_CUDASIM = True  # before the first import of numba.cuda
-
-from labkit.engines.cuda.batch import LOST, Batch  # noqa: E402
-from labkit.engines.cuda.engine import CudaEngine  # noqa: E402
+with pytest.MonkeyPatch.context() as patch:  # at the first import of numba.cuda
+    patch.setenv("NUMBA_ENABLE_CUDASIM", "1")
+    patch.setattr(numba.config, "ENABLE_CUDASIM", True)
+    from labkit.engines.cuda.batch import LOST, Batch
+    from labkit.engines.cuda.engine import CudaEngine
 
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 

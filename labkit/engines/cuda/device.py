@@ -5,10 +5,9 @@ from __future__ import annotations
 import dis
 import importlib
 import inspect
+import warnings
 from collections.abc import Callable
 from typing import Any
-
-import numba
 
 from labkit.engines.kernel.compiling import Version, with_globals
 from labkit.errors import InputError
@@ -17,11 +16,14 @@ try:
     cuda: Any = importlib.import_module("numba.cuda")  # typed in a way that no type checker understands
 except ImportError:  # numba may leave it to numba-cuda in the future
     cuda = None
-CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
-SIMULATED = bool(CONFIG.ENABLE_CUDASIM)  # Numba runs kernels as plain Python, for tests without a GPU
+SIMULATED = (
+    cuda is not None and "simulator" in cuda.jit.__module__
+)  # kernels run as plain Python, to test without a GPU
 
 SLICE = 32  # consecutive grains whose neighbour lists are interleaved: a warp
 BLOCK = SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; each thread of the simulator costs time
+
+warnings.filterwarnings("ignore", message="Grid size")  # kernels with a thread per state use little of the GPU
 
 
 def require_device() -> None:
@@ -29,7 +31,7 @@ def require_device() -> None:
     if cuda is None or not cuda.is_available():
         raise InputError(
             "the engine cuda needs an NVIDIA GPU with its driver, and numba-cuda: pip install 'labkit[cuda]', or "
-            "choose --engine fused"
+            "choose the engine fused"
         )
 
 
