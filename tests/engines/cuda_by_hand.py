@@ -1,7 +1,9 @@
 """Checks of the cuda engine that are too slow for the tests, or need numba-cuda; none needs a GPU.
 
-python tests/engines/cuda_by_hand.py compile          # all kernels and laws for an H100; needs numba-cuda[cu12]
-NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py run     # a CP test, records against `fused`; minutes
+python tests/engines/cuda_by_hand.py compile                    # all laws, and one of a user, for an H100
+NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py run  # a CP test, records against `fused`; some minutes
+
+`compile` needs numba-cuda[cu12].
 """
 
 import re
@@ -41,6 +43,7 @@ def compile_all():
         "totals": np.zeros((2, 9)),
     }
     ptxas = Path(next(iter(nvidia.cuda_nvcc.__path__))) / "bin/ptxas"
+    labkit.use("examples/own_law.py")
     for law in LAWS:
         scene = labkit.Scene(law=law)
         kernels = build.kernels_for(scene.contact_law, scene.contact_law.features(scene))

@@ -67,7 +67,16 @@ class Batch:
         self.failures: list[str | None] = [None] * n
         for i, state in enumerate(states):
             self._put(i, state)
-        self._search(np.ones(n, bool), moving=0.0)
+        try:
+            self._search(np.ones(n, bool), moving=0.0)
+        except Exception as error:  # a user-defined law that is valid Python may not be one that Numba can compile
+            if law.labkits:
+                raise
+            reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+            raise InputError(
+                f"contact law {law.name} cannot be compiled for a GPU ({reason}): write its `pair` and `spring` using "
+                "only numbers, tuples and functions from labkit.dem.laws.vectors"
+            ) from error
 
     def __len__(self) -> int:
         return len(self._start)
