@@ -1,0 +1,74 @@
+"""Configuration of the documentation site, which `./lab docs` builds: see https://www.sphinx-doc.org."""
+
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).parent
+sys.path[:0] = [str(DOCS.parent), str(DOCS)]
+
+from site_pages import docstrings, mathml, reference, repository  # noqa: E402
+
+import labkit  # noqa: E402
+
+project = "labkit"
+author = "The labkit developers"
+version = release = labkit.__version__
+copyright = "the labkit developers, GPL 2.0 or later"
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
+suppress_warnings = [
+    "toc.empty_glob",  # pages that a later version adds
+    "config.cache",  # functions in this file cannot be pickled
+]
+
+# --- pages -----------------------------------------------------------------------------------------------------------
+myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+myst_links_external_new_tab = False
+
+# --- notebooks: stored without outputs, executed here, and again only if their cells change ---------------------------
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(DOCS.parent / "build" / "docs_notebooks")
+nb_execution_excludepatterns = ["repository/**"]  # stored with their outputs
+nb_execution_raise_on_error = True
+nb_execution_show_tb = True
+nb_execution_timeout = 300
+nb_merge_streams = True
+nb_ipywidgets_js = {}  # no scripts from other servers: the site opens without a network
+
+# --- reference -------------------------------------------------------------------------------------------------------
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autosummary_generate = False
+add_module_names = False
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 90
+viewcode_line_numbers = True
+
+# --- appearance ------------------------------------------------------------------------------------------------------
+html_theme = "furo"
+html_title = f"labkit {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_math_renderer = "mathml"
+pygments_style = "friendly"
+copybutton_prompt_text = r">>> |\$ "
+copybutton_prompt_is_regexp = True
+
+
+def setup(app):
+    """Generate the pages that are derived from the code, and add those of the repository that are linked."""
+    reference.write(DOCS / "reference" / "generated")
+    mathml.setup(app)
+    docstrings.setup(app)
+    repository.setup(app)

@@ -1,0 +1,1 @@
+"""What the documentation site derives from the code and from the files of the repository."""

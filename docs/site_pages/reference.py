@@ -1,0 +1,227 @@
+"""The pages of the reference that are derived from the code: commands, parameters, files, campaign keys and API."""
+
+import argparse
+import dataclasses
+import importlib
+import inspect
+import types
+import typing
+from pathlib import Path
+
+from labkit.campaign import keys
+from labkit.cli.descriptions import description_of
+from labkit.cli.dispatch import parser_for
+from labkit.cli.parser import summary_of
+from labkit.cli.registry import find, helps
+from labkit.dem.laws import LAWS
+from labkit.dem.paths import PATHS
+from labkit.dem.scene import Scene
+from labkit.dem.schedule import Options
+from labkit.dem.specimen import Recipe
+from labkit.errors import shown
+from labkit.exchange.formats import FORMATS
+from labkit.io import conventions, schema
+from labkit.model.parameters import Model, Parameters, Readings
+from labkit.parameters import parameters_of
+from labkit.runs.figures import FIGURES
+from site_pages.repository import write_if_changed
+
+PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.dem", "labkit.engines", "labkit.runs", "labkit.model",
+            "labkit.exchange", "labkit.umat", "labkit.campaign", "labkit.visuals")  # fmt: skip
+EQUATIONS = ("labkit.model.equations", "labkit.model.rates", "labkit.model.stiffness", "labkit.sff.c0",
+             "labkit.micro.normalised", "labkit.micro.size_groups", "labkit.micro.directions", "labkit.dem.servo",
+             "labkit.dem.laws.base", "labkit.dem.laws.spring_dashpot")  # fmt: skip
+
+
+def write(folder: Path) -> None:
+    """Write all generated pages into a folder."""
+    pages = {
+        "commands": commands(),
+        "parameters": parameters(),
+        "paths": paths(),
+        "campaign_keys": campaign_keys(),
+        "files": files(),
+        **{f"api/{name}": package(name) for name in PACKAGES},
+        **{f"api/{name}": module(name) for name in EQUATIONS},
+    }
+    for name, text in pages.items():
+        write_if_changed(folder / f"{name}.md", text)
+
+
+# --- command line -------------------------------------------------------------------------------------------------------
+
+
+def commands() -> str:
+    """The help text of every command."""
+    sections = ["# Commands", "The help texts of `labkit COMMAND --help`."]
+    for name, summary in helps().items():
+        parser = parser_for(find(name), [name])
+        choices = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction)).choices
+        assert choices is not None
+        text = choices[name].format_help()
+        sections += [f"(command-{name})=\n## {name}", f"{description_of(name, summary)}", f"```text\n{text}```"]
+    return "\n\n".join(sections) + "\n"
+
+
+# --- parameters ---------------------------------------------------------------------------------------------------------
+
+
+def _table(header, rows) -> str:
+    cells = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in cells)
+
+
+def _parameters(known) -> str:
+    """A table of parameters: option, default, unit, what is allowed, meaning."""
+    rows = [
+        (f"`{name}`", _default(one.default), "" if one.unit == "1" else one.unit, _plain(one.allowed), _plain(one.help))
+        for name, one in known.items()
+    ]
+    return _table(("name", "default", "unit", "allowed", "meaning"), rows)
+
+
+def _default(value) -> str:
+    return "required" if value is dataclasses.MISSING else "" if value is None else f"`{shown(value)}`"
+
+
+def _plain(text) -> str:
+    return str(text).replace("<", "&lt;").replace("*", "\\*").replace("~", "\\~").replace("_", "\\_")
+
+
+def parameters() -> str:
+    """Parameters of Scene, Recipe and Options, and of the model."""
+    parts = [
+        "# Parameters",
+        "The name is the Python argument, the campaign key and, with `-` instead of `_`, the option of the command line. "
+        "A value is a number in SI units or text with a unit, such as `500 kPa`.",
+        "(parameters-scene)=\n## Scene: the material", _parameters(parameters_of(Scene)),
+        "(parameters-recipe)=\n## Recipe: the specimen", _parameters(parameters_of(Recipe)),
+        "(parameters-options)=\n## Options: what a run records", _parameters(parameters_of(Options)),
+        "## Contact laws", _table(("name", "law"), [(f"`{n}`", _plain(summary_of(LAWS[n]))) for n in LAWS]),
+        "(parameters-model)=\n## The constitutive model (Table 2)", _fields(Parameters()),
+        "## Readings of the model", _fields(Readings()),
+        "## Model", f"Fields beside Table 2 and the readings: {', '.join(f'`{f.name}`' for f in dataclasses.fields(Model))}.",
+    ]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def _fields(value) -> str:
+    rows = [(f"`{field.name}`", f"`{shown(getattr(value, field.name))}`") for field in dataclasses.fields(value)]
+    return _table(("name", "default"), rows)
+
+
+def paths() -> str:
+    """Parameters of every loading path."""
+    parts = ["# Loading paths", "Each is a class of `labkit.paths`, or of `labkit.dem`; see also [](/paths.md)."]
+    for name in PATHS:
+        kind = PATHS[name]
+        parts += [f"(path-{name})=\n## `{name}`", f"`{kind.__name__}`: {_plain(summary_of(kind))}."]
+        parts.append(_parameters(keys.options_of(kind)) if keys.options_of(kind) else "No parameters.")
+    return "\n\n".join(parts) + "\n"
+
+
+def campaign_keys() -> str:
+    """Keys of a campaign file."""
+    multiple = ", ".join(f"`{key}` of {entry}" for entry, names in keys.MULTIPLIED.items() for key in names)
+    parts = [
+        "# Keys of a campaign file",
+        f"See [](/campaigns.md) for an example. Lists of values expand to all combinations for {multiple}.",
+        "## Top of the file: name, and defaults of all entries", _parameters(keys.file_keys()),
+        "## `specimens:` a specimen to make", _parameters(keys.specimen_keys()),
+        "## `specimens:` a specimen consolidated from another", _parameters(keys.consolidated_keys()),
+        "## `runs:` keys of every run",
+        "In addition each run has the parameters of its path: see [](paths.md).", _parameters(keys.any_run_keys()),
+    ]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+# --- files --------------------------------------------------------------------------------------------------------------
+
+
+def files() -> str:
+    """Variables and attributes of state and run files."""
+
+    def table(variables):
+        rows = [
+            (f"`{v.name}`", ", ".join(v.dimensions), v.dtype, v.units, _plain(v.long_name)) for v in variables.values()
+        ]
+        return _table(("variable", "dimensions", "type", "units", "meaning"), rows)
+
+    attributes = [(f"`{name}`", kind) for name, (_, kind) in schema.ATTRIBUTES.items()]
+    sizes = ", ".join(f"{name} = {size}" for name, size in schema.SIZES.items())
+    essential = ", ".join(f"`{name}`" for name in schema.ESSENTIAL)
+    parts = [
+        "# Files",
+        f"All files are netCDF-4 and follow {conventions.CONVENTIONS}. {conventions.COMMENT} SI units; {sizes}. Each file "
+        "ends with the SHA-256 of all its bytes, which is checked before it is read.",
+        "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
+        "(file-run)=\n## Run files `*.run.nc`",
+        f"Root group: one value per record. A run file must contain {essential}; others read as NaN if they are missing.",
+        table(schema.RECORD),
+        "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),
+        "Group `grains`.", table(schema.GRAINS),
+        "## Attributes", _table(("attribute", "is"), attributes),
+        "## Formats of other programs",
+        _table(("format", "what is read or written"), [(f"`{n}`", _plain(summary_of(FORMATS[n]))) for n in FORMATS]),
+        "## Figures", _table(("figure", "shows"), [(f"`{n}`", _plain(summary_of(FIGURES[n]))) for n in FIGURES]),
+    ]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+# --- API ----------------------------------------------------------------------------------------------------------------
+
+
+def package(name: str) -> str:
+    """The public names of a package."""
+    loaded = importlib.import_module(name)
+    names = [n for n in getattr(loaded, "__all__", []) if not n.startswith("__")]
+    if not names:
+        names = sorted(n for n, v in vars(loaded).items() if not n.startswith("_") and _own(v, name))
+    return _api(name, loaded, names)
+
+
+def module(name: str) -> str:
+    """The public functions and classes of a module that holds equations."""
+    loaded = importlib.import_module(name)
+    public = {n: v for n, v in vars(loaded).items() if not n.startswith("_") and getattr(v, "__module__", "") == name}
+    names = [n for n, v in public.items() if not isinstance(v, typing.TypeVar)]
+    return _api(name, loaded, names)
+
+
+def _own(value, name) -> bool:
+    return callable(value) and str(getattr(value, "__module__", "")).startswith(name)
+
+
+def _api(name: str, loaded, names) -> str:
+    """A table of the names, and the documentation of those that no earlier page has."""
+    documented = {one: _short(name, one, getattr(loaded, one)) for one in names}
+    own = [one for one in names if documented[one] == f"{name}.{one}"]
+    lines = [f"# {name}", "", "```{eval-rst}", f".. automodule:: {name}", "   :no-members:", "",
+             f".. currentmodule:: {name}", "", ".. autosummary::", "   :nosignatures:", ""]  # fmt: skip
+    lines += [
+        f"   {'' if one in own else '~'}{one if one in own else documented[one]}" for one in names if documented[one]
+    ]
+    for one in own:
+        lines += ["", _directive(one, getattr(loaded, one))]
+    return "\n".join([*lines, "```", ""])
+
+
+def _short(package: str, name: str, value) -> str:
+    """The name under which an object is documented: that of the first package that has it. Empty for a module."""
+    if isinstance(value, types.ModuleType):
+        return ""
+    for earlier in PACKAGES:
+        loaded = importlib.import_module(earlier)
+        if name in getattr(loaded, "__all__", ()) and getattr(loaded, name) is value:
+            return f"{earlier}.{name}"
+        if earlier == package:
+            break
+    return f"{package}.{name}"
+
+
+def _directive(name: str, value) -> str:
+    if inspect.isclass(value):
+        return f".. autoclass:: {name}\n   :members:"
+    if callable(value):
+        return f".. autofunction:: {name}"
+    return f".. autodata:: {name}\n   :no-value:"
