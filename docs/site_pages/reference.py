@@ -48,7 +48,7 @@ def write(folder: Path) -> None:
         write_if_changed(folder / f"{name}.md", text)
 
 
-# --- command line -------------------------------------------------------------------------------------------------------
+# --- command line ----------------------------------------------------------------------------------------------------
 
 
 def commands() -> str:
@@ -63,7 +63,7 @@ def commands() -> str:
     return "\n\n".join(sections) + "\n"
 
 
-# --- parameters ---------------------------------------------------------------------------------------------------------
+# --- parameters ------------------------------------------------------------------------------------------------------
 
 
 def _table(header, rows) -> str:
@@ -135,7 +135,7 @@ def campaign_keys() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-# --- files --------------------------------------------------------------------------------------------------------------
+# --- files -----------------------------------------------------------------------------------------------------------
 
 
 def files() -> str:
@@ -152,11 +152,11 @@ def files() -> str:
     essential = ", ".join(f"`{name}`" for name in schema.ESSENTIAL)
     parts = [
         "# Files",
-        f"All files are netCDF-4 and follow {conventions.CONVENTIONS}. {conventions.COMMENT} SI units; {sizes}. Each file "
-        "ends with the SHA-256 of all its bytes, which is checked before it is read.",
+        f"All files are netCDF-4 and follow {conventions.CONVENTIONS}. {conventions.COMMENT} SI units; {sizes}. "
+        "Each file ends with the SHA-256 of all its bytes, which is checked before it is read.",
         "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
         "(file-run)=\n## Run files `*.run.nc`",
-        f"Root group: one value per record. A run file must contain {essential}; others read as NaN if they are missing.",
+        f"Root group: one value per record. A run file must contain {essential}; others read as NaN if missing.",
         table(schema.RECORD),
         "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),
         "Group `grains`.", table(schema.GRAINS),
@@ -168,7 +168,7 @@ def files() -> str:
     return "\n\n".join(parts) + "\n"
 
 
-# --- API ----------------------------------------------------------------------------------------------------------------
+# --- API -------------------------------------------------------------------------------------------------------------
 
 
 def package(name: str) -> str:

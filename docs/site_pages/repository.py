@@ -74,7 +74,7 @@ class Collection:
         name = path.relative_to(ROOT)
         if path.suffix == ".ipynb":
             notebook = json.loads(path.read_text())
-            notebook["metadata"]["orphan"] = True
+            notebook["metadata"] |= {"orphan": True, "mystnb": {"execution_mode": "off"}}  # it has its outputs
             return json.dumps(notebook)
         if path.suffix == ".md":
             return "---\norphan: true\n---\n\n" + self.rewritten(path.read_text(), path.parent, page)

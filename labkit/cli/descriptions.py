@@ -53,8 +53,9 @@ DESCRIPTIONS = {
         "labkit figure family r.run.nc\nlabkit figure records r.run.nc --variable void_ratio",
     ),
     "picture": (
-        "Draws the grains (left) and the contact forces (right) in 3D. Writes an image.",
-        "labkit picture r.run.nc --snapshot 0 -1",
+        "Draws the grains (left) and the contact forces (right) in 3D. Writes an image, or a page on which a browser turns "
+        "grains and forces and goes through the snapshots.",
+        "labkit picture r.run.nc --snapshot 0 -1\nlabkit picture r.run.nc -o r.html",
     ),
     "paraview": (
         "Writes grains, contacts and cell of each snapshot in a format that ParaView opens, with a .pvd file for the "

@@ -182,7 +182,12 @@ def picture_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="snapshots of a run to draw, one below the other; negative numbers count from the end (default: -1)",
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="picture to write (default: next to the file)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="picture to write (default: next to the file); FILE.html: a page with a 3D view of all snapshots",
+    )
 
 
 @command("picture", picture_options)
@@ -191,8 +196,13 @@ def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.runs.dataset import snapshots
     from labkit.visuals import plots
     from labkit.visuals.picture import picture
+    from labkit.visuals.viewer import Viewer
 
     output = options.output or figure_name(options.file, "picture")
+    if Path(output).suffix.lower() == ".html":
+        Viewer(snapshots(options.file, options.snapshot or []), Path(options.file).name).write(output)
+        print(f"page: {output}")
+        return
     require_outputs(output, None)
     numbers = options.snapshot or [-1] * (labkit_kind(options.file) == "run")
     plots.save(picture(snapshots(options.file, numbers), Path(options.file).name), output, [options.file])

@@ -21,11 +21,13 @@ import labkit
 from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.conventions import describe
+from labkit.io.html import table
 from labkit.io.netcdf import create_variables, new_netcdf, open_netcdf, values_of
 from labkit.io.schema import LARGEST_RADIUS, SIZES, STATE
 from labkit.micro.cells import widths
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.summary import summary
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,6 +80,15 @@ class State:
     def __repr__(self) -> str:
         contacts = len(self.contact_grain)
         return f"State({self.number_of_grains} grains, {contacts} contacts, {self.scene.law}, step {self.step})"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        scene, engine = self.scene, f"{self.engine} {self.engine_version}".strip()
+        friction = f"{scene.friction:g}, rolling {scene.rolling_friction:g}"
+        return table(
+            "State",
+            summary(self.snapshot()) | {"contact law": scene.law, "friction": friction, "made by": engine or "unknown"},
+        )
 
     @property
     def number_of_grains(self) -> int:

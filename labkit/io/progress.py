@@ -1,10 +1,11 @@
-"""Progress with the time left: a bar on a terminal, plain lines in a log, a pipe between processes."""
+"""Progress with the time left: a bar on a terminal or in a notebook, lines in a log, a pipe between processes."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
+import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -20,9 +21,15 @@ def reporter(title: str) -> Callable[[float, str], None]:
     """A function (fraction, text) that reports progress in the form suited to standard output."""
     if os.environ.get(PIPE):
         return lambda fraction, text: show(f"{MARK}{fraction:.6f} {text}")
-    if sys.stdout.isatty():
+    if sys.stdout.isatty() or in_notebook():
         return Bar(title)
     return Lines(title)
+
+
+def in_notebook() -> bool:
+    """True in a cell of a notebook."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel")
 
 
 def read_pipe(line: str) -> tuple[float, str] | None:
@@ -80,13 +87,15 @@ class Lines:
 
 
 class Bar:
-    """A tqdm bar if tqdm is installed; otherwise (inside YADE) a single line that is overwritten."""
+    """A tqdm bar if tqdm is installed, that of notebooks in a notebook; otherwise (inside YADE) an overwritten line."""
 
     def __init__(self, title: str) -> None:
         """title: text before the bar."""
         self.title, self.clock = title, Clock()
         try:
-            from tqdm import tqdm
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # a notebook without ipywidgets gets the bar of a terminal
+                from tqdm.auto import tqdm
         except ImportError:
             self.bar = None
         else:

@@ -8,6 +8,7 @@ import typing
 
 import numpy as np
 
+from labkit.io.html import table
 from labkit.micro.contacts import Contacts
 
 
@@ -64,6 +65,13 @@ class Snapshot:
     def __repr__(self) -> str:
         strain = "" if self.axial_strain is None else f", axial strain {self.axial_strain:.2%}"
         return f"Snapshot({self.number_of_grains} grains, {len(self.contacts)} contacts{strain})"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        from labkit.micro.summary import summary
+
+        strain = {} if self.axial_strain is None else {"axial strain": f"{self.axial_strain:.2%}"}
+        return table("Snapshot", strain | summary(self))
 
     @functools.cached_property
     def volume(self) -> float:

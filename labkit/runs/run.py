@@ -14,6 +14,7 @@ import xarray
 from labkit.dem.limits import RECORDED, Exceeded, exceeded
 from labkit.dem.paths import Path
 from labkit.dem.scene import Scene
+from labkit.io.html import table
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.dataset import open_run
 from labkit.runs.figures import FIGURES
@@ -123,6 +124,24 @@ class Run:
         """
         figure = figure or (self.path.figure if self.path is not None else "test")
         return FIGURES.require(figure, "figure")(self.data, **options)[0]
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        data, measure = self.data, self.data.lab.strain_measure
+        strain = measure.at(data["strain"].values)
+        ratio, pressure = data.lab.stress_ratio().values, data.lab.mean_stress().values / 1e3
+        rows = {
+            "path": f"{data.attrs['path']} on {self.engine}",
+            "complete": "yes" if self.complete else "no",
+            "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
+            measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
+            "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
+            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {ratio.max():.3g}",
+            "void ratio": f"{float(data['void_ratio'][0]):.4f} to {float(data['void_ratio'][-1]):.4f}",
+            "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots of {data.sizes['grain']} grains",
+            "file": "in memory" if self.file is None else str(self.file),
+        }
+        return table("Run", rows | ({"ended because": self.ended_because} if self.ended_because else {}))
 
     def __repr__(self) -> str:
         state = "complete" if self.complete else "not complete"

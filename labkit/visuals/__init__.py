@@ -11,6 +11,7 @@ _NAMES = {
     "layer_figure": "layer_figure:",
     "envelope_figure": "envelope_figure:",
     "draw_grains": "picture:picture",
+    "Viewer": "viewer",
     "save": "plots",
     "WIDTH": "frame",
     "colors_for": "frame",

@@ -73,7 +73,9 @@ def images(
     grains = canvas(VIEW, low, high, width)
     draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, grain_colors(snapshot))
     network = canvas(VIEW, low, high, width)
-    draw_sticks(network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), _colors(of_contacts))
+    draw_sticks(
+        network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), ratio_colors(of_contacts)
+    )
     white = haze(network, snapshot.cell, 2.5 * mean)
     draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
     return shaded(grains, 0.4 * mean), shaded(network, 0.4 * mean, white)
@@ -82,7 +84,7 @@ def images(
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
     """Colours (grain, 3): mean Lambda_n over the contacts of each grain, divided by the mean over all contact sides."""
     normalised = normalised_normal_force(snapshot)
-    colors = _colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
+    colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
     return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
 
 
@@ -95,7 +97,8 @@ def caption(snapshot: Snapshot) -> str:
     return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
 
 
-def _colors(ratio: np.ndarray) -> np.ndarray:
+def ratio_colors(ratio: np.ndarray) -> np.ndarray:
+    """Colours (n, 3) of a force over its mean (n,)."""
     return matplotlib.colormaps[COLORS](np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
 
 

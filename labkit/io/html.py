@@ -1,0 +1,16 @@
+"""Small tables with which notebooks show values (`_repr_html_`)."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+
+
+def table(title: str, rows: Mapping[str, object]) -> str:
+    """An HTML table with a title and one line per entry, name -> value; all texts are escaped."""
+    cell = '<td style="text-align: left">'
+    lines = [
+        f"<tr>{cell}{html.escape(name)}</td>{cell}{html.escape(str(value))}</td></tr>" for name, value in rows.items()
+    ]
+    caption = f'<caption style="text-align: left"><b>{html.escape(title)}</b></caption>'
+    return f"<table>{caption}<tbody>{''.join(lines)}</tbody></table>"
