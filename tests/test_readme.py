@@ -11,7 +11,6 @@ import pytest
 from tests.conftest import PATIENCE, ROOT
 
 README = (ROOT / "README.md").read_text()
-LONG = {"campaign quick --cores 2": "campaign quick --dry-run"}  # minutes: tests/campaign runs a small one
 
 
 def snippets(language):
@@ -46,9 +45,8 @@ def test_python(folder):
 
 @pytest.mark.parametrize("command", commands())
 def test_shell(folder, labkit_process, command):
-    done = labkit_process(*shlex.split(LONG.get(command, command)), cwd=folder)
-    allowed = {0, 1} if command.startswith("verify ca") else {0}  # the page promises no 2 % of C0 for this path
-    assert done.returncode in allowed, done.stdout + done.stderr
+    done = labkit_process(*shlex.split(command), cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_what_the_snippets_write_is_ignored_by_git(folder):
@@ -60,5 +58,5 @@ def test_what_the_snippets_write_is_ignored_by_git(folder):
     assert written and sorted(done.stdout.splitlines()) == sorted(written)
 
 
-def test_it_is_read_in_four_minutes():
-    assert len(README.splitlines()) <= 150
+def test_it_is_read_in_three_minutes():
+    assert len(README.splitlines()) <= 110

@@ -92,15 +92,15 @@ def parameters() -> str:
     """Parameters of Scene, Recipe and Options, and of the model."""
     parts = [
         "# Parameters",
-        "The name is the Python argument, the campaign key and, with `-` instead of `_`, the option of the command line. "
-        "A value is a number in SI units or text with a unit, such as `500 kPa`.",
+        "The name is the Python argument, the campaign key and, with `-` instead of `_`, the option of the command "
+        "line. A value is a number in SI units or text with a unit, such as `500 kPa`.",
         "(parameters-scene)=\n## Scene: the material", _parameters(parameters_of(Scene)),
         "(parameters-recipe)=\n## Recipe: the specimen", _parameters(parameters_of(Recipe)),
         "(parameters-options)=\n## Options: what a run records", _parameters(parameters_of(Options)),
         "## Contact laws", _table(("name", "law"), [(f"`{n}`", _plain(summary_of(LAWS[n]))) for n in LAWS]),
         "(parameters-model)=\n## The constitutive model (Table 2)", _fields(Parameters()),
         "## Readings of the model", _fields(Readings()),
-        "## Model", f"Fields beside Table 2 and the readings: {', '.join(f'`{f.name}`' for f in dataclasses.fields(Model))}.",
+        "## Model", f"Its fields: {', '.join(f'`{field.name}`' for field in dataclasses.fields(Model))}.",
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
 

@@ -45,6 +45,9 @@ def campaign_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tables", metavar="FOLDER", help="only write the tables for yade-batch to this folder")
     parser.add_argument(
+        "--crate", action="store_true", help="only describe the finished campaign as an RO-Crate, for an archive"
+    )
+    parser.add_argument(
         "--snakefile", action="store_true", help="only print the path of the Snakefile, for use with snakemake itself"
     )
 
@@ -52,7 +55,7 @@ def campaign_options(parser: argparse.ArgumentParser) -> None:
 @command("campaign", campaign_options)
 def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
     """Returns 1 if a job failed."""
-    from labkit.campaign import cost, speeds, tables, workflow
+    from labkit.campaign import cost, crate, speeds, tables, workflow
     from labkit.campaign.file import campaign_file, read_campaign
     from labkit.campaign.plan import plan_of
 
@@ -67,6 +70,9 @@ def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
         print(*tables.write_tables(plan, Path(options.tables)), sep="\n")
         return 0
     folder = Path(options.folder or campaign.name)
+    if options.crate:
+        print(f"crate: {crate.write_crate(folder)}")
+        return 0
     require_possible(plan, folder, options)
     if options.dry_run or options.measure:
         known = None if options.measure else speeds.known_speeds(plan.engines)

@@ -53,8 +53,8 @@ DESCRIPTIONS = {
         "labkit figure family r.run.nc\nlabkit figure records r.run.nc --variable void_ratio",
     ),
     "picture": (
-        "Draws the grains (left) and the contact forces (right) in 3D. Writes an image, or a page on which a browser turns "
-        "grains and forces and goes through the snapshots.",
+        "Draws the grains (left) and the contact forces (right) in 3D. Writes an image, or a page for a browser "
+        "with a 3D view and a slider over the snapshots.",
         "labkit picture r.run.nc --snapshot 0 -1\nlabkit picture r.run.nc -o r.html",
     ),
     "paraview": (
@@ -111,7 +111,8 @@ DESCRIPTIONS = {
         "folder with all results and report.md. Repeat the same command to resume, or after a change of the file.",
         "labkit campaign quick --dry-run\n"
         "labkit campaign mine.yaml --cores 4\n"
-        "labkit campaign mine.yaml --profile slurm",
+        "labkit campaign mine.yaml --profile slurm\n"
+        "labkit campaign mine.yaml --crate         # after it: ro-crate-metadata.json, for an archive",
     ),
     "bench": (
         "Measures the speed of a CV test: of a stock YADE script, labkit's engines and LAMMPS, where installed. "

@@ -21,18 +21,28 @@ from labkit.io.interruption import ending_signals
 from labkit.io.progress import ERROR, PIPE, read_pipe
 
 PACKAGE = Path(__file__).resolve().parents[1]
+PROGRAMS = ("yade", "yadedaily")
 NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC info", "Running script")
 
 
 def find_yade() -> str:
-    """Path of the yade program. Raises InputError with installation instructions if it is missing."""
-    program = shutil.which("yade")
-    if not program:
-        raise InputError(
-            "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade "
-            "python3-netcdf4`; elsewhere see https://yade-dem.org/doc/installation.html"
-        )
-    return program
+    """Path of the yade program. Raises InputError with installation instructions if it is missing.
+
+    It is searched for on the search path (Debian, or a conda environment that is active), then next to Python and in
+    $CONDA_PREFIX (a conda environment whose labkit was started without activation). `yadedaily` is the program of
+    YADE's own Debian packages.
+    """
+    own = [str(Path(sys.executable).parent)]
+    conda = [str(Path(os.environ["CONDA_PREFIX"]) / "bin")] if os.environ.get("CONDA_PREFIX") else []
+    for place in (None, *own, *conda):
+        for name in PROGRAMS:
+            program = shutil.which(name, path=place)
+            if program:
+                return program
+    raise InputError(
+        "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade "
+        "python3-netcdf4`; elsewhere see https://yade-dem.org/doc/installation.html"
+    )
 
 
 def find_script(name: str) -> Path:
