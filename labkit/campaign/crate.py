@@ -1,6 +1,6 @@
 """A campaign as an RO-Crate 1.1: one JSON-LD file that describes all files of its folder and how each was made.
 
-`ro-crate-metadata.json` (https://w3id.org/ro/crate) is what archives such as Zenodo and WorkflowHub read. It is made from the
+Archives such as Zenodo and WorkflowHub read `ro-crate-metadata.json` (https://w3id.org/ro/crate). It is made from the
 provenance that each file contains, with ro-crate-py.
 """
 
@@ -55,7 +55,7 @@ def write_crate(folder: str | os.PathLike[str], license: str = "https://creative
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Results and the files they were made from; logs, caches and what an earlier version of the file made are left out."""
+    """Results and the files they were made from, without logs, caches and results of an earlier version of the file."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         hidden = any(part.startswith(".") or part in ("outdated", "logs") for part in parts)
