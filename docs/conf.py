@@ -6,7 +6,7 @@ from pathlib import Path
 DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS)]
 
-from site_pages import docstrings, mathml, reference, repository  # noqa: E402
+from site_pages import docstrings, links, mathml, reference, repository  # noqa: E402
 
 import labkit  # noqa: E402
 
@@ -71,3 +71,4 @@ def setup(app):
     mathml.setup(app)
     docstrings.setup(app)
     repository.setup(app)
+    links.setup(app)

@@ -16,7 +16,16 @@ PAGES = DOCS / "repository"  # generated, in the order of the repository
 FILES = "files"  # folder of the site with copies of other files
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|!?\[[^\]]*\]\([^)]*\))*)\]\(([^)\s#:]+)(#[^)\s]*)?\)")
 FENCED = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
-LANGUAGES = {".py": "python", ".yaml": "yaml", ".f90": "fortran", ".c": "c", ".sh": "sh", ".inp": "text", "": "python"}
+LANGUAGES = {
+    ".py": "python",
+    ".yaml": "yaml",
+    ".f90": "fortran",
+    ".c": "c",
+    ".sh": "sh",
+    ".inp": "text",
+    ".toml": "text",
+    "": "text",
+}
 
 
 class Collection:
@@ -108,8 +117,9 @@ def setup(app):
         if not page.is_relative_to(PAGES) and "_build" not in page.parts:
             collection.rewritten(page.read_text(), page.parent, page)
     collection.write_queue()
-    for stale in set(PAGES.rglob("*.*")) - set(collection.pages.values()) if PAGES.exists() else ():
-        stale.unlink()
+    for stale in set(PAGES.rglob("*")) - set(collection.pages.values()):
+        if stale.is_file():
+            stale.unlink()
 
     def read(app, docname, source):
         page = Path(app.env.doc2path(docname))
