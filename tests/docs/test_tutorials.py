@@ -50,7 +50,7 @@ def test_runs(page, tmp_path, monkeypatch):
 
 
 PROMISES = {  # what the text around the cells says of their output
-    "01_first_test": ("friction -0.5", "Run(cp on fused, complete", "True"),
+    "01_first_test": ("friction -0.5", "cp on fused", "True", "Run(cv on fused, complete"),
     "02_c0_and_love": ("the same as lk.sff_stress: True", "C0 against Love", "energy balance"),
     "03_your_own": ("Run(constant_axial_stress on fused, complete", "Run(steps on fused, complete", "0.58 to 1.62"),
     "04_probes": ("elastic", "asymmetry"),
