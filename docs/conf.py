@@ -1,5 +1,6 @@
 """Configuration of the documentation site, which `./lab docs` builds: see https://www.sphinx-doc.org."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -67,6 +68,9 @@ copybutton_prompt_is_regexp = True
 
 def setup(app):
     """Generate the pages that are derived from the code, and add those of the repository that are linked."""
+    for left in (DOCS / "tutorials").iterdir():  # by tutorials that were executed before: a changed one could not resume
+        if left.suffix != ".md":
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
     reference.write(DOCS / "reference" / "generated")
     mathml.setup(app)
     docstrings.setup(app)

@@ -1,6 +1,8 @@
 """Checks the finished site: every link within it leads to a page and an anchor, and it loads nothing from elsewhere."""
 
+import functools
 import html.parser
+import re
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -55,11 +57,31 @@ def problems(folder: Path) -> list[str]:
     return found
 
 
+BACK = re.compile(r'(<a class="viewcode-back" href=")([^"#]*)#([^"]*)(")')
+
+
+def mend_sources(folder: Path) -> None:
+    """Correct links from source code to the reference: Sphinx takes a module to be documented in one package only."""
+    anchors_of = functools.cache(lambda file: Page(file).anchors)
+    for file in (folder / "_modules").rglob("*.html"):
+
+        def mended(match, file=file):
+            anchors, parts = anchors_of((file.parent / match[2]).resolve()), match[3].split(".")
+            ends = (".".join(parts[k:]) for k in range(len(parts)))
+            known = (anchor for end in ends for anchor in anchors if f".{anchor}".endswith(f".{end}"))
+            return f"{match[1]}{match[2]}#{next(known, match[3])}{match[4]}"
+
+        text = file.read_text(encoding="utf-8")
+        if BACK.search(text):
+            file.write_text(BACK.sub(mended, text), encoding="utf-8")
+
+
 def setup(app):
     """Check the site at the end of a build."""
 
     def check(app, error):
         if error is None and app.builder.name == "html":
+            mend_sources(Path(app.outdir))
             found = problems(Path(app.outdir))
             if found:
                 raise ExtensionError("\n".join(["links of the site:", *found]))

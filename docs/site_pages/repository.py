@@ -18,7 +18,7 @@ LINK = re.compile(r"(!?)\[((?:[^\[\]]|!?\[[^\]]*\]\([^)]*\))*)\]\(([^)\s#:]+)(#[
 FENCED = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
 LANGUAGES = {
     ".py": "python",
-    ".yaml": "yaml",
+    ".yaml": "yaml+jinja",
     ".f90": "fortran",
     ".c": "c",
     ".sh": "sh",
