@@ -68,7 +68,7 @@ copybutton_prompt_is_regexp = True
 
 def setup(app):
     """Generate the pages that are derived from the code, and add those of the repository that are linked."""
-    for left in (DOCS / "tutorials").iterdir():  # by tutorials that were executed before: a changed one could not resume
+    for left in (DOCS / "tutorials").iterdir():  # by an earlier execution, which a changed tutorial could not resume
         if left.suffix != ".md":
             shutil.rmtree(left) if left.is_dir() else left.unlink()
     reference.write(DOCS / "reference" / "generated")
