@@ -1,11 +1,13 @@
 """Configuration of the documentation site, which `./lab docs` builds: see https://www.sphinx-doc.org."""
 
+import os
 import shutil
 import sys
 from pathlib import Path
 
 DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS)]
+os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # for `!labkit` in notebooks
 
 from site_pages import docstrings, links, mathml, reference, repository  # noqa: E402
 

@@ -15,7 +15,11 @@ def _number(match):
 
 def _linked(text):
     def equation(match):
-        return NUMBER.sub(_number, match[3]) if match[3] else match[1] + NUMBER.sub(_number, match[2])
+        return (
+            NUMBER.sub(_number, match[3])
+            if match[3]
+            else match[1].rstrip() + "\N{NO-BREAK SPACE}" + NUMBER.sub(_number, match[2])
+        )
 
     return EQUATION.sub(equation, text)
 

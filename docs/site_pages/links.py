@@ -38,7 +38,7 @@ def problems(folder: Path) -> list[str]:
     pages = {
         file.resolve(): Page(file) for file in folder.rglob("*.html") if "files" not in file.relative_to(folder).parts
     }
-    found = []
+    found = [f"{file.name}: a command was not found" for file in pages if "command not found" in file.read_text()]
     for file, page in pages.items():
         name = file.relative_to(folder.resolve())
         for link in sorted(page.links | page.loaded):

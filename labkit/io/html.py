@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 def table(title: str, rows: Mapping[str, object]) -> str:
     """An HTML table with a title and one line per entry, name -> value; all texts are escaped."""
-    cell = '<td style="text-align: left">'
+    cell = '<td style="text-align: left; padding-right: 1em">'
     lines = [
         f"<tr>{cell}{html.escape(name)}</td>{cell}{html.escape(str(value))}</td></tr>" for name, value in rows.items()
     ]
