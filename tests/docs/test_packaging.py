@@ -1,0 +1,52 @@
+"""Versions and dependencies are the same wherever they are stated."""
+
+import json
+import re
+import tomllib
+
+import pytest
+import yaml
+
+import labkit
+from tests.docs.pages import DOCS
+
+ROOT = DOCS.parent
+CONDA = {"matplotlib": "matplotlib-base", "netCDF4": "netcdf4"}  # names that differ from those of PyPI
+
+
+@pytest.fixture(scope="module")
+def recipe():
+    text = (ROOT / "packaging/conda/meta.yaml").read_text()
+    version = re.search(r'set version = "([^"]+)"', text)[1]
+    text = re.sub(r"\{%.*?%\}\n", "", text).replace("{{ version }}", version).replace("{{ PYTHON }}", "python")
+    return yaml.safe_load(text)
+
+
+def test_the_version_is_the_same_everywhere(recipe):
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    codemeta = json.loads((ROOT / "codemeta.json").read_text())
+    assert {recipe["package"]["version"], citation["version"], codemeta["version"]} == {labkit.__version__}
+
+
+def test_the_conda_recipe_has_the_dependencies_of_the_package(recipe):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    names = {re.match(r"[\w-]+", one)[0]: one for one in project["dependencies"]}
+    expected = {f"{CONDA.get(name, name)}{one.removeprefix(name)}" for name, one in names.items()}
+    assert {one.replace(" ", "") for one in recipe["requirements"]["run"]} == {*expected, "python>=3.11"}
+    codemeta = json.loads((ROOT / "codemeta.json").read_text())
+    assert set(codemeta["softwareRequirements"]) == set(names)
+
+
+@pytest.mark.parametrize("file", ["Dockerfile", "Apptainer.def"])
+def test_containers_install_what_lab_installs(file):
+    text = (ROOT / "packaging" / file).read_text()
+    assert all(package in text for package in ("yade", "python3-netcdf4", "python3-venv", "gfortran gcc"))
+    extras = re.search(r"labkit\[([\w,]+)\]", text)[1].split(",")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert set(extras) <= set(project["optional-dependencies"])
+
+
+def test_every_citation_of_the_paper_has_a_reference():
+    cited = set(re.findall(r"@(\w+)", (ROOT / "paper.md").read_text().split("---", 2)[2]))
+    known = set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))
+    assert cited == known
