@@ -23,6 +23,8 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
         "analysis.critical_state.command",
         "shear specimens to 100 % strain on many paths; is there one critical state?",
     ),
+    "initial-fabric": ("analysis.initial_fabric.command", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
+    "size-scatter": ("analysis.size_scatter.command", "scatter and bias of the critical state against the grains"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
     "boundary-value": (
         "analysis.boundary_value.command",

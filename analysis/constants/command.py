@@ -13,7 +13,8 @@ from analysis.constants.figures import changes_figure, lines_figure
 from analysis.constants.materials import MEASURED, cells_of, constant_table, material_of, slope_table
 from analysis.constants.page import page
 from analysis.curves import CURVES, collect_curves, read_curves, window_means
-from analysis.statistics import adjusted, paired_difference, slope_table as slopes_of, stationarity_table
+from analysis.statistics import adjusted, paired_difference, stationarity_table
+from analysis.statistics import slope_table as slopes_of
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
 from labkit.errors import InputError

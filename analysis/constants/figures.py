@@ -25,7 +25,7 @@ NAMES = {
 
 
 def label_of(material: str) -> str:
-    """Name of a material for a legend, e.g. `$\\mu$ = 0.2`."""
+    """Name of a material for a legend, with the value of its parameter."""
     for parameter, materials in VARIED.items():
         if material in materials and material != PAPER:
             return f"{SYMBOLS[parameter]} = {materials[material]:g}"
@@ -52,7 +52,7 @@ def lines_figure(ends: pandas.DataFrame, cells: Cells) -> Figure:
             column[1].plot(below, c_cLam * (e_cmax - below), color=color, label=label_of(material))
         column[0].set(title=f"{SYMBOLS[parameter]} varied", ylim=(4.0, 6.4))
         column[1].set(xlabel="void ratio $e$", ylim=(0.0, 0.024))
-        column[1].legend(fontsize=8)
+        column[0].legend(fontsize=8, loc="lower left")
     axes[0, 0].set_ylabel("coordination number $Z$")
     axes[1, 0].set_ylabel("mean normalised force $\\Lambda$")
     return figure
@@ -75,9 +75,7 @@ def changes_figure(table: pandas.DataFrame) -> Figure:
             shown = rows[(rows["verdict"] == "differs") == differs]
             at = [positions[name] for name in zip(shown["parameter"], shown["value"], strict=True)]
             label = "differs (Holm)" if differs else "agrees or not resolved"
-            panel.errorbar(
-                at, shown["estimate"], shown["within"], fmt="o", ms=4, capsize=3, label=label, **style
-            )
+            panel.errorbar(at, shown["estimate"], shown["within"], fmt="o", ms=4, capsize=3, label=label, **style)
         panel.set_title(NAMES[constant])
     for panel in axes[-1]:
         texts = [f"{SYMBOLS[parameter]} = {value:g}" for parameter, value in names]

@@ -78,14 +78,15 @@ def constants(states: np.ndarray) -> np.ndarray:
     """CONSTANTS (9,) from the mean states (2, 7) of the dense and the loose specimens, MEASURED in columns.
 
     M, A, F and Ft (components zz) at Lambda = REFERENCE, linear in Lambda between the two states; the others are the
-    parameters of Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ and Lambda^c = c_cLam (e_cmax - e) through both states, and Lambda^c at e = AT.
+    parameters of Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ and Lambda^c = c_cLam (e_cmax - e) through both states, and
+    Lambda^c at e = AT.
     """
-    (e_dense, e_loose), (L_dense, L_loose), (Z_dense, Z_loose) = states[:, :3].T
-    share = (REFERENCE - L_loose) / (L_dense - L_loose)
+    (e_dense, e_loose), (f_dense, f_loose), (Z_dense, Z_loose) = states[:, :3].T
+    share = (REFERENCE - f_loose) / (f_dense - f_loose)
     at = states[1, 3:] + share * (states[0, 3:] - states[1, 3:])
-    c_cLam = (L_dense - L_loose) / (e_loose - e_dense)
-    e_cmax = e_loose + L_loose / c_cLam
-    gamma = math.log((Z_dense - 4.0) / (Z_loose - 4.0)) / math.log(L_dense / L_loose)
+    c_cLam = (f_dense - f_loose) / (e_loose - e_dense)
+    e_cmax = e_loose + f_loose / c_cLam
+    gamma = math.log((Z_dense - 4.0) / (Z_loose - 4.0)) / math.log(f_dense / f_loose)
     c_cZ = (Z_dense - 4.0) / (e_cmax - e_dense) ** gamma
     return np.array([*at, e_cmax, c_cLam, c_cZ, gamma, c_cLam * (e_cmax - AT)])
 

@@ -14,32 +14,32 @@ from labkit.model import Parameters
 
 INTRODUCTION = """# The constants of Table 2 for other grains
 
-Table 2 is calibrated on one material. Here one parameter of the grains is changed at a time: friction mu, rolling friction
-mu_r, kappa = kn/kt, and the spread of the uniform grading, D ± spread D. CV tests on dense and loose specimens of 2,000
-grains, three of each (five with Table 1's grains), give each material's critical state lines. The campaign is
-`analysis/constants/campaign.yaml`; its runs are made by `./lab constants FOLDER`, which can be interrupted and resumed, and
-this page was written by `{command}`.
+Table 2 is calibrated on one material. Here one parameter of the grains is changed at a time: friction mu, rolling
+friction mu_r, kappa = kn/kt, and the spread of the uniform grading, D ± spread D. CV tests on dense and loose
+specimens of 2,000 grains, three of each (five with Table 1's grains), give each material's critical state lines. The
+campaign is `analysis/constants/campaign.yaml`; its runs are made by `./lab constants FOLDER`, which can be
+interrupted and resumed, and this page was written by `{command}`.
 
-{done} of the {planned} tests, on {specimens} specimens. The state of a test is its mean over {begin:.0f} to {end:.0f} % of
-strain ([ends.csv](ends.csv)). M, A, F and F^t (components zz) are compared at Lambda = {reference:g}, by interpolation
-between the dense and the loose specimens; the parameters of Z^c and Lambda^c are those of the lines through both states. All
-intervals are 95 %; the scatter of specimens is pooled over the materials at each density, and p-values are corrected for
-the number of rows of their table (Holm)."""
+{done} of the {planned} tests, on {specimens} specimens. The state of a test is its mean over {begin:.0f} to {end:.0f}
+% of strain ([ends.csv](ends.csv)). M, A, F and F^t (components zz) are compared at Lambda = {reference:g}, by
+interpolation between the dense and the loose specimens; the parameters of Z^c and Lambda^c are those of the lines
+through both states. All intervals are 95 %; the scatter of specimens is pooled over the materials at each density,
+and p-values are corrected for the number of rows of their table (Holm)."""
 
 STATE = """## How near to the critical state
 
-Slopes within the window per 10 % of strain, over all specimens. At 35 to 50 % some quantities still drift (up to 70 % of
-strain, see [the critical state](../critical_state/README.md)); materials are compared over the same strains."""
+Slopes within the window per 10 % of strain, over all specimens. At 35 to 50 % some quantities still drift (up to 70 %
+of strain, see [the critical state](../critical_state/README.md)); materials are compared over the same strains."""
 
 RATE = """The inertial number is 1e-3, above the paper's bound of 3e-4. Its effect, from tests of the same specimens at
 1e-3 and 2.5e-4:"""
 
 SCALING = """## E and p
 
-Young's modulus is not among the rows. Young's modulus and all stresses times 4, with the rate times 2, is a change of units:
-in double precision the records of a CV and of a CP test are then the same to the last bit, with stresses times 4
-(`tests/analysis/test_constants.py`). So the constants depend on p/E only, and p/E and the critical void ratio determine each
-other: what Table 2 neglects of E/p is the dependence of M, A, F and F^t on the void ratio
+Young's modulus is not among the rows. Young's modulus and all stresses times 4, with the rate times 2, is a change of
+units: in double precision the records of a CV and of a CP test are then the same to the last bit, with stresses times
+4 (`tests/analysis/test_constants.py`). So the constants depend on p/E only, and p/E and the critical void ratio
+determine each other: what Table 2 neglects of E/p is the dependence of M, A, F and F^t on the void ratio
 ([findings](../../docs/findings.md))."""
 
 
@@ -58,14 +58,14 @@ def page(tables: Mapping[str, pandas.DataFrame], planned: int, window: tuple[flo
         ),
         "## Which constants change",
         "![changes](changes.png)",
-        "Constant and its difference from Table 1's grains; **bold**: resolved, and more than 2 % (e_cmax: 0.005) is not "
-        "excluded; `=`: the whole interval is within 2 % (0.005); all others are not resolved.",
+        "Constant and its difference from Table 1's grains; **bold**: resolved, and not within 2 % (e_cmax: 0.005); `=`: "
+        "the whole interval is within 2 % (0.005); all others are not resolved.",
         _constants(tables["constants"]),
         _summary(tables["constants"]),
         "![lines](lines.png)",
         "## What shifts the lines",
-        "Slopes at Table 1's grains, from a parabola through the materials: per unit of mu, mu_r and spread, per doubling "
-        "of kappa.",
+        "Slopes at Table 1's grains, from a parabola through the materials: per unit of mu, mu_r and spread, per "
+        "doubling of kappa.",
         _slopes(tables["slopes"]),
         _needed(tables["slopes"], tables["constants"]),
         STATE,
@@ -131,8 +131,8 @@ def _needed(slopes: pandas.DataFrame, rows: pandas.DataFrame) -> str:
         lines.append(f"- {row.parameter}: {found}")
     offset = text(above, base["within"])
     return (
-        f"Lambda^c(0.67) of Table 1's grains is {offset} above the paper's line. One parameter alone would remove that if "
-        "it differed from Table 1 as follows (to first order):\n\n" + "\n".join(lines)
+        f"Lambda^c(0.67) of Table 1's grains is {offset} above the paper's line. One parameter alone would remove that "
+        "if it differed from Table 1 as follows (to first order):\n\n" + "\n".join(lines)
     )
 
 

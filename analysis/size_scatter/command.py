@@ -1,0 +1,81 @@
+"""`./lab size-scatter`: runs the campaign, or uses the stored curves, and writes results/size_scatter."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas
+
+from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.curves import CURVES, collect_curves, read_curves, window_means
+from analysis.size_scatter.figures import drift_figure, sizes_figure
+from analysis.size_scatter.page import page
+from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
+from analysis.statistics import slope_table, stationarity_table
+from labkit.campaign import read_campaign
+from labkit.dem import Progress
+from labkit.errors import InputError
+from labkit.io import make_folder, reporter, write_text
+
+CAMPAIGN = Path(__file__).with_name("campaign.yaml")
+TITLE = "Scatter and bias against the number of grains"
+WINDOW = (0.35, 0.5)  # of strain; the state of a test is its mean there
+LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `./lab size-scatter`."""
+    otherwise = f"the tables and figures are written again from {CURVES} in the output folder"
+    add_campaign_options(parser, "size_scatter", otherwise)
+
+
+def main(options: argparse.Namespace, command: str) -> int:
+    """Runs the campaign if one is given and writes all results; returns 1 if a run failed."""
+    code, folder = 0, Path(make_folder(options.output, "--output"))
+    if options.campaign:
+        if not options.as_is:
+            code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
+        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE)
+    if not (folder / CURVES).exists():
+        raise InputError(f"{folder} contains no {CURVES}: give the folder of a campaign")
+    for file in write(folder, command, reporter("tables")):
+        print(file)
+    return int(code != 0)
+
+
+def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
+    """Writes the tables, the figures and the page from the curves in a folder; yields the files."""
+    source = folder / CURVES
+    curves = read_curves(source)
+    curves["size"] = [specimen.partition("-")[0] for specimen in curves["specimen"]]
+    curves = curves.sort_values("grains", kind="stable", ignore_index=True)
+    ends = end_table(curves)
+    progress(0.2, "scatter and bias")
+    sizes = size_table(ends)
+    tables = {
+        "ends": ends,
+        "sizes": sizes,
+        "scatter": scatter_table(sizes),
+        "bias": bias_table(ends),
+        "stationarity": stationarity_table(slope_table(curves, MEASURED, *WINDOW), judged=LIMITS),
+    }
+    yield from write_tables(tables, folder, [source], command)
+    progress(0.6, "figures")
+    figures = {
+        "drift": drift_figure(curves, WINDOW),
+        "sizes": sizes_figure(ends, sizes, tables["scatter"]),
+    }
+    yield from save_figures(figures, folder, [source], command)
+    planned = len(read_campaign(CAMPAIGN).runs)
+    write_text(folder / "README.md", page(tables, planned, WINDOW, command))
+    yield folder / "README.md"
+    progress(1.0, "done")
+
+
+def end_table(curves: pandas.DataFrame) -> pandas.DataFrame:
+    """State of each test, its mean over WINDOW: run, test, specimen, grains, QUANTITIES, size."""
+    ends = window_means(curves, *WINDOW)
+    ends["size"] = [specimen.partition("-")[0] for specimen in ends["specimen"]]
+    return ends
