@@ -58,8 +58,8 @@ def page(tables: Mapping[str, pandas.DataFrame], planned: int, window: tuple[flo
         ),
         "## Which constants change",
         "![changes](changes.png)",
-        "Constant and its difference from Table 1's grains; **bold**: resolved, and not within 2 % (e_cmax: 0.005); `=`: "
-        "the whole interval is within 2 % (0.005); all others are not resolved.",
+        "Constant and its difference from Table 1's grains; **bold**: resolved, and not within 2 % (e_cmax: 0.005); "
+        "`=`: the whole interval is within 2 % (0.005); all others are not resolved.",
         _constants(tables["constants"]),
         _summary(tables["constants"]),
         "![lines](lines.png)",
