@@ -15,7 +15,7 @@ INTRODUCTION = """# What an isotropic stress hides: initial fabric and Z
 
 Section 5.3 of the paper draws two tests from the model alone. In Fig. 9 the contacts are anisotropic under an
 isotropic stress, with F^0 = -A^0 [I + 4/7 A^0]^-1, and the response of a CR test depends on the direction. In Fig. 10
-specimens of equal e and p have different Z. Here both are made of grains, 4,000 per specimen, with Table 1 and a CR
+specimens of equal e and p have different Z. Here both are made of grains, 2,000 per specimen, with Table 1 and a CR
 test at 500 kPa, and the model with Table 2 is driven along the same path from the measured e, Z, Lambda, A, F and F^t
 (beyond e_cmax with the reading `flat`). The campaign is `analysis/initial_fabric/campaign.yaml`; its runs are made by
 `./lab initial-fabric FOLDER`, which can be interrupted and resumed, and this page was written by `{command}`.
