@@ -34,7 +34,7 @@ def label_of(material: str) -> str:
 
 def lines_figure(ends: pandas.DataFrame, cells: Cells) -> Figure:
     """States of the tests and the lines through them: Z and Lambda against e, a column per parameter."""
-    figure = new_figure(WIDTH * 1.3, 6.0)
+    figure = new_figure(WIDTH * 1.3, 6.6)
     axes = figure.subplots(2, len(VARIED), sharex=True, sharey="row")
     e = np.linspace(0.54, 0.82, 200)
     for column, (parameter, materials) in zip(axes.T, VARIED.items(), strict=True):
@@ -52,7 +52,7 @@ def lines_figure(ends: pandas.DataFrame, cells: Cells) -> Figure:
             column[1].plot(below, c_cLam * (e_cmax - below), color=color, label=label_of(material))
         column[0].set(title=f"{SYMBOLS[parameter]} varied", ylim=(4.0, 6.4))
         column[1].set(xlabel="void ratio $e$", ylim=(0.0, 0.024))
-        column[0].legend(fontsize=8, loc="lower left")
+        column[1].legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     axes[0, 0].set_ylabel("coordination number $Z$")
     axes[1, 0].set_ylabel("mean normalised force $\\Lambda$")
     return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import pandas
@@ -120,19 +121,32 @@ def _slopes(rows: pandas.DataFrame) -> str:
 
 
 def _needed(slopes: pandas.DataFrame, rows: pandas.DataFrame) -> str:
-    """By how much each parameter would have to differ to shift Lambda^c(0.67) to the paper's line."""
-    base = rows[(rows["parameter"] == PAPER) & (rows["constant"] == "Lambda_067")].iloc[0]
+    """By how much each parameter would have to differ to shift Lambda^c(0.67) to the paper's line; M and F^t then."""
+    base = rows[rows["parameter"] == PAPER].set_index("constant")
     paper = Parameters()
-    above = base["estimate"] - paper.c_cLam * (paper.e_cmax - AT)
-    lines = []
-    for row in slopes[slopes["constant"] == "Lambda_067"].itertuples():
-        units = " doublings" if row.parameter == "kappa" else ""
-        found = f"by {-above / row.slope:+.2g}{units}" if row.corrected <= SIGNIFICANT else "its slope is not resolved"
-        lines.append(f"- {row.parameter}: {found}")
-    offset = text(above, base["within"])
+    above = base.loc["Lambda_067", "estimate"] - paper.c_cLam * (paper.e_cmax - AT)
+    known = slopes.set_index(["parameter", "constant"])
+    body = []
+    for parameter in dict.fromkeys(slopes["parameter"]):
+        of_line = known.loc[(parameter, "Lambda_067")]
+        if of_line["corrected"] > SIGNIFICANT:
+            body.append([parameter, "slope not resolved", "", ""])
+            continue
+        change = -above / of_line["slope"]
+        shifted = [
+            text(
+                base.loc[c, "estimate"] + change * known.loc[(parameter, c), "slope"],
+                abs(change) * known.loc[(parameter, c), "within"],
+            )
+            for c in ("M", "Ft")
+        ]
+        body.append([parameter, f"{change:+.2g}{' doublings' if parameter == 'kappa' else ''}", *shifted])
+    offset = text(above, base.loc["Lambda_067", "within"])
+    norm = math.sqrt(1.5)
     return (
         f"Lambda^c(0.67) of Table 1's grains is {offset} above the paper's line. One parameter alone would remove that "
-        "if it differed from Table 1 as follows (to first order):\n\n" + "\n".join(lines)
+        "(to first order) if it differed from Table 1 by `change`. M and F^t would then be as given (± from the slopes); "
+        f"the paper has 0.92 and {paper.Ft_c / norm:.3f}:\n\n" + table(["parameter", "change", "M", "F^t"], body)
     )
 
 
