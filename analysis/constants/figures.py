@@ -41,7 +41,8 @@ def lines_figure(ends: pandas.DataFrame, cells: Cells) -> Figure:
         for panel, line in zip(column, (critical_Z, critical_Lambda), strict=True):
             panel.plot(e, np.where(e < 0.76, line(e), np.nan), "-", color="0.7", lw=3, label="Table 2 of the paper")
         present = [material for material in materials if material in cells]
-        for color, material in zip(colors_for(len(present)), present, strict=True):
+        for own, material in zip(colors_for(len(present)), present, strict=True):
+            color = "black" if material == PAPER else own
             rows = ends[ends["material"] == material]
             states = np.array([cell.mean for cell in cells[material]])
             e_cmax, c_cLam, c_cZ, gamma = constants(states)[4:8]

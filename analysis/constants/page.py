@@ -144,9 +144,10 @@ def _needed(slopes: pandas.DataFrame, rows: pandas.DataFrame) -> str:
     offset = text(above, base.loc["Lambda_067", "within"])
     norm = math.sqrt(1.5)
     return (
-        f"Lambda^c(0.67) of Table 1's grains is {offset} above the paper's line. One parameter alone would remove that "
-        "(to first order) if it differed from Table 1 by `change`. M and F^t would then be as given (± from the slopes); "
-        f"the paper has 0.92 and {paper.Ft_c / norm:.3f}:\n\n" + table(["parameter", "change", "M", "F^t"], body)
+        f"Lambda^c(0.67) of Table 1's grains is {offset} above the paper's line. One parameter alone would remove "
+        "that (to first order) if it differed from Table 1 by `change`. M and F^t would then be as given (± from the "
+        f"slopes); the paper has 0.92 and {paper.Ft_c / norm:.3f}:\n\n"
+        + table(["parameter", "change", "M", "F^t"], body)
     )
 
 
