@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,14 +40,28 @@ def curves_of(run: xr.Dataset) -> xr.Dataset:
     return data
 
 
-def collect_curves(files: Sequence[Path], output: Path, command: str, progress: Progress, title: str) -> None:
-    """Reduces run files to one data set, dimensions run and point, and writes it with its provenance."""
+def collect_curves(
+    files: Sequence[Path],
+    output: Path,
+    command: str,
+    progress: Progress,
+    title: str,
+    others: Mapping[str, xr.Dataset] | None = None,
+    of_others: Sequence[Path] = (),
+) -> None:
+    """Reduces run files to one data set, dimensions run and point, and writes it with its provenance.
+
+    others, of_others: further curves by name, as from curves_of, and the files that they were read from.
+    """
     names, sets = [file.name.removesuffix(".run.nc") for file in files], []
     for k, file in enumerate(files):
         progress(k / len(files), f"reading {names[k]}")
         with lk.open_run(file) as run:
             sets.append(curves_of(run))
-    write_data(xr.concat(sets, "run").assign_coords(run=names), files, output, command, title)
+    names += list(others or {})
+    sets += list((others or {}).values())
+    data = xr.concat(sets, "run").assign_coords(run=names)
+    write_data(data, [*files, *of_others], output, command, title)
 
 
 def write_data(data: xr.Dataset, files: Sequence[Path], output: Path, command: str, title: str) -> None:

@@ -10,10 +10,13 @@ import pandas
 
 from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
 from analysis.curves import CURVES, collect_curves, read_curves, window_means
+from analysis.paper.estimates import two_samples
+from analysis.places import results_folder
 from analysis.size_scatter.figures import drift_figure, sizes_figure
 from analysis.size_scatter.page import page
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
-from analysis.statistics import slope_table, stationarity_table
+from analysis.size_scatter.stored import PREFIX, stored_curves
+from analysis.statistics import adjusted, slope_table, stationarity_table
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
 from labkit.errors import InputError
@@ -21,7 +24,7 @@ from labkit.io import make_folder, reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")
 TITLE = "Scatter and bias against the number of grains"
-WINDOW = (0.35, 0.5)  # of strain; the state of a test is its mean there
+WINDOW = (0.3, 0.4)  # of strain; the state of a test is its mean there
 LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
 
 
@@ -37,7 +40,8 @@ def main(options: argparse.Namespace, command: str) -> int:
     if options.campaign:
         if not options.as_is:
             code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
-        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE)
+        others = stored_curves(Path(results_folder()))
+        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE, *others)
     if not (folder / CURVES).exists():
         raise InputError(f"{folder} contains no {CURVES}: give the folder of a campaign")
     for file in write(folder, command, reporter("tables")):
@@ -59,6 +63,7 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
         "sizes": sizes,
         "scatter": scatter_table(sizes),
         "bias": bias_table(ends),
+        "stored": stored_table(ends),
         "stationarity": stationarity_table(slope_table(curves, MEASURED, *WINDOW), judged=LIMITS),
     }
     yield from write_tables(tables, folder, [source], command)
@@ -72,6 +77,32 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     write_text(folder / "README.md", page(tables, planned, WINDOW, command))
     yield folder / "README.md"
     progress(1.0, "done")
+
+
+def stored_table(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Stored tests against those of the campaign with about as many grains (4,000), a row per quantity.
+
+    Columns: quantity, mean (of the stored ones), difference (campaign minus stored, Welch), within, specimens, p_value,
+    corrected (Holm).
+    """
+    both = ends[ends["size"] == "n4000"]
+    slow = both["test"] == PREFIX
+    rows = []
+    for quantity in MEASURED:
+        found = two_samples(lambda table, q=quantity: float(table[q].mean()), both[slow], both[~slow])  # type: ignore[misc]
+        rows.append(
+            {
+                "quantity": quantity,
+                "mean": both.loc[slow, quantity].mean(),
+                "difference": found.value,
+                "within": found.within,
+                "specimens": found.n,
+                "p_value": found.p_value,
+            }
+        )
+    table = pandas.DataFrame(rows)
+    table["corrected"] = adjusted(table["p_value"])
+    return table
 
 
 def end_table(curves: pandas.DataFrame) -> pandas.DataFrame:
