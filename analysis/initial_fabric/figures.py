@@ -68,19 +68,24 @@ def directions_figure(data: xr.Dataset) -> Figure:
 
 def twins_figure(data: xr.Dataset) -> Figure:
     """CR tests of twins, high and low Z at equal e and p; grains (solid) and model (dashed); a row per kind."""
-    figure = new_figure(WIDTH * 1.2, 9.0)
-    rows = figure.subplots(len(KINDS), 3, sharex=True)
     runs = [str(name) for name in data["run"].values]
-    for axes, (kind, pair) in zip(rows, KINDS.items(), strict=True):
-        for color, (test, group), label in zip(colors_for(2), pair, ("high Z", "low Z"), strict=True):
-            names = [n for n in runs if n.partition("-")[0] == test and specimen_of(n).partition("-")[0] == group]
-            if names:
-                _draw(axes, data, names, color, label)
+    kinds = {kind: [_tests(runs, *one) for one in pair] for kind, pair in KINDS.items()}
+    kinds = {kind: pair for kind, pair in kinds.items() if all(pair)}
+    figure = new_figure(WIDTH * 1.2, 0.4 + 3.0 * max(len(kinds), 1))
+    rows = figure.subplots(max(len(kinds), 1), 3, sharex=True, squeeze=False)
+    for axes, (kind, pair) in zip(rows, kinds.items(), strict=False):
+        for color, names, label in zip(colors_for(2), pair, ("high Z", "low Z"), strict=True):
+            _draw(axes, data, names, color, label)
         axes[0].set_title(kind)
         axes[2].legend(fontsize=8)
     for panel in rows[-1]:
         panel.set_xlabel("axial strain (%)")
     return figure
+
+
+def _tests(runs: list[str], test: str, group: str) -> list[str]:
+    """The runs of a test on a group of specimens."""
+    return [n for n in runs if n.partition("-")[0] == test and specimen_of(n).partition("-")[0] == group]
 
 
 def _finished(figure: Figure, axes: np.ndarray) -> Figure:

@@ -35,10 +35,13 @@ CR compression along z. Differences are paired by specimen."""
 
 TWINS = """## Different Z at equal e and p (Fig. 10)
 
-`loose`, `medium`: specimens made by compression of a gas with reduced friction (high Z) or by insertion with overlap
-(low Z); different specimens, Welch's test. `dense`: compressed without friction, and the same specimens after one
-cycle of shear of 1 % at constant mean stress (paired). High minus low; Z0, e0 (nominal) and Lambda0 are before the CR
-test. An effect of the preparation other than Z cannot be told from that of Z."""
+Solid: grains, dashed: model. `loose`, `medium`: specimens made by compression of a gas with reduced friction (high Z)
+or by insertion with overlap (low Z); different specimens, Welch's test. The differences are those of high minus low
+Z; Z0, e0 (nominal) and Lambda0 are before the CR test. An effect of the preparation other than Z cannot be told from
+that of Z."""
+
+DENSE = """ `dense`: compressed without friction, and the same specimens after one cycle of shear of 1 % at constant mean
+stress (paired)."""
 
 
 def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> str:
@@ -52,7 +55,7 @@ def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> 
         "Solid: grains, dashed: model.",
         "![directions](directions.png)",
         _differences(tables["directions"], "pair", list(MEASURES)),
-        TWINS,
+        TWINS + (DENSE if "dense" in set(tables["twins"]["kind"]) else ""),
         "![twins](twins.png)",
         _differences(tables["twins"], "kind", [*BEFORE, *MEASURES]),
     ]

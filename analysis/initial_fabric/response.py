@@ -76,7 +76,8 @@ def model_curves(run: xr.Dataset) -> dict[str, np.ndarray]:
         "volumetric": np.trace(result.strain, axis1=1, axis2=2),
         "Z": result.Z,
     }
-    return {name: np.interp(STRAIN, result.axial_strain, values, right=np.nan) for name, values in curves.items()}
+    ends = {name: np.nan if result.failure else values[-1] for name, values in curves.items()}
+    return {n: np.interp(STRAIN, result.axial_strain, values, right=ends[n]) for n, values in curves.items()}
 
 
 def _deviatoric(tensor: np.ndarray) -> np.ndarray:
@@ -104,6 +105,8 @@ def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:
 def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:
     """High minus low Z at equal e and p, a row per source, kind of twins and measure (and Z0, e0 and Lambda0).
 
+    Kinds that have not been tested are left out.
+
     The dense twins are paired (the same specimen before and after a cycle); the others are different specimens (Welch).
     Columns: source, kind, measure, difference, within, specimens, p_value, corrected (Holm, measures of the grains).
     """
@@ -111,6 +114,8 @@ def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:
     for source, table in response.groupby("source", sort=False):
         for kind, (high, low) in KINDS.items():
             one, other = (table[(table["test"] == test) & (table["group"] == group)] for test, group in (high, low))
+            if one.empty or other.empty:
+                continue
             for measure in (*BEFORE, *MEASURES):
                 if high[1] == low[1]:
                     both = pandas.concat([one, other])
