@@ -40,8 +40,8 @@ or by insertion with overlap (low Z); different specimens, Welch's test. The dif
 Z; Z0, e0 (nominal) and Lambda0 are before the CR test. An effect of the preparation other than Z cannot be told from
 that of Z."""
 
-DENSE = """ `dense`: compressed without friction, and the same specimens after one cycle of shear of 1 % at constant mean
-stress (paired)."""
+DENSE = """ `dense`: compressed without friction, and the same specimens after one cycle of shear of 1 % at constant
+mean stress (paired)."""
 
 
 def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> str:
