@@ -19,6 +19,7 @@ from labkit.runs import Run
 
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
 CURVES = "curves.nc"
+AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % of strain, at an inertial number of 2.5e-4
 
 
 def accumulated_strain(run: xr.Dataset) -> np.ndarray:
@@ -74,6 +75,26 @@ def write_data(data: xr.Dataset, files: Sequence[Path], output: Path, command: s
     }
     with whole_file(output) as temporary:
         data.to_netcdf(temporary, encoding=coding | characters(data))
+
+
+def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: float) -> dict[str, xr.Dataset]:
+    """Curves of tests that results/critical_state has stored, at POINTS strains up to `strain`, by their name there.
+
+    results: folder of all results; grains: name -> number of grains. Tests that are not there are left out.
+    """
+    file = results / AT_FULL_STRAIN
+    if not file.exists():
+        return {}
+    at = np.linspace(0.0, strain, POINTS)
+    curves = {}
+    with xr.open_dataset(file) as data:
+        for name in (name for name in grains if name in data["run"].values):
+            run = data.sel(run=name)
+            known = run["accumulated_strain"].values.astype(float)
+            columns = {key: np.interp(at, known, values) for key, values in quantities_of(run).items()}
+            curves[name] = xr.Dataset({key: ("point", values) for key, values in {"strain": at, **columns}.items()})
+            curves[name]["grains"] = grains[name]
+    return curves
 
 
 def read_curves(file: Path) -> pandas.DataFrame:

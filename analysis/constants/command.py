@@ -7,13 +7,36 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pandas
+import xarray as xr
 
 from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
 from analysis.constants.figures import changes_figure, lines_figure
-from analysis.constants.materials import MEASURED, cells_of, constant_table, material_of, slope_table
+from analysis.constants.materials import (
+    CONSTANTS,
+    DENSITIES,
+    MEASURED,
+    PAPER,
+    Cells,
+    cells_of,
+    constant_table,
+    constants,
+    freedom_of,
+    material_of,
+    slope_table,
+    tested,
+    with_variance,
+)
 from analysis.constants.page import page
-from analysis.curves import CURVES, collect_curves, read_curves, window_means
-from analysis.statistics import adjusted, paired_difference, stationarity_table
+from analysis.curves import (
+    AT_FULL_STRAIN,
+    CURVES,
+    collect_curves,
+    curves_at_full_strain,
+    read_curves,
+    window_means,
+)
+from analysis.places import results_folder
+from analysis.statistics import adjusted, stationarity_table
 from analysis.statistics import slope_table as slopes_of
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
@@ -24,7 +47,8 @@ CAMPAIGN = Path(__file__).with_name("campaign.yaml")
 TITLE = "The constants of Table 2 for other grains"
 WINDOW = (0.35, 0.5)  # of strain; the state of a test is its mean there
 LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
-SLOW, FAST = "slow", "cv"
+SLOW = "slow"  # tests of Table 1's grains that results/critical_state has stored: material, and beginning of the names
+SLOW_TESTS = {f"cv-{density}-s{seed}": 4000 for density in DENSITIES for seed in range(1, 6)}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +63,8 @@ def main(options: argparse.Namespace, command: str) -> int:
     if options.campaign:
         if not options.as_is:
             code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
-        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE)
+        others = slow_curves(Path(results_folder()))
+        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE, *others)
     if not (folder / CURVES).exists():
         raise InputError(f"{folder} contains no {CURVES}: give the folder of a campaign")
     for file in write(folder, command, reporter("tables")):
@@ -53,18 +78,18 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     curves = read_curves(source)
     progress(0.1, "states")
     ends = end_table(curves)
-    of_rate_1 = ends[ends["test"] != SLOW]
-    cells = cells_of(of_rate_1)
+    slow = ends["material"] == SLOW
+    cells = cells_of(ends[~slow])
     tables = {
         "ends": ends,
         "constants": constant_table(cells),
         "slopes": slope_table(cells),
-        "rate": rate_table(ends),
+        "rate": rate_table(cells, cells_of(ends[slow])),
         "stationarity": drift_table(curves),
     }
     yield from write_tables(tables, folder, [source], command)
     progress(0.5, "figures")
-    figures = {"lines": lines_figure(of_rate_1, cells), "changes": changes_figure(tables["constants"])}
+    figures = {"lines": lines_figure(ends, cells), "changes": changes_figure(tables["constants"])}
     yield from save_figures(figures, folder, [source], command)
     planned = len(read_campaign(CAMPAIGN).runs)
     write_text(folder / "README.md", page(tables, planned, WINDOW, command))
@@ -79,27 +104,35 @@ def end_table(curves: pandas.DataFrame) -> pandas.DataFrame:
     return ends
 
 
-def rate_table(ends: pandas.DataFrame) -> pandas.DataFrame:
-    """Differences between tests of the same specimens at I = 1e-3 and 2.5e-4, a row per quantity.
+def slow_curves(results: Path) -> tuple[dict[str, xr.Dataset], list[Path]]:
+    """Curves of stored slow tests of Table 1's grains, by name (`slow-slow_dense-s1`), and the file they are from."""
+    known = curves_at_full_strain(results, SLOW_TESTS, WINDOW[1])
+    curves = {name.replace("cv-", f"{SLOW}-{SLOW}_"): data for name, data in known.items()}
+    return curves, [results / AT_FULL_STRAIN] * bool(curves)
 
-    Columns: quantity, mean (at 2.5e-4), difference (fast - slow), within, specimens, p_value, corrected (Holm).
+
+def rate_table(cells: Cells, slow: Cells) -> pandas.DataFrame:
+    """Constants of Table 1's grains here minus those of the stored slow tests, a row per constant.
+
+    Columns: constant, slow, difference, within, specimens (of both), p_value, corrected (Holm).
     """
-    slow = ends[ends["test"] == SLOW]
-    both = ends[ends["specimen"].isin(slow["specimen"])]
     rows = []
-    for quantity in MEASURED:
-        found = paired_difference(both, quantity, "test", SLOW, FAST)
-        rows.append(
-            {
-                "quantity": quantity,
-                "mean": slow[quantity].mean(),
-                "difference": found.value,
-                "within": found.within,
-                "specimens": found.n,
-                "p_value": found.p_value,
-            }
-        )
-    table = pandas.DataFrame(rows)
+    for material, pair in slow.items():
+        here, there = with_variance(cells[PAPER], constants), with_variance(slow[material], constants)
+        n = sum(cell.specimens for cell in (*cells[PAPER], *pair))
+        for k, constant in enumerate(CONSTANTS):
+            found = tested(here[0][k] - there[0][k], here[1][k] + there[1][k], freedom_of(slow), n)
+            rows.append(
+                {
+                    "constant": constant,
+                    "slow": there[0][k],
+                    "difference": found.value,
+                    "within": found.within,
+                    "specimens": found.n,
+                    "p_value": found.p_value,
+                }
+            )
+    table = pandas.DataFrame(rows, columns=["constant", "slow", "difference", "within", "specimens", "p_value"])
     table["corrected"] = adjusted(table["p_value"])
     return table
 
