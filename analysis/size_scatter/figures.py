@@ -31,7 +31,7 @@ def drift_figure(curves: pandas.DataFrame, window: tuple[float, float]) -> Figur
         panel.axvspan(100 * window[0], 100 * window[1], color="0.92", zorder=0)
     for panel in axes[3:]:
         panel.set_xlabel("axial strain (%)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
     return figure
 
 
