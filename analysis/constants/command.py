@@ -75,26 +75,34 @@ def main(options: argparse.Namespace, command: str) -> int:
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     """Writes the tables, the figures and the page from the curves in a folder; yields the files."""
     source = folder / CURVES
-    curves = read_curves(source)
-    progress(0.1, "states")
+    progress(0.0, "tables")
+    tables = tables_of(read_curves(source))
+    yield from write_tables(tables, folder, [source], command)
+    progress(0.5, "figures")
+    ends = tables["ends"]
+    figures = {
+        "lines": lines_figure(ends, cells_of(ends[ends["material"] != SLOW])),
+        "changes": changes_figure(tables["constants"]),
+    }
+    yield from save_figures(figures, folder, [source], command)
+    planned = len(read_campaign(CAMPAIGN).runs)
+    write_text(folder / "README.md", page(tables, planned, WINDOW, command))
+    yield folder / "README.md"
+    progress(1.0, "done")
+
+
+def tables_of(curves: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
+    """The tables of the study, by name."""
     ends = end_table(curves)
     slow = ends["material"] == SLOW
     cells = cells_of(ends[~slow])
-    tables = {
+    return {
         "ends": ends,
         "constants": constant_table(cells),
         "slopes": slope_table(cells),
         "rate": rate_table(cells, cells_of(ends[slow])),
         "stationarity": drift_table(curves),
     }
-    yield from write_tables(tables, folder, [source], command)
-    progress(0.5, "figures")
-    figures = {"lines": lines_figure(ends, cells), "changes": changes_figure(tables["constants"])}
-    yield from save_figures(figures, folder, [source], command)
-    planned = len(read_campaign(CAMPAIGN).runs)
-    write_text(folder / "README.md", page(tables, planned, WINDOW, command))
-    yield folder / "README.md"
-    progress(1.0, "done")
 
 
 def end_table(curves: pandas.DataFrame) -> pandas.DataFrame:

@@ -6,13 +6,14 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
+import pandas
 import xarray as xr
 
 from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
 from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
 from analysis.initial_fabric.loading import DATA, collect
 from analysis.initial_fabric.page import page
-from analysis.initial_fabric.response import direction_table, response_table, twin_table
+from analysis.initial_fabric.response import coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
@@ -49,18 +50,11 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     with xr.open_dataset(source) as opened:
         data = opened.load()
     progress(0.1, "states and responses")
-    states, response = state_table(data), response_table(data)
-    tables = {
-        "states": states,
-        "balance": balance_table(states),
-        "response": response,
-        "directions": direction_table(response),
-        "twins": twin_table(response),
-    }
+    tables = tables_of(data)
     yield from write_tables(tables, folder, [source], command)
     progress(0.6, "figures")
     figures = {
-        "balance": balance_figure(states),
+        "balance": balance_figure(tables["states"]),
         "directions": directions_figure(data),
         "twins": twins_figure(data),
     }
@@ -69,3 +63,16 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     write_text(folder / "README.md", page(tables, planned, command))
     yield folder / "README.md"
     progress(1.0, "done")
+
+
+def tables_of(data: xr.Dataset) -> dict[str, pandas.DataFrame]:
+    """The tables of the study, by name."""
+    states, response = state_table(data), response_table(data)
+    return {
+        "states": states,
+        "balance": balance_table(states),
+        "response": response,
+        "directions": direction_table(response),
+        "coordination": coordination_table(response),
+        "twins": twin_table(response),
+    }

@@ -31,7 +31,9 @@ C0 with F^t is F = -(A + 15/2 F^t) [I + 4/7 A]^-1."""
 
 DIRECTIONS = """## Reloading at 0, 45 and 90 degrees (Fig. 9)
 
-CR compression along z. Differences are paired by specimen."""
+CR compression along z. Along z the fabric of a shear at an angle theta is proportional to 1 + 3 cos(2 theta): each
+measure is fitted with an offset for each specimen and a common slope in cos(2 theta), so that a specimen is compared
+with itself."""
 
 TWINS = """## Different Z at equal e and p (Fig. 10)
 
@@ -44,6 +46,11 @@ DENSE = """ `dense`: compressed without friction, and the same specimens after o
 mean stress (paired)."""
 
 
+REGRESSION = """Each measure over all loose and medium specimens, fitted with a + b e0 + c Z0; c, at the same p:"""
+
+PAIRS = """Means of high minus low Z:"""
+
+
 def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> str:
     """README.md of the study; planned: number of tests in the campaign."""
     parts = [
@@ -54,9 +61,12 @@ def page(tables: Mapping[str, pandas.DataFrame], planned: int, command: str) -> 
         DIRECTIONS,
         "Solid: grains, dashed: model.",
         "![directions](directions.png)",
-        _differences(tables["directions"], "pair", list(MEASURES)),
+        _effects(tables["directions"], "0 minus 90 degrees"),
         TWINS + (DENSE if "dense" in set(tables["twins"]["kind"]) else ""),
         "![twins](twins.png)",
+        REGRESSION,
+        _effects(tables["coordination"], "per unit of Z0"),
+        PAIRS,
         _differences(tables["twins"], "kind", [*BEFORE, *MEASURES]),
     ]
     return "\n\n".join(parts) + "\n"
@@ -72,6 +82,18 @@ def _balance(rows: pandas.DataFrame) -> str:
         for row in rows.itertuples()
     ]
     return table(["quantity", "mean", "specimens", "p"], body)
+
+
+def _effects(rows: pandas.DataFrame, heading: str) -> str:
+    """A row per measure: the effect in the grains, its p-value, and that in the model."""
+    known = rows.set_index(["source", "measure"])
+    body = []
+    for measure in MEASURES:
+        grains, model = known.loc[("grains", measure)], known.loc[("model", measure)]
+        effect = _bold(text(grains["difference"], grains["within"]), grains["corrected"])
+        of_model = text(model["difference"], model["within"])
+        body.append([measure, effect, str(int(grains["specimens"])), f"{grains['corrected']:.2g}", of_model])
+    return table(["measure", f"grains, {heading}", "specimens", "p", "model"], body)
 
 
 def _differences(rows: pandas.DataFrame, by: str, measures: list[str]) -> str:

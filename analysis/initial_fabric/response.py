@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pandas
 import xarray as xr
+from statsmodels.regression.linear_model import OLS
 
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.paper.estimates import two_samples
-from analysis.statistics import Tested, adjusted, paired_difference
+from analysis.statistics import Tested, adjusted, paired_difference, student
 from labkit.dem import Steps, increments
 from labkit.errors import PhysicsError
 from labkit.model import Model, ModelState, Readings, drive
@@ -86,20 +87,54 @@ def _deviatoric(tensor: np.ndarray) -> np.ndarray:
 
 
 def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:
-    """Effect of the direction of the shear before, paired by specimen, a row per source, pair of angles and measure.
+    """Effect of the direction of the shear before, 0 minus 90 degrees, a row per source and measure.
 
-    Columns: source, pair (`90 - 0`), measure, difference, within, specimens, p_value, corrected (Holm, all rows of the
-    grains).
+    Along the axis of the test the fabric of a shear at the angle theta is proportional to 1 + 3 cos(2 theta): every
+    measure is fitted with an offset for each specimen and a common slope in cos(2 theta), so that a specimen is
+    compared with itself. Columns: source, measure, difference (twice the slope), within, specimens, p_value, corrected
+    (Holm).
     """
     rows = []
     after = response[response["test"].isin(ANGLES)]
-    for source, table in after.groupby("source", sort=False):
-        for first, second in (("sheared00", "sheared90"), ("sheared00", "sheared45"), ("sheared45", "sheared90")):
-            for measure in MEASURES:
-                found = paired_difference(table, measure, "test", first, second)
-                pair = f"{ANGLES[second]:.0f} - {ANGLES[first]:.0f}"
-                rows.append({"source": source, "pair": pair, "measure": measure} | _numbers(found))
+    cosine = np.cos(2.0 * np.radians(after["test"].map(ANGLES).to_numpy(dtype=float)))
+    for source in dict.fromkeys(after["source"]):
+        chosen = (after["source"] == source).to_numpy()
+        of_specimen = pandas.get_dummies(after.loc[chosen, "specimen"]).to_numpy(dtype=float)
+        design = np.column_stack([0.5 * cosine[chosen], of_specimen])  # 0.5 (1 - -1) = 1 between 0 and 90 degrees
+        for measure in MEASURES:
+            found = coefficient(after.loc[chosen, measure].to_numpy(dtype=float), design, of_specimen.shape[1])
+            rows.append({"source": source, "measure": measure} | _numbers(found))
     return _corrected(pandas.DataFrame(rows))
+
+
+def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
+    """Effect of Z0 at equal e0 and p, per unit of Z0, a row per source and measure.
+
+    All loose and medium specimens that were not sheared before, fitted with a + b e0 + c Z0. Columns: source, measure,
+    difference (c), within, specimens, p_value, corrected (Holm).
+    """
+    rows = []
+    tested = response[(response["test"] == "none") & ~response["group"].str.contains("dense")]
+    for source, table in tested.groupby("source", sort=False):
+        design = np.column_stack([table["Z0"], table["e0"] - table["e0"].mean(), np.ones(len(table))])
+        for measure in MEASURES:
+            found = coefficient(table[measure].to_numpy(dtype=float), design, len(table))
+            rows.append({"source": source, "measure": measure} | _numbers(found))
+    return _corrected(pandas.DataFrame(rows))
+
+
+def coefficient(y: np.ndarray, design: np.ndarray, specimens: int) -> Tested:
+    """The first coefficient of a least-squares fit, with its interval and t test; NaN without degrees of freedom.
+
+    y: (n,), NaN values are left out; design: (n, k).
+    """
+    known = np.isfinite(y)
+    freedom = int(known.sum()) - np.linalg.matrix_rank(design[known])
+    if freedom < 1:
+        return Tested(math.nan, math.nan, specimens, math.nan)
+    fit = OLS(y[known], design[known]).fit()
+    value, error = float(fit.params[0]), float(fit.bse[0])
+    return Tested(value, student(error, float(freedom)), specimens, float(fit.pvalues[0]))
 
 
 def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:

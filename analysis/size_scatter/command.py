@@ -52,13 +52,34 @@ def main(options: argparse.Namespace, command: str) -> int:
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
     """Writes the tables, the figures and the page from the curves in a folder; yields the files."""
     source = folder / CURVES
+    curves = sized_curves(source)
+    progress(0.2, "scatter and bias")
+    tables = tables_of(curves)
+    yield from write_tables(tables, folder, [source], command)
+    progress(0.6, "figures")
+    figures = {
+        "drift": drift_figure(curves, WINDOW),
+        "sizes": sizes_figure(tables["ends"], tables["sizes"], tables["scatter"]),
+    }
+    yield from save_figures(figures, folder, [source], command)
+    planned = len(read_campaign(CAMPAIGN).runs)
+    write_text(folder / "README.md", page(tables, planned, WINDOW, command))
+    yield folder / "README.md"
+    progress(1.0, "done")
+
+
+def sized_curves(source: Path) -> pandas.DataFrame:
+    """The curves of a data set with their size, the name of the specimens, from few to many grains."""
     curves = read_curves(source)
     curves["size"] = [specimen.partition("-")[0] for specimen in curves["specimen"]]
-    curves = curves.sort_values("grains", kind="stable", ignore_index=True)
+    return curves.sort_values("grains", kind="stable", ignore_index=True)
+
+
+def tables_of(curves: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
+    """The tables of the study, by name."""
     ends = end_table(curves)
-    progress(0.2, "scatter and bias")
     sizes = size_table(ends)
-    tables = {
+    return {
         "ends": ends,
         "sizes": sizes,
         "scatter": scatter_table(sizes),
@@ -66,17 +87,6 @@ def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:
         "stored": stored_table(ends),
         "stationarity": stationarity_table(slope_table(curves, MEASURED, *WINDOW), judged=LIMITS),
     }
-    yield from write_tables(tables, folder, [source], command)
-    progress(0.6, "figures")
-    figures = {
-        "drift": drift_figure(curves, WINDOW),
-        "sizes": sizes_figure(ends, sizes, tables["scatter"]),
-    }
-    yield from save_figures(figures, folder, [source], command)
-    planned = len(read_campaign(CAMPAIGN).runs)
-    write_text(folder / "README.md", page(tables, planned, WINDOW, command))
-    yield folder / "README.md"
-    progress(1.0, "done")
 
 
 def stored_table(ends: pandas.DataFrame) -> pandas.DataFrame:

@@ -6,9 +6,10 @@ import numpy as np
 import pandas
 import pytest
 
+from analysis.campaigns import write_tables
 from analysis.curves import CURVES
 from analysis.places import results_folder
-from analysis.size_scatter.command import write
+from analysis.size_scatter.command import sized_curves, tables_of
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
 
 STORED = Path(results_folder("size_scatter"))
@@ -46,7 +47,6 @@ def test_a_bias_is_found_and_none_is_invented():
 
 @pytest.mark.skipif(not (STORED / CURVES).exists(), reason="results/size_scatter holds no curves")
 def test_the_stored_tables_follow_from_the_stored_curves(tmp_path):
-    (tmp_path / CURVES).write_bytes((STORED / CURVES).read_bytes())
-    list(write(tmp_path, "again", lambda done, text: None))
+    write_tables(tables_of(sized_curves(STORED / CURVES)), tmp_path, [], "again")
     for file in STORED.glob("*.csv"):
         assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name
