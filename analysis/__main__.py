@@ -18,10 +18,13 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),
     "other-paths": ("analysis.other_paths.command", "run paths beyond the paper's: errors of C0, strength"),
     "model-evidence": ("analysis.model_evidence.command", "judge the constitutive model on paths it was not fitted to"),
+    "constants": ("analysis.constants.command", "do the constants of Table 2 hold for other grains? a sweep"),
     "critical-state": (
         "analysis.critical_state.command",
         "shear specimens to 100 % strain on many paths; is there one critical state?",
     ),
+    "initial-fabric": ("analysis.initial_fabric.command", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
+    "size-scatter": ("analysis.size_scatter.command", "scatter and bias of the critical state against the grains"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
     "boundary-value": (
         "analysis.boundary_value.command",

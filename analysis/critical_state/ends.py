@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas
 import xarray as xr
 
@@ -33,15 +34,10 @@ def packing(specimen: str) -> str:
 
 
 def records(data: xr.Dataset) -> pandas.DataFrame:
-    """A row per record: run, test, specimen, the factors, strain (accumulated), and QUANTITIES; p in MPa.
-
-    M = q/p with q = sqrt(3/2)|s|; A, F, Ft: components along the deviatoric stress, which are T_zz in compression and
-    -T_zz in extension.
-    """
+    """A row per record: run, test, specimen, the factors, strain (accumulated), and those of quantities_of."""
     parts = []
     for name in data["run"].values:
         run = data.sel(run=name)
-        stress = run["stress"].values.astype(float)
         test, specimen = str(run["test"].values), str(run["specimen"].values)
         columns = {
             "run": str(name),
@@ -49,15 +45,27 @@ def records(data: xr.Dataset) -> pandas.DataFrame:
             "specimen": packing(specimen),
             **factors(test, specimen),
             "strain": run["accumulated_strain"].values.astype(float),
-            "M": equivalent_stress(stress) / mean_stress(stress),
-            **{label: ALONG * along_deviator(run[key].values.astype(float), stress) for label, key in TENSORS.items()},
-            "Z": run["coordination_number"].values.astype(float),
-            "Lambda": run["mean_normalised_force"].values.astype(float),
-            "e": run["void_ratio"].values.astype(float),
-            "p_MPa": mean_stress(stress) / 1e6,
+            **quantities_of(run),
         }
         parts.append(pandas.DataFrame(columns))
     return pandas.concat(parts, ignore_index=True)
+
+
+def quantities_of(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """QUANTITIES at the records of one run, each (time,); p in MPa.
+
+    M = q/p with q = sqrt(3/2)|s|; A, F, Ft: components along the deviatoric stress, which are T_zz in compression and
+    -T_zz in extension.
+    """
+    stress = run["stress"].values.astype(float)
+    return {
+        "M": equivalent_stress(stress) / mean_stress(stress),
+        **{label: ALONG * along_deviator(run[key].values.astype(float), stress) for label, key in TENSORS.items()},
+        "Z": run["coordination_number"].values.astype(float),
+        "Lambda": run["mean_normalised_force"].values.astype(float),
+        "e": run["void_ratio"].values.astype(float),
+        "p_MPa": mean_stress(stress) / 1e6,
+    }
 
 
 def end_table(data: xr.Dataset, table: pandas.DataFrame, begin: float = BEGIN, end: float = 1.0) -> pandas.DataFrame:

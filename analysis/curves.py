@@ -1,0 +1,116 @@
+"""Curves of many tests as one small data set: stress ratio, fabric, forces and void ratio against strain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+
+import labkit as lk
+from analysis.critical_state.ends import QUANTITIES, quantities_of
+from analysis.netcdf import characters
+from labkit.dem import Progress
+from labkit.io import provenance_json, whole_file
+from labkit.runs import Run
+
+POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
+CURVES = "curves.nc"
+AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % of strain, at an inertial number of 2.5e-4
+
+
+def accumulated_strain(run: xr.Dataset) -> np.ndarray:
+    """Accumulated strain at the records of a run, (time,)."""
+    if "accumulated_strain" in run:  # recorded if the rate is not constant
+        return run["accumulated_strain"].values.astype(float)
+    path = Run(run).path
+    assert path is not None
+    return run["time"].values.astype(float) * path.axial_rate
+
+
+def curves_of(run: xr.Dataset) -> xr.Dataset:
+    """strain (accumulated) and QUANTITIES at POINTS records of a run, dimension point, and the number of grains."""
+    strain = accumulated_strain(run)
+    chosen = np.abs(strain[:, None] - np.linspace(0.0, strain[-1], POINTS)).argmin(axis=0)
+    columns = {"strain": strain[chosen], **quantities_of(run.isel(time=chosen))}
+    data = xr.Dataset({name: ("point", values) for name, values in columns.items()})
+    data["grains"] = run.sizes["grain"]
+    return data
+
+
+def collect_curves(
+    files: Sequence[Path],
+    output: Path,
+    command: str,
+    progress: Progress,
+    title: str,
+    others: Mapping[str, xr.Dataset] | None = None,
+    of_others: Sequence[Path] = (),
+) -> None:
+    """Reduces run files to one data set, dimensions run and point, and writes it with its provenance.
+
+    others, of_others: further curves by name, as from curves_of, and the files that they were read from.
+    """
+    names, sets = [file.name.removesuffix(".run.nc") for file in files], []
+    for k, file in enumerate(files):
+        progress(k / len(files), f"reading {names[k]}")
+        with lk.open_run(file) as run:
+            sets.append(curves_of(run))
+    names += list(others or {})
+    sets += list((others or {}).values())
+    data = xr.concat(sets, "run").assign_coords(run=names)
+    write_data(data, [*files, *of_others], output, command, title)
+
+
+def write_data(data: xr.Dataset, files: Sequence[Path], output: Path, command: str, title: str) -> None:
+    """Writes a data set of runs in single precision, with the provenance of the run files."""
+    data.attrs = {"title": title, "provenance": provenance_json(command, files, output)}
+    coding: dict[str, dict[str, Any]] = {
+        str(name): {"dtype": "f4" if one.dtype.kind == "f" else "i4", "zlib": True}
+        for name, one in data.data_vars.items()
+        if one.dtype.kind in "fi"
+    }
+    with whole_file(output) as temporary:
+        data.to_netcdf(temporary, encoding=coding | characters(data))
+
+
+def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: float) -> dict[str, xr.Dataset]:
+    """Curves of tests that results/critical_state has stored, at POINTS strains up to `strain`, by their name there.
+
+    results: folder of all results; grains: name -> number of grains. Tests that are not there are left out.
+    """
+    file = results / AT_FULL_STRAIN
+    if not file.exists():
+        return {}
+    at = np.linspace(0.0, strain, POINTS)
+    curves = {}
+    with xr.open_dataset(file) as data:
+        for name in (name for name in grains if name in data["run"].values):
+            run = data.sel(run=name)
+            known = run["accumulated_strain"].values.astype(float)
+            columns = {key: np.interp(at, known, values) for key, values in quantities_of(run).items()}
+            curves[name] = xr.Dataset({key: ("point", values) for key, values in {"strain": at, **columns}.items()})
+            curves[name]["grains"] = grains[name]
+    return curves
+
+
+def read_curves(file: Path) -> pandas.DataFrame:
+    """The curves of a data set, a row per record: run, test, specimen, grains, strain and QUANTITIES."""
+    with xr.open_dataset(file) as data:
+        parts = []
+        for name in data["run"].values:
+            run = data.sel(run=name)
+            test, _, specimen = str(name).partition("-")
+            columns = {key: run[key].values.astype(float) for key in ("strain", *QUANTITIES)}
+            labels = {"run": str(name), "test": test, "specimen": specimen, "grains": int(run["grains"])}
+            parts.append(pandas.DataFrame({**labels, **columns}))
+    return pandas.concat(parts, ignore_index=True)
+
+
+def window_means(curves: pandas.DataFrame, begin: float, end: float) -> pandas.DataFrame:
+    """Means of QUANTITIES over begin <= strain <= end, a row per run: run, test, specimen, grains, QUANTITIES."""
+    inside = curves[(curves["strain"] >= begin) & (curves["strain"] <= end)]
+    return inside.groupby(["run", "test", "specimen", "grains"], sort=False, as_index=False)[list(QUANTITIES)].mean()

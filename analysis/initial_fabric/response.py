@@ -1,0 +1,176 @@
+"""The CR test from each state: what the fabric before, and Z at equal e and p, change in grains and in the model."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas
+import xarray as xr
+from statsmodels.regression.linear_model import OLS
+
+from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
+from analysis.paper.estimates import two_samples
+from analysis.statistics import Tested, adjusted, paired_difference, student
+from labkit.dem import Steps, increments
+from labkit.errors import PhysicsError
+from labkit.model import Model, ModelState, Readings, drive
+
+MEASURES = {  # name -> (curve, axial strain or None for the largest value, factor)
+    "q/p at 0.5 %": ("ratio", 0.005, 1.0),
+    "q/p at 2 %": ("ratio", 0.02, 1.0),
+    "largest q/p": ("ratio", None, 1.0),
+    "volumetric strain at 2 % (%)": ("volumetric", 0.02, 100.0),
+    "volumetric strain at 15 % (%)": ("volumetric", 0.15, 100.0),
+    "Z at 2 %": ("Z", 0.02, 1.0),
+    "Z at 15 %": ("Z", 0.15, 1.0),
+}
+KINDS = {  # of twins -> (test and specimens of high Z, of low Z)
+    "loose": (("none", "high_loose"), ("none", "loose")),
+    "medium": (("none", "high_medium"), ("none", "medium")),
+    "dense": (("none", "high_dense"), ("cycled", "high_dense")),
+}
+FLAT = Model(readings=Readings(beyond_e_cmax="flat"))  # Table 2; the loosest states are beyond e_cmax
+BEFORE = ("Z0", "e0", "Lambda0")
+
+
+def measures_of(curves: dict[str, np.ndarray]) -> dict[str, float]:
+    """MEASURES from curves at STRAIN; NaN if a curve ends before."""
+    found = {}
+    for name, (curve, at, factor) in MEASURES.items():
+        values = curves[curve]
+        found[name] = factor * float(values.max() if at is None else np.interp(at, STRAIN, values))
+    return found
+
+
+def response_table(data: xr.Dataset) -> pandas.DataFrame:
+    """Response of every test in the grains and in the model from the same start, a row per run and source.
+
+    Columns: run, test, group (kind of specimen), specimen, source (grains or model), Z0, e0, Lambda0, and MEASURES.
+    """
+    rows = []
+    for name in map(str, data["run"].values):
+        run = data.sel(run=name)
+        specimen = specimen_of(name)
+        labels = {"run": name, "test": name.partition("-")[0], "group": specimen.partition("-")[0]}
+        grains = {key: run[key].values.astype(float) for key in ("ratio", "volumetric", "Z")}
+        start = {f"{key}0": float(run[key][0]) for key in ("Z", "e", "Lambda")}
+        for source, curves in (("grains", grains), ("model", model_curves(run))):
+            rows.append({**labels, "specimen": specimen, "source": source, **start, **measures_of(curves)})
+    return pandas.DataFrame(rows)
+
+
+def model_curves(run: xr.Dataset) -> dict[str, np.ndarray]:
+    """ratio, volumetric and Z of the model with Table 2 at STRAIN, from the measured e, Z, Lambda, A, F and F^t.
+
+    NaN where the model cannot follow the path.
+    """
+    A, F, Ft = (_deviatoric(run[key].values.astype(float)) for key in ("A", "F", "Ft"))
+    state = ModelState(float(run["e"][0]), float(run["Z"][0]), float(run["Lambda"][0]), A, F, Ft)
+    path = Steps(steps=(increments(strain={"zz": float(STRAIN[-1])}, stress={"xx": 0.0, "yy": 0.0, "xz": 0.0}),))
+    try:
+        result = drive(FLAT, path, state, record_strain=1e-3)
+    except PhysicsError:
+        return {name: np.full(STRAIN.shape, np.nan) for name in ("ratio", "volumetric", "Z")}
+    curves = {
+        "ratio": result.q / result.p,
+        "volumetric": np.trace(result.strain, axis1=1, axis2=2),
+        "Z": result.Z,
+    }
+    ends = {name: np.nan if result.failure else values[-1] for name, values in curves.items()}
+    return {n: np.interp(STRAIN, result.axial_strain, values, right=ends[n]) for n, values in curves.items()}
+
+
+def _deviatoric(tensor: np.ndarray) -> np.ndarray:
+    tensor = 0.5 * (tensor + tensor.T)
+    return tensor - np.trace(tensor) / 3.0 * np.eye(3)
+
+
+def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:
+    """Effect of the direction of the shear before, 0 minus 90 degrees, a row per source and measure.
+
+    Along the axis of the test the fabric of a shear at the angle theta is proportional to 1 + 3 cos(2 theta): every
+    measure is fitted with an offset for each specimen and a common slope in cos(2 theta), so that a specimen is
+    compared with itself. Columns: source, measure, difference (twice the slope), within, specimens, p_value, corrected
+    (Holm).
+    """
+    rows = []
+    after = response[response["test"].isin(ANGLES)]
+    cosine = np.cos(2.0 * np.radians(after["test"].map(ANGLES).to_numpy(dtype=float)))
+    for source in dict.fromkeys(after["source"]):
+        chosen = (after["source"] == source).to_numpy()
+        of_specimen = pandas.get_dummies(after.loc[chosen, "specimen"]).to_numpy(dtype=float)
+        design = np.column_stack([0.5 * cosine[chosen], of_specimen])  # 0.5 (1 - -1) = 1 between 0 and 90 degrees
+        for measure in MEASURES:
+            found = coefficient(after.loc[chosen, measure].to_numpy(dtype=float), design, of_specimen.shape[1])
+            rows.append({"source": source, "measure": measure} | _numbers(found))
+    return _corrected(pandas.DataFrame(rows))
+
+
+def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
+    """Effect of Z0 at equal e0 and p, per unit of Z0, a row per source and measure.
+
+    All loose and medium specimens that were not sheared before, fitted with a + b e0 + c Z0. Columns: source, measure,
+    difference (c), within, specimens, p_value, corrected (Holm).
+    """
+    rows = []
+    tested = response[(response["test"] == "none") & ~response["group"].str.contains("dense")]
+    for source, table in tested.groupby("source", sort=False):
+        design = np.column_stack([table["Z0"], table["e0"] - table["e0"].mean(), np.ones(len(table))])
+        for measure in MEASURES:
+            found = coefficient(table[measure].to_numpy(dtype=float), design, len(table))
+            rows.append({"source": source, "measure": measure} | _numbers(found))
+    return _corrected(pandas.DataFrame(rows))
+
+
+def coefficient(y: np.ndarray, design: np.ndarray, specimens: int) -> Tested:
+    """The first coefficient of a least-squares fit, with its interval and t test; NaN without degrees of freedom.
+
+    y: (n,), NaN values are left out; design: (n, k).
+    """
+    known = np.isfinite(y)
+    freedom = int(known.sum()) - np.linalg.matrix_rank(design[known])
+    if freedom < 1:
+        return Tested(math.nan, math.nan, specimens, math.nan)
+    fit = OLS(y[known], design[known]).fit()
+    value, error = float(fit.params[0]), float(fit.bse[0])
+    return Tested(value, student(error, float(freedom)), specimens, float(fit.pvalues[0]))
+
+
+def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:
+    """High minus low Z at equal e and p, a row per source, kind of twins and measure (and Z0, e0 and Lambda0).
+
+    Kinds that have not been tested are left out.
+
+    The dense twins are paired (the same specimen before and after a cycle); the others are different specimens (Welch).
+    Columns: source, kind, measure, difference, within, specimens, p_value, corrected (Holm, measures of the grains).
+    """
+    rows = []
+    for source, table in response.groupby("source", sort=False):
+        for kind, (high, low) in KINDS.items():
+            one, other = (table[(table["test"] == test) & (table["group"] == group)] for test, group in (high, low))
+            if one.empty or other.empty:
+                continue
+            for measure in (*BEFORE, *MEASURES):
+                if high[1] == low[1]:
+                    both = pandas.concat([one, other])
+                    found = paired_difference(both, measure, "test", low[0], high[0])
+                else:
+                    found = two_samples(lambda t, m=measure: float(t[m].mean()), other, one)  # type: ignore[misc]
+                rows.append({"source": source, "kind": kind, "measure": measure} | _numbers(found))
+    return _corrected(pandas.DataFrame(rows))
+
+
+def _numbers(found: Tested) -> dict[str, float]:
+    return {
+        "difference": found.value,
+        "within": found.within,
+        "specimens": found.n,
+        "p_value": found.p_value,
+    }
+
+
+def _corrected(table: pandas.DataFrame) -> pandas.DataFrame:
+    asked = (table["source"] == "grains") & ~table["measure"].isin(BEFORE)
+    table["corrected"] = adjusted(table["p_value"].where(asked, math.nan))
+    return table

@@ -1,0 +1,86 @@
+"""The state under isotropic stress after shear in another direction: is F = -A [I + 4/7 A]^-1?"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+import xarray as xr
+
+from analysis.initial_fabric.loading import ANGLES, specimen_of
+from analysis.statistics import adjusted, cluster_mean
+from labkit.micro import equivalent_stress, mean_stress
+
+
+def axis_of(angle: float) -> np.ndarray:
+    """Unit vector in the plane xz at an angle (degrees) from z, (3,)."""
+    return np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
+
+
+def balancing_force(A: np.ndarray, Ft: np.ndarray) -> np.ndarray:
+    """F that makes the stress isotropic to first order in A, (3, 3): -(A + 15/2 F^t) [I + 4/7 A]^-1.
+
+    From C0, 2/15 A + 2/15 F + 8/105 sym(FA) + F^t = 0; with F^t = 0 it is section 5.3's F^0.
+    """
+    F = -(A + 7.5 * Ft) @ np.linalg.inv(np.eye(3) + 4.0 / 7.0 * A)
+    F = 0.5 * (F + F.T)
+    return F - np.trace(F) / 3.0 * np.eye(3)
+
+
+def state_table(data: xr.Dataset) -> pandas.DataFrame:
+    """The state at the start of the CR test, a row per run.
+
+    A, F, Ft: components along the axis of the shear before (z without one); F_paper: of section 5.3's F^0; F_with_Ft:
+    with F^t; p in kPa; ratio, ratio_C0: q/p of Love's stress and of C0, at most; Z, Lambda, e.
+    """
+    rows = []
+    for name in map(str, data["run"].values):
+        run = data.sel(run=name)
+        test = name.partition("-")[0]
+        n = axis_of(ANGLES.get(test, 0.0))
+        A, F, Ft = (run[key].values.astype(float) for key in ("A", "F", "Ft"))
+        Ft = 0.5 * (Ft + Ft.T)
+        stress, predicted = run["stress"].values.astype(float), run["stress_sff"].values.astype(float)
+        rows.append(
+            {
+                "run": name,
+                "test": test,
+                "specimen": specimen_of(name),
+                "A": n @ A @ n,
+                "F": n @ F @ n,
+                "Ft": n @ Ft @ n,
+                "F_paper": n @ balancing_force(A, np.zeros((3, 3))) @ n,
+                "F_with_Ft": n @ balancing_force(A, Ft) @ n,
+                "p": float(mean_stress(stress)) / 1e3,
+                "ratio": float(equivalent_stress(stress) / mean_stress(stress)),
+                "ratio_C0": float(equivalent_stress(predicted) / mean_stress(predicted)),
+                **{key: float(run[key][0]) for key in ("Z", "Lambda", "e")},
+            }
+        )
+    return pandas.DataFrame(rows)
+
+
+def balance_table(states: pandas.DataFrame) -> pandas.DataFrame:
+    """Means after shear, over the specimens: A, F, Ft, shares of the balance, and measured minus predicted F.
+
+    Columns: quantity, value, within (95 %), specimens, p_value (that it is zero), corrected (Holm). share_F, share_Ft:
+    parts of -A that F and 15/2 F^t balance, so that the anisotropy of the contacts causes no stress.
+    """
+    after = states[states["test"].isin(ANGLES)]
+    quantities = {
+        "A": after["A"],
+        "F": after["F"],
+        "7.5 Ft": 7.5 * after["Ft"],
+        "F of section 5.3": after["F_paper"],
+        "F - F of section 5.3": after["F"] - after["F_paper"],
+        "F - F with F^t": after["F"] - after["F_with_Ft"],
+        "share of F": -after["F"] / after["A"],
+        "share of F^t": -7.5 * after["Ft"] / after["A"],
+    }
+    rows = []
+    for name, values in quantities.items():
+        found = cluster_mean(values, after["specimen"])
+        row = {"quantity": name, "value": found.value, "within": found.within, "specimens": found.n}
+        rows.append(row | {"p_value": found.p_value})
+    table = pandas.DataFrame(rows)
+    table["corrected"] = adjusted(table["p_value"])
+    return table

@@ -1,0 +1,123 @@
+"""Scatter against the number of grains, its exponent, and the bias of small specimens."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pandas
+from scipy import stats
+
+from analysis.statistics import CONFIDENCE, adjusted, student, verdict
+
+MEASURED = ("M", "A", "F", "Ft", "Z", "Lambda", "p_MPa")
+BIAS = {"1/N": 1.0, "1/N^(1/3)": 1.0 / 3.0}  # model of the bias -> exponent
+SMALL = 1000  # grains at which the bias is quoted
+HALF = 0.5  # exponent of independent grains
+ALLOWED = 0.01  # relative scatter of one specimen, for which the number of grains is given
+NORMAL = float(stats.norm.ppf(0.5 * (1.0 + CONFIDENCE)))
+
+
+def size_table(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Means and scatter, a row per quantity and size.
+
+    Columns: quantity, size (name of the specimens), grains (mean), specimens, mean, within (of the mean, 95 %), scatter
+    (standard deviation of one specimen), scatter_low, scatter_high (95 %, chi-squared).
+    """
+    rows = []
+    for quantity in MEASURED:
+        for size, group in ends.groupby("size", sort=False):
+            values = group[quantity].to_numpy(dtype=float)
+            n = len(values)
+            scatter = float(values.std(ddof=1)) if n > 1 else math.nan
+            low, high = (
+                scatter * math.sqrt((n - 1) / float(stats.chi2.ppf(share, n - 1))) if n > 1 else math.nan
+                for share in (0.5 * (1.0 + CONFIDENCE), 0.5 * (1.0 - CONFIDENCE))
+            )
+            rows.append(
+                {
+                    "quantity": quantity,
+                    "size": size,
+                    "grains": float(group["grains"].mean()),
+                    "specimens": n,
+                    "mean": float(values.mean()),
+                    "within": student(scatter / math.sqrt(n), n - 1),
+                    "scatter": scatter,
+                    "scatter_low": low,
+                    "scatter_high": high,
+                }
+            )
+    return pandas.DataFrame(rows).sort_values(["quantity", "grains"], kind="stable", ignore_index=True)
+
+
+def scatter_table(sizes: pandas.DataFrame) -> pandas.DataFrame:
+    """The law scatter = c N^-exponent, a row per quantity.
+
+    The logarithm of a standard deviation of n specimens has the variance 1/(2 (n - 1)) nearly, whatever its value, so
+    that the straight line through the logarithms is fitted with known weights. Columns: quantity, exponent, within
+    (95 %), p_value (that it is 1/2), corrected (Holm), relative (scatter of a specimen of 1,000 grains divided by the
+    mean, with the exponent 1/2), needed (number of grains for a relative scatter of 1 %).
+    """
+    rows = []
+    for quantity, group in sizes[sizes["specimens"] > 1].groupby("quantity", sort=False):
+        x = np.log(group["grains"].to_numpy() / SMALL)
+        y = np.log(group["scatter"].to_numpy())
+        weight = 2.0 * (group["specimens"].to_numpy() - 1.0)
+        design = np.column_stack([np.ones_like(x), x])
+        covariance = np.linalg.inv(design.T @ (design * weight[:, None]))
+        slope = (covariance @ design.T @ (weight * y))[1]
+        error = math.sqrt(covariance[1, 1])
+        small = math.exp(float(np.average(y + HALF * x, weights=weight)))
+        relative = small / abs(float(group["mean"].iloc[-1]))
+        rows.append(
+            {
+                "quantity": quantity,
+                "exponent": -slope,
+                "within": NORMAL * error,
+                "p_value": 2.0 * float(stats.norm.sf(abs(-slope - HALF) / error)),
+                "relative": relative,
+                "needed": SMALL * (relative / ALLOWED) ** 2,
+            }
+        )
+    table = pandas.DataFrame(rows)
+    table.insert(4, "corrected", adjusted(table["p_value"]))
+    return table
+
+
+def bias_table(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Extrapolation to infinitely many grains: y = y_infinite + k N^-power, a row per quantity and power.
+
+    Every specimen is weighted with its number of grains: its variance is proportional to 1/N. Columns: quantity, power,
+    infinite, infinite_within, bias (of a specimen of 1,000 grains), within, relative (bias divided by infinite),
+    specimens, p_value, corrected (Holm, all rows), judged (1 % of infinite), verdict.
+    """
+    rows = []
+    for quantity in MEASURED:
+        y = ends[quantity].to_numpy(dtype=float)
+        grains = ends["grains"].to_numpy(dtype=float)
+        for name, power in BIAS.items():
+            design = np.column_stack([np.ones_like(grains), (grains / SMALL) ** -power])
+            weight = grains / grains.mean()
+            inverse = np.linalg.inv(design.T @ (design * weight[:, None]))
+            infinite, bias = inverse @ design.T @ (weight * y)
+            freedom = len(y) - 2
+            variance = float(np.sum(weight * (y - design @ [infinite, bias]) ** 2)) / freedom
+            errors = np.sqrt(variance * np.diag(inverse))
+            rows.append(
+                {
+                    "quantity": quantity,
+                    "power": name,
+                    "infinite": infinite,
+                    "infinite_within": student(errors[0], freedom),
+                    "bias": bias,
+                    "within": student(errors[1], freedom),
+                    "relative": bias / infinite,
+                    "specimens": len(y),
+                    "p_value": 2.0 * float(stats.t.sf(abs(bias) / errors[1], freedom)),
+                    "judged": ALLOWED * abs(infinite),
+                }
+            )
+    table = pandas.DataFrame(rows)
+    table["corrected"] = adjusted(table["p_value"])
+    table["verdict"] = [verdict(row.bias, row.within, row.judged, row.corrected) for row in table.itertuples()]
+    return table
