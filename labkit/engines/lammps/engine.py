@@ -1,0 +1,128 @@
+"""The engine `lammps`: LAMMPS on one or more MPI ranks, with the spring-dashpot law.
+
+The run itself is on rank 0, as with any engine. The other ranks wait for the calls that rank 0 makes of its Domain and
+make the same ones (`follow`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.energy import kinetic_energy
+from labkit.dem.engine import Engine
+from labkit.dem.scene import Scene
+from labkit.dem.state import State
+from labkit.engines.lammps.domain import Domain
+from labkit.engines.lammps.parts import gathered
+from labkit.errors import InputError
+
+END = "end"  # what tells the other ranks that rank 0 has finished
+UNKNOWN = (float("nan"),) * 3  # losses: LAMMPS sums none
+
+
+class LammpsEngine(Engine):
+    """LAMMPS with one State loaded, seen from rank 0. `threads` is the number of ranks."""
+
+    name = "lammps"
+
+    @classmethod
+    def require(cls, scene: Scene) -> None:
+        """Raise InputError for a scene that LAMMPS cannot simulate."""
+        if scene.law != "spring_dashpot":
+            raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value=cls.name)
+        if scene.planar:
+            raise InputError("has no planar layers", field="engine", value=cls.name, allowed="fused")
+
+    def __init__(self, state: State, threads: int = 1) -> None:
+        """Load the state. Raises InputError if this process does not have `threads` ranks."""
+        from mpi4py import MPI
+
+        comm = MPI.COMM_WORLD
+        if comm.size != threads:
+            reason = f"is not valid: this process has {comm.size}"
+            raise InputError(reason, field="ranks", value=threads, allowed=str(comm.size))
+        self._comm = comm
+        self._domain = domain_of(comm)
+        self.version = self._domain.version
+        self.load(state)
+
+    def _all(self, name: str, *arguments: Any) -> Any:
+        """Call a method of Domain on all ranks; returns the result of rank 0."""
+        self._comm.bcast((name, arguments))
+        return getattr(self._domain, name)(*arguments)
+
+    def load(self, state: State, tilted: bool = False) -> None:
+        self._all("load", state, tilted)
+        self._state, self._ledger = state.replace(position=None, velocity=None, angular_velocity=None), state.ledger
+        self._steps, self._time, self._before = state.step, state.time, self.stress()
+
+    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
+        gradient = np.array(velocity_gradient, dtype=float)
+        if np.abs(np.tril(gradient, -1)).max() > 1e-12 * np.abs(gradient).max():
+            raise InputError(
+                "the path turns the first vector of the cell, or the plane of the first two, which LAMMPS cannot: use "
+                "--engine fused, or a path along x, y and z or simple shear"
+            )
+        if np.triu(gradient, 1).any() and not self._domain.tilted:
+            self.load(self.state(), tilted=True)
+        before = self._before
+        self._all("advance", steps, gradient)
+        self._steps += steps
+        self._time += steps * self._state.time_step
+        self._before = self.stress()
+        strain = -gradient * steps * self._state.time_step
+        work = self._volume * float(np.sum(0.5 * (before + self._before) * strain.T))
+        self._ledger = self._ledger.plus(work, *UNKNOWN)
+
+    @property
+    def _volume(self) -> float:
+        return float(np.linalg.det(self._domain.cell))
+
+    def stress(self) -> np.ndarray:
+        return self._all("stress")
+
+    def stop_grains(self) -> None:
+        state = self.state()
+        zero = np.zeros_like(state.velocity)
+        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
+        self.load(state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
+
+    def state(self) -> State:
+        parts = self._all("all_parts")
+        return self._state.replace(
+            **gathered(parts, self._domain.cell),
+            cell=self._domain.cell.copy(),
+            velocity_gradient=self._domain.gradient.copy(),
+            time=self._time,
+            step=self._steps,
+            engine=self.name,
+            engine_version=self.version,
+            ledger=self._ledger,
+        )
+
+
+_DOMAINS: dict[int, Domain] = {}
+
+
+def domain_of(comm: Any) -> Domain:
+    """The Domain of this process, started at the first call."""
+    if not _DOMAINS:
+        _DOMAINS[0] = Domain(comm)
+    return _DOMAINS[0]
+
+
+def follow(comm: Any) -> None:
+    """Make the calls that rank 0 makes, until it has finished."""
+    domain = domain_of(comm)
+    while True:
+        name, arguments = comm.bcast(None)
+        if name == END:
+            return
+        getattr(domain, name)(*arguments)
+
+
+def dismiss(comm: Any) -> None:
+    """Tell the other ranks that rank 0 has finished."""
+    comm.bcast((END, ()))
