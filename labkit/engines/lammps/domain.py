@@ -74,8 +74,7 @@ class Domain:
             self._restore(state)
             self._start(state)
         self._deform()
-        self.lmp.command("run 0 post no")  # the forces at the velocities of half a step earlier
-        self.half_kick(1.0)
+        self._find_forces()
 
     def _create(self, state: State) -> None:
         """Make the box and the grains."""
@@ -102,11 +101,11 @@ class Domain:
         self.array("radius")[: len(own)] = state.radius[own]
         self.array("rmass")[: len(own)] = state.scene.mass(state.radius[own])
         self.array("omega")[: len(own)] = state.angular_velocity[own]
-        lmp.command("pair_style granular")
-        lmp.commands_list(pair_coefficients(state.scene, sizes))
 
     def _start(self, state: State) -> None:
-        """Define the motion and what is computed, and find the contacts without moving."""
+        """Define forces, motion and what is computed, and find the contacts without moving."""
+        self.lmp.command("pair_style granular")
+        self.lmp.commands_list(pair_coefficients(state.scene, classes_of(state.radius)[1]))
         skin = SKIN * 2.0 * float(state.radius.mean())
         self.lmp.commands_string(MOTION.format(skin=skin, time_step=state.time_step, local=LOCAL))
         self.lmp.command("run 0 post no")
@@ -142,13 +141,26 @@ class Domain:
         self.lmp.command(f"fix cell all deform 1 {moves} remap v flip no" if self.tilted else
                          f"fix cell all deform 1 {moves} remap v")
         self.names, self.first = names, self.cell.copy()
-        self._set_cell(self.cell, np.zeros((3, 3)), np.zeros((3, 3)))
 
-    def _set_cell(self, cell: np.ndarray, step: np.ndarray, rate: np.ndarray) -> None:
-        """Let the cell move from `cell` by `step` per time step, at `rate` m/s; (3, 3)."""
-        self.rate = rate
+    def _find_forces(self) -> None:
+        """Compute the forces at the velocities of half a step earlier.
+
+        The first of two steps without duration lets LAMMPS know the rate of the cell, with which it computes the
+        velocities of periodic images; the second moves the cell on by one step.
+        """
+        self._move_cell(1, self.gradient @ self.cell)
+        dt = self.state.time_step
+        self.lmp.commands_list(["timestep 0.0", "run 0 post no", "run 2 pre no post no", f"timestep {dt:.17g}"])
+        self.half_kick(1.0)
+
+    def _move_cell(self, delay: int, rate: np.ndarray) -> None:
+        """Let the cell move at `rate` (3, 3), m/s, and have its current size `delay` steps from now.
+
+        LAMMPS moves the cell at the end of a step, so that it must be one step ahead of the grains (delay -1).
+        """
+        cell, step, self.rate = self.cell, rate * self.state.time_step, rate
         set_variable = self.lmp.set_internal_variable
-        set_variable("s", float(self.lmp.extract_global("ntimestep")))
+        set_variable("s", float(self.lmp.extract_global("ntimestep") + delay))
         for name in self.names:
             place = PLACES[name]
             for letter, value in (("a", (cell - self.first)[place]), ("b", step[place]), ("w", rate[place])):
@@ -163,15 +175,22 @@ class Domain:
         v[:n] += x[:n] @ (gradient - self.gradient).T + (steps * dt) * (v[:n] @ gradient.T)
         self.gradient = np.array(gradient, float)
         end = np.linalg.matrix_power(np.eye(3) + dt * gradient, steps) @ self.cell
-        rate = (end - self.cell) / (steps * dt)
-        self._set_cell(self.cell, (end - self.cell) / steps, rate)
+        self._move_cell(-1, (end - self.cell) / (steps * dt))
         self.lmp.command(f"run {steps} pre no post no")
         self.cell = end
 
     def stress(self) -> np.ndarray:
         """Sum of branch (x) force over the volume, (3, 3), Pa, compression positive; with the dashpots."""
-        xx, yy, zz, xy, xz, yz = self.lmp.numpy.extract_compute("stress", 0, 1)
+        ahead = self.lmp.get_thermo("vol") / float(np.linalg.det(self.cell))  # LAMMPS's cell is one step ahead
+        xx, yy, zz, xy, xz, yz = ahead * self.lmp.numpy.extract_compute("stress", 0, 1)
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def stop(self) -> None:
+        """Set all velocities to zero."""
+        for name in ("v", "omega"):
+            self.array(name)[:] = 0.0
+        self.gradient = np.zeros((3, 3))
+        self._find_forces()
 
     def half_kick(self, sign: float) -> None:
         """Advance (sign 1) or set back (-1) all velocities by half a step of the current forces."""

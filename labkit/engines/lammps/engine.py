@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.energy import kinetic_energy
 from labkit.dem.engine import Engine
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
@@ -84,10 +83,7 @@ class LammpsEngine(Engine):
         return self._all("stress")
 
     def stop_grains(self) -> None:
-        state = self.state()
-        zero = np.zeros_like(state.velocity)
-        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
-        self.load(state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
+        self._all("stop")
 
     def state(self) -> State:
         parts = self._all("all_parts")
