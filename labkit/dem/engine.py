@@ -14,6 +14,8 @@ from labkit.dem.state import State
 
 PRECISIONS = ("double", "mixed")  # of all engines
 
+Progress = Callable[[float, str], None]  # (fraction done, current activity)
+
 
 class Engine(abc.ABC):
     """Holds a State and advances it in time.
@@ -23,6 +25,7 @@ class Engine(abc.ABC):
     """
 
     name: ClassVar[str]
+    parallel: ClassVar[str] = "threads"  # or "ranks", if it runs on several processes over MPI
     precisions: ClassVar[tuple[str, ...]] = ("double",)  # the constructor takes any other as `precision`
     version: str
 
@@ -30,6 +33,11 @@ class Engine(abc.ABC):
     def here(cls) -> bool:
         """True if the engine can run in this process; YADE needs its own interpreter."""
         return True
+
+    @classmethod
+    def elsewhere(cls, job: str, processors: int, progress: Progress) -> None:
+        """Carry out the task in the file `job` in another process, for an engine that cannot run in this one."""
+        raise NotImplementedError(f"the engine {cls.name} runs in every process, or must define `elsewhere`")
 
     @classmethod
     def require(cls, scene: Scene) -> None:
@@ -83,9 +91,6 @@ class Start:
     def __call__(self, state: State) -> Engine:
         """The engine, loaded with the state. Raises InputError if it does not support the scene."""
         return self.make(state.replace(precision=self.precision), self.threads)
-
-
-Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
 
 def silent(fraction: float, text: str) -> None:

@@ -26,6 +26,7 @@ from labkit.micro.cells import widths
 
 SKIN = 0.05  # of the mean diameter
 PLACES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}  # of the cell in `fix deform`
+MOST_STEPS = 50  # in which the cell moves linearly
 LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
 
 SETTINGS = """\
@@ -168,8 +169,11 @@ class Domain:
 
     def advance(self, steps: int, gradient: np.ndarray) -> None:
         """Advance `steps` time steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
-        if steps == 0:
-            return
+        longest = MOST_STEPS if gradient.any() else max(steps, 1)
+        for first in range(0, steps, longest):
+            self._advance(min(longest, steps - first), gradient)
+
+    def _advance(self, steps: int, gradient: np.ndarray) -> None:
         dt, n = self.state.time_step, self.lmp.extract_global("nlocal")
         v, x = self.array("v"), self.array("x")
         v[:n] += x[:n] @ (gradient - self.gradient).T + (steps * dt) * (v[:n] @ gradient.T)

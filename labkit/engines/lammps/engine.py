@@ -6,16 +6,18 @@ make the same ones (`follow`).
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
 
-from labkit.dem.engine import Engine
+from labkit.dem.engine import Engine, Progress
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.engines.lammps.domain import Domain
 from labkit.engines.lammps.parts import gathered
-from labkit.errors import InputError
+from labkit.engines.lammps.process import require_lammps, run_ranks
+from labkit.errors import InputError, PhysicsError
 
 END = "end"  # what tells the other ranks that rank 0 has finished
 UNKNOWN = (float("nan"),) * 3  # losses: LAMMPS sums none
@@ -25,14 +27,25 @@ class LammpsEngine(Engine):
     """LAMMPS with one State loaded, seen from rank 0. `threads` is the number of ranks."""
 
     name = "lammps"
+    parallel = "ranks"
+
+    @classmethod
+    def here(cls) -> bool:
+        """True in a process that mpiexec has started for a task."""
+        return bool(_DOMAINS)
+
+    @classmethod
+    def elsewhere(cls, job: str, processors: int, progress: Progress) -> None:
+        run_ranks(job, processors, progress)
 
     @classmethod
     def require(cls, scene: Scene) -> None:
-        """Raise InputError for a scene that LAMMPS cannot simulate."""
+        """Raise InputError for a scene that LAMMPS cannot simulate, or if LAMMPS is not installed."""
         if scene.law != "spring_dashpot":
             raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value=cls.name)
         if scene.planar:
             raise InputError("has no planar layers", field="engine", value=cls.name, allowed="fused")
+        require_lammps()
 
     def __init__(self, state: State, threads: int = 1) -> None:
         """Load the state. Raises InputError if this process does not have `threads` ranks."""
@@ -45,12 +58,18 @@ class LammpsEngine(Engine):
         self._comm = comm
         self._domain = domain_of(comm)
         self.version = self._domain.version
+        self._steps = state.step
         self.load(state)
 
     def _all(self, name: str, *arguments: Any) -> Any:
         """Call a method of Domain on all ranks; returns the result of rank 0."""
         self._comm.bcast((name, arguments))
-        return getattr(self._domain, name)(*arguments)
+        try:
+            return getattr(self._domain, name)(*arguments)
+        except Exception as error:
+            if type(error) is not Exception:  # LAMMPS's Python module raises no other
+                raise
+            raise PhysicsError(f"LAMMPS stopped at step {self._steps}: {error}") from None
 
     def load(self, state: State, tilted: bool = False) -> None:
         self._all("load", state, tilted)
@@ -116,7 +135,8 @@ def follow(comm: Any) -> None:
         name, arguments = comm.bcast(None)
         if name == END:
             return
-        getattr(domain, name)(*arguments)
+        with contextlib.suppress(Exception):  # rank 0 has the same error and reports it
+            getattr(domain, name)(*arguments)
 
 
 def dismiss(comm: Any) -> None:
