@@ -5,7 +5,8 @@ State has those velocities; LAMMPS between two steps has gone on by half a kick,
 
 LAMMPS has no force that makes free grains follow the mean field. Before each interval of n steps the grains therefore
 receive what the formulas of labkit.engines.kernel.motion add to their velocity: (L - L-) x + n dt L v. The cell
-moves linearly between its exact values (1 + L dt)^k H at the ends of the intervals.
+moves linearly between its exact values (1 + L dt)^k H at the ends of the intervals. LAMMPS stretches it about its
+centre, which therefore is the origin: grains that follow the mean field then stay in the cell and on their rank.
 """
 
 from __future__ import annotations
@@ -84,13 +85,14 @@ class Domain:
         lmp.command("clear")
         lmp.commands_string(SETTINGS)
         H = self.cell
-        shape = f"0 {H[0, 0]:.17g} 0 {H[1, 1]:.17g} 0 {H[2, 2]:.17g}"
+        origin = -0.5 * H.sum(axis=1)
+        shape = " ".join(f"{low:.17g} {low + length:.17g}" for low, length in zip(origin, np.diag(H), strict=True))
         tilts = f" {H[0, 1]:.17g} {H[0, 2]:.17g} {H[1, 2]:.17g}" if self.tilted else ""
         lmp.command("box tilt large")
         lmp.command(f"region cell {'prism' if self.tilted else 'block'} {shape}{tilts} units box")
         lmp.command(f"create_box {len(sizes)} cell")
         n = state.number_of_grains
-        periods = np.floor(np.linalg.solve(H, state.position.T).T)
+        periods = np.floor(np.linalg.solve(H, state.position.T).T + 0.5)
         place = state.position - periods @ H.T
         velocity = state.velocity - periods @ (self.gradient @ H).T
         made = lmp.create_atoms(
