@@ -68,9 +68,12 @@ def balance_error(state: State, snapshot: Snapshot | None = None, stored: float 
     The reference is that of `relative_to_work`.
     `snapshot`, `stored`: the Snapshot of the state and its stored_energy, if already computed.
     """
-    ledger = state.ledger
+    return relative_balance(state.ledger, stored_energy(state, snapshot) if stored is None else stored)
+
+
+def relative_balance(ledger: Ledger, stored: float) -> float:
+    """`balance_error` of a ledger and the energy stored now, J."""
     lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
-    stored = stored_energy(state, snapshot) if stored is None else stored
     missing = ledger.cell_work + ledger.start - stored - lost
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 

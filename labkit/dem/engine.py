@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from labkit.dem.instant import Instant
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 
@@ -55,6 +56,10 @@ class Engine(abc.ABC):
     @abc.abstractmethod
     def state(self) -> State:
         """A copy of the current State, with the contacts sorted by grain and the ledger up to date."""
+
+    def instant(self) -> Instant:
+        """This instant, for a record; by default from the State."""
+        return Instant(self.state())
 
     @abc.abstractmethod
     def load(self, state: State) -> None:

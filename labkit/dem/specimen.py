@@ -57,7 +57,11 @@ class Recipe:
     )
     seed: int = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
     size_classes: int | None = parameter(
-        None, low=1, high=64, kind=int, help="number of different diameters, as LAMMPS needs (default: no two are equal)"
+        None,
+        low=1,
+        high=64,
+        kind=int,
+        help="number of different diameters, as LAMMPS needs (default: no two are equal)",
     )
 
     def __post_init__(self) -> None:

@@ -71,7 +71,9 @@ def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
     parallel: str = ENGINES.require(engine).parallel
     if parallel == "ranks":
         if threads != 1:
-            raise InputError(f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead")
+            raise InputError(
+                f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead"
+            )
         return 1 if ranks is None else ranks
     if ranks is not None:
         raise InputError(

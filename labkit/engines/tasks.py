@@ -38,7 +38,11 @@ from labkit.parameters import restored
 
 @dataclasses.dataclass(frozen=True)
 class Task(abc.ABC):
-    """A job for an engine. engine: its name; threads (MPI ranks, if the engine has those); precision; output: file to write; history: the command."""
+    """A job for an engine.
+
+    engine: its name; threads: their number, or that of the MPI ranks; precision; output: file to write; history: the
+    command.
+    """
 
     engine: str = "fused"
     threads: int = 1

@@ -18,15 +18,24 @@ from typing import Any
 
 import numpy as np
 
+from labkit.dem.observed import Observed
 from labkit.dem.state import State
 from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
 from labkit.engines.lammps.parts import Part
+from labkit.engines.lammps.records import PartialState, observe_parts
 from labkit.engines.lammps.restart import Histories, histories, put_histories
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.cells import widths
 
 SKIN = 0.05  # of the mean diameter
-PLACES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}  # of the cell in `fix deform`
+PLACES = {
+    "x": (0, 0),
+    "y": (1, 1),
+    "z": (2, 2),
+    "yz": (1, 2),
+    "xz": (0, 2),
+    "xy": (0, 1),
+}  # of the cell in `fix deform`
 MOST_STEPS = 50  # in which the cell moves linearly
 LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
 
@@ -68,7 +77,7 @@ class Domain:
         """Replace all grains. tilted: True if the cell may become a parallelepiped."""
         require_loadable(state)
         self.tilted = tilted or bool(np.triu(state.cell, 1).any())
-        self.state, self.scene = state.replace(position=None, velocity=None, angular_velocity=None), state.scene
+        self.scene, self.time_step, self.radius = state.scene, state.time_step, state.radius
         self.cell, self.gradient = np.array(state.cell, float), np.array(state.velocity_gradient, float)
         self._create(state)
         self._start(state)
@@ -141,8 +150,11 @@ class Domain:
                 self.lmp.command(f"variable {letter}{name} internal 0")
             self.lmp.command(f"variable d{name} equal v_a{name}+v_b{name}*(step-v_s)")
         moves = " ".join(f"{name} variable v_d{name} v_w{name}" for name in names)
-        self.lmp.command(f"fix cell all deform 1 {moves} remap v flip no" if self.tilted else
-                         f"fix cell all deform 1 {moves} remap v")
+        self.lmp.command(
+            f"fix cell all deform 1 {moves} remap v flip no"
+            if self.tilted
+            else f"fix cell all deform 1 {moves} remap v"
+        )
         self.names, self.first = names, self.cell.copy()
 
     def _find_forces(self) -> None:
@@ -152,7 +164,7 @@ class Domain:
         velocities of periodic images; the second moves the cell on by one step.
         """
         self._move_cell(1, self.gradient @ self.cell)
-        dt = self.state.time_step
+        dt = self.time_step
         self.lmp.commands_list(["timestep 0.0", "run 0 post no", "run 2 pre no post no", f"timestep {dt:.17g}"])
         self.half_kick(1.0)
 
@@ -161,7 +173,7 @@ class Domain:
 
         LAMMPS moves the cell at the end of a step, so that it must be one step ahead of the grains (delay -1).
         """
-        cell, step, self.rate = self.cell, rate * self.state.time_step, rate
+        cell, step, self.rate = self.cell, rate * self.time_step, rate
         set_variable = self.lmp.set_internal_variable
         set_variable("s", float(self.lmp.extract_global("ntimestep") + delay))
         for name in self.names:
@@ -176,7 +188,7 @@ class Domain:
             self._advance(min(longest, steps - first), gradient)
 
     def _advance(self, steps: int, gradient: np.ndarray) -> None:
-        dt, n = self.state.time_step, self.lmp.extract_global("nlocal")
+        dt, n = self.time_step, self.lmp.extract_global("nlocal")
         v, x = self.array("v"), self.array("x")
         v[:n] += x[:n] @ (gradient - self.gradient).T + (steps * dt) * (v[:n] @ gradient.T)
         self.gradient = np.array(gradient, float)
@@ -200,7 +212,7 @@ class Domain:
 
     def half_kick(self, sign: float) -> None:
         """Advance (sign 1) or set back (-1) all velocities by half a step of the current forces."""
-        n, dt = self.lmp.extract_global("nlocal"), self.state.time_step
+        n, dt = self.lmp.extract_global("nlocal"), self.time_step
         mass, radius = self.array("rmass")[:n, None], self.array("radius")[:n, None]
         self.array("v")[:n] += sign * 0.5 * dt / mass * self.array("f")[:n]
         self.array("omega")[:n] += sign * 0.5 * dt / (0.4 * mass * radius**2) * self.array("torque")[:n]
@@ -216,6 +228,11 @@ class Domain:
     def all_parts(self) -> list[Part] | None:
         """The parts of all ranks, on rank 0."""
         return self.comm.gather(self.part())
+
+    def observe(self, brief: State) -> tuple[Observed, np.ndarray]:
+        """The quantities of a record and the stiffness of the cell (labkit.engines.lammps.records)."""
+        brief = brief.replace(radius=self.radius)
+        return observe_parts(PartialState(self.part(), brief), brief, self.comm)
 
     def array(self, name: str) -> np.ndarray:
         """A quantity of the own grains and then of the copies of others'; a scalar as (n,), a vector as (n, 3)."""
@@ -247,8 +264,8 @@ def require_loadable(state: State) -> None:
     H = state.cell
     if np.abs(np.tril(H, -1)).max() > 1e-12 * np.abs(H).max():
         raise InputError(
-            "the cell of the specimen is rotated: LAMMPS needs its first vector along x and its second in the plane xy; "
-            "use --engine fused"
+            "the cell of the specimen is rotated, and LAMMPS needs its first vector along x and its second in the plane "
+            "xy: use --engine fused"
         )
     width, needed = widths(H).min(), 4.0 * state.radius.max() * (1.0 + SKIN)
     if width < needed:

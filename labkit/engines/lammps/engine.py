@@ -12,14 +12,26 @@ from typing import Any
 import numpy as np
 
 from labkit.dem.engine import Engine, Progress
+from labkit.dem.instant import Instant
+from labkit.dem.observed import Observed
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 from labkit.engines.lammps.domain import Domain
 from labkit.engines.lammps.parts import gathered
 from labkit.engines.lammps.process import require_lammps, run_ranks
+from labkit.engines.lammps.records import PartialInstant
 from labkit.errors import InputError, PhysicsError
 
 END = "end"  # what tells the other ranks that rank 0 has finished
+ON_RANKS = (
+    "position",
+    "velocity",
+    "angular_velocity",
+    "contact_grain",
+    "contact_shift",
+    "tangential_force",
+    "rolling_moment",
+)
 UNKNOWN = (float("nan"),) * 3  # losses: LAMMPS sums none
 
 
@@ -73,7 +85,7 @@ class LammpsEngine(Engine):
 
     def load(self, state: State, tilted: bool = False) -> None:
         self._all("load", state, tilted)
-        self._state, self._ledger = state.replace(position=None, velocity=None, angular_velocity=None), state.ledger
+        self._state, self._ledger = state.replace(**dict.fromkeys(ON_RANKS)), state.ledger
         self._steps, self._time, self._before = state.step, state.time, self.stress()
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
@@ -105,9 +117,18 @@ class LammpsEngine(Engine):
         self._all("stop")
 
     def state(self) -> State:
-        parts = self._all("all_parts")
+        return self._brief().replace(**gathered(self._all("all_parts"), self._domain.cell))
+
+    def instant(self) -> Instant:
+        return PartialInstant(self._brief(), self)
+
+    def observed(self, brief: State) -> tuple[Observed, np.ndarray]:
+        """The quantities of a record and the stiffness of the cell, summed over the ranks."""
+        return self._all("observe", brief.replace(radius=None, history="", provenance=""))
+
+    def _brief(self) -> State:
+        """The State without grains and contacts, with the radii."""
         return self._state.replace(
-            **gathered(parts, self._domain.cell),
             cell=self._domain.cell.copy(),
             velocity_gradient=self._domain.gradient.copy(),
             time=self._time,

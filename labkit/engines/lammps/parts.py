@@ -12,6 +12,7 @@ from labkit.dem.laws.spring_dashpot import SpringDashpot
 if TYPE_CHECKING:
     from labkit.engines.lammps.domain import Domain
 
+
 @dataclasses.dataclass(frozen=True)
 class Part:
     """Grains of one rank, and contacts, each of which exactly one rank has. SI units.
