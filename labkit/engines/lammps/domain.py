@@ -264,8 +264,8 @@ def require_loadable(state: State) -> None:
     H = state.cell
     if np.abs(np.tril(H, -1)).max() > 1e-12 * np.abs(H).max():
         raise InputError(
-            "the cell of the specimen is rotated, and LAMMPS needs its first vector along x and its second in the plane "
-            "xy: use --engine fused"
+            "the cell of the specimen is rotated, and LAMMPS needs its first vector along x and the second in the "
+            "plane xy: use --engine fused"
         )
     width, needed = widths(H).min(), 4.0 * state.radius.max() * (1.0 + SKIN)
     if width < needed:

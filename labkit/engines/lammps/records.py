@@ -170,7 +170,7 @@ class PartialInstant(Instant):
         self._seen, self._stiffness = engine.observed(brief)
 
     @functools.cached_property
-    def state(self) -> State:  # type: ignore[override]  # found when it is first needed
+    def state(self) -> State:
         return self._engine.state()
 
     def stress(self) -> np.ndarray:
