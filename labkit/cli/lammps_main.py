@@ -13,7 +13,7 @@ import sys
 from mpi4py import MPI
 
 from labkit.cli.yade_main import do_task
-from labkit.engines.lammps.engine import dismiss, domain_of, follow
+from labkit.engines.lammps.engine import LammpsEngine, dismiss, domain_of, follow
 from labkit.engines.lammps.process import number_file
 
 
@@ -24,6 +24,7 @@ def main(job: str) -> int:
             signal.signal(number, signal.SIG_IGN)
         follow(MPI.COMM_WORLD)
         return 0
+    LammpsEngine.on_rank = True
     domain_of(MPI.COMM_WORLD)
     number_file(job).write_text(str(os.getpid()))
     try:

@@ -7,7 +7,7 @@ make the same ones (`follow`).
 from __future__ import annotations
 
 import contextlib
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -40,11 +40,12 @@ class LammpsEngine(Engine):
 
     name = "lammps"
     parallel = "ranks"
+    on_rank: ClassVar[bool] = False  # set in such a process
 
     @classmethod
     def here(cls) -> bool:
         """True in a process that mpiexec has started for a task."""
-        return bool(_DOMAINS)
+        return cls.on_rank
 
     @classmethod
     def elsewhere(cls, job: str, processors: int, progress: Progress) -> None:
