@@ -22,6 +22,7 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
         "analysis.critical_state.command",
         "shear specimens to 100 % strain on many paths; is there one critical state?",
     ),
+    "three-engines": ("analysis.three_engines.command", "compare LAMMPS, YADE and fused on the same specimens"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
     "boundary-value": (
         "analysis.boundary_value.command",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 
 from mpi4py import MPI
 
@@ -31,6 +32,10 @@ def main(job: str) -> int:
         do_task(job)
     except SystemExit:
         dismiss(MPI.COMM_WORLD)
+    except BaseException:  # not one of labkit's errors: the other ranks would wait for ever
+        traceback.print_exc()
+        sys.stderr.flush()
+        MPI.COMM_WORLD.Abort(1)
     return 0
 
 

@@ -59,8 +59,8 @@ def observe(state: State, snapshot: Snapshot) -> Observed:
 def record_of(state: State, seen: Observed, first_cell: np.ndarray) -> dict[str, Any]:
     """The variables of labkit.io.schema.RECORD, name -> value.
 
-    Of the state, only radii, cell, velocity gradient, time and ledger are used. `first_cell` (3, 3), m: the cell at zero
-    strain.
+    Of the state, only radii, cell, velocity gradient, time and ledger are used. `first_cell` (3, 3), m: the cell at
+    zero strain.
     """
     scene, fabric = state.scene, seen.fabric
     strain = logarithmic_strain(state.cell, first_cell)

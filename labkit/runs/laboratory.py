@@ -46,9 +46,9 @@ def make_specimen(
     """Make a specimen at rest, and write its state file if `file` is given.
 
     scene: default labkit.Scene(), Table 1 of the paper; progress: True to show it, or a function of the completed
-    fraction and a text; precision: `double`, or `mixed` on the fused engine, which is faster; ranks: number of MPI ranks
-    of the engine lammps, instead of threads. Raises InputError for invalid values, PhysicsError if the specimen does not
-    come to rest.
+    fraction and a text; precision: `double`, or `mixed` on the fused engine, which is faster; ranks: number of MPI
+    ranks of the engine lammps, instead of threads. Raises InputError for invalid values, PhysicsError if the specimen
+    does not come to rest.
     """
     _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
@@ -75,7 +75,8 @@ def consolidate(
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    pressure: Pa, or text with a unit; precision, progress, ranks: as for make_specimen. Raises InputError, PhysicsError.
+    pressure: Pa, or text with a unit; precision, progress, ranks: as for make_specimen. Raises InputError,
+    PhysicsError.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     path = make_path("cr", {"pressure": pressure})
@@ -106,8 +107,8 @@ def run(
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
     it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
-    precision, ranks: as for make_specimen; recording: fields of labkit.Options (record_strain, snapshots, save_every), which
-    override those of `options`.
+    precision, ranks: as for make_specimen; recording: fields of labkit.Options (record_strain, snapshots, save_every),
+    which override those of `options`.
     Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
     Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
