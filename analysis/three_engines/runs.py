@@ -1,8 +1,8 @@
 """The tests of the study: CV, CR and CP on specimens of equal grains, on every engine that has the contact law.
 
 No contact law is on all three engines. The spring-dashpot law is on fused and LAMMPS, the rolling-resistance law on
-fused and YADE; fused therefore connects the two others. All specimens have sixteen sizes of grains, as LAMMPS needs, and are
-made and consolidated on fused, so that both engines of a law start from the same state.
+fused and YADE; fused therefore connects the two others. All specimens have sixteen sizes of grains, as LAMMPS needs,
+and are made and consolidated on fused, so that both engines of a law start from the same state.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ sorted into `classes` of equal width in radius, and a pair gets the coefficients
 restitution coefficient, through a polynomial fitted for Hertz's law.
 
 Differences from the contact law `spring_dashpot`: the friction and rolling limits cap the sum of spring and dashpot,
-and their fn includes the dashpot; the springs do not turn about the normal; the contact forces stored in the State are not
-transferred.
+and their fn includes the dashpot; the springs do not turn about the normal; the contact forces stored in the State are
+not transferred.
 """
 
 from __future__ import annotations
