@@ -51,11 +51,15 @@ def values(folder: Path, seeds: int) -> pandas.DataFrame:
     rows = []
     for test in tests(seeds):
         file = test.file(folder)
-        if file.exists() and lk.open_run(file).attrs["complete"]:
+        if _finished(file):
             rows.append(
                 {"path": test.path, "seed": test.seed, "engine": test.engine, "law": test.law, **quantities(file)}
             )
     return pandas.DataFrame(rows)
+
+
+def _finished(file: Path) -> bool:
+    return file.exists() and bool(lk.open_run(file).attrs["complete"])
 
 
 def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
@@ -96,7 +100,7 @@ def held(folder: Path, seeds: int) -> pandas.DataFrame:
     """One row per test: RMS error of the held stress, or the largest drift of the volume."""
     rows = []
     for test in tests(seeds):
-        if test.file(folder).exists():
+        if _finished(test.file(folder)):
             rows.append({"run": test.file(folder).name, "engine": test.engine, **_held(test, folder)})
     return pandas.DataFrame(rows)
 
