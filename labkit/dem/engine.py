@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from labkit.dem.instant import Instant
+from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 
@@ -43,6 +44,11 @@ class Engine(abc.ABC):
     @classmethod
     def require(cls, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene; by default any scene is supported."""
+        return
+
+    @classmethod
+    def require_path(cls, path: Path) -> None:
+        """Raise InputError if the engine cannot follow the path; by default it can follow any."""
         return
 
     @abc.abstractmethod

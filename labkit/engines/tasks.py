@@ -277,6 +277,8 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
     Raises InputError, PhysicsError or Interrupted, in either process.
     """
     kind = require_engine(task.engine, task.scene, task.precision)
+    for path in _paths(task):
+        kind.require_path(path.for_scene(task.scene))
     if kind.here():
         with one_blas_thread():
             return task.do(progress)

@@ -221,7 +221,15 @@ def test_what_lammps_lacks_is_refused(specimen):
 
 
 @needs_lammps
-def test_a_path_that_turns_the_cell_is_refused(specimen):
+def test_a_path_that_turns_the_cell_is_refused(specimen, tmp_path):
+    file = tmp_path / "r.run.nc"
+    with pytest.raises(InputError, match="use --engine fused"):
+        lk.run(lk.read_state(specimen), lk.paths.StressRotation(pressure=PRESSURE), engine="lammps", file=file)
+    assert not file.exists()
+
+
+@needs_lammps
+def test_a_velocity_gradient_that_turns_the_cell_is_refused(specimen):
     from labkit.engines.lammps.engine import LammpsEngine
 
     engine = LammpsEngine(lk.read_state(specimen))

@@ -13,6 +13,7 @@ import numpy as np
 
 from labkit.dem.engine import Engine, Progress
 from labkit.dem.instant import Instant
+from labkit.dem.loading import Path
 from labkit.dem.observed import Observed
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
@@ -60,6 +61,14 @@ class LammpsEngine(Engine):
             raise InputError("has no planar layers", field="engine", value=cls.name, allowed="fused")
         require_lammps()
 
+    @classmethod
+    def require_path(cls, path: Path) -> None:
+        """Raise InputError for a path that turns the cell: its shear rates are symmetric, or found by the servo."""
+        control = path.control()
+        free = control is not None and control.components > 3 and control.free[3:].any()
+        if free or np.tril(path.flow(0.0), -1).any():
+            raise _turns()
+
     def __init__(self, state: State, threads: int = 1) -> None:
         """Load the state. Raises InputError if this process does not have `threads` ranks."""
         from mpi4py import MPI
@@ -92,10 +101,7 @@ class LammpsEngine(Engine):
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.array(velocity_gradient, dtype=float)
         if np.abs(np.tril(gradient, -1)).max() > 1e-12 * np.abs(gradient).max():
-            raise InputError(
-                "the path turns the first vector of the cell, or the plane of the first two, which LAMMPS cannot: use "
-                "--engine fused, or a path along x, y and z or simple shear"
-            )
+            raise _turns()
         if np.triu(gradient, 1).any() and not self._domain.tilted:
             self.load(self.state(), tilted=True)
         before = self._before
@@ -138,6 +144,13 @@ class LammpsEngine(Engine):
             engine_version=self.version,
             ledger=self._ledger,
         )
+
+
+def _turns() -> InputError:
+    return InputError(
+        "the path turns the first vector of the cell, or the plane of the first two, which LAMMPS cannot: use "
+        "--engine fused, or a path along x, y and z or simple shear"
+    )
 
 
 _DOMAINS: dict[int, Domain] = {}
