@@ -25,6 +25,7 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
     ),
     "initial-fabric": ("analysis.initial_fabric.command", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
     "size-scatter": ("analysis.size_scatter.command", "scatter and bias of the critical state against the grains"),
+    "three-engines": ("analysis.three_engines.command", "compare LAMMPS, YADE and fused on the same specimens"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
     "boundary-value": (
         "analysis.boundary_value.command",

@@ -1,19 +1,13 @@
 """A specimen in LAMMPS: pair style granular with the same grains, stiffness, friction, dashpots and rolling.
 
 LAMMPS has one set of coefficients per pair of atom types, labkit one per pair of grains. The grains are therefore
-sorted into `classes` of equal width in radius, and a pair gets the coefficients computed from its class midpoints. In
-LAMMPS terms (k is the index of a pair of classes; r* = Ra Rb/(Ra + Rb), computed from the actual radii):
-
-    hooke kn eta, damping velocity      fn = kn delta + eta ddelta/dt               eta = 2 beta_n sqrt(m* kn)
-    linear_history kt xgammat mu        |kt xi + xgammat eta dxi/dt| <= mu |fn|     xgammat = ct/cn
-    rolling sds k gamma mu              M = k r*^2 theta, |M| <= mu r* |fn|         k = kr/r*^2, gamma = 0, mu = mu_r
-
-Thus k is kt, and xgammat is sqrt(kt/kn) beta_t/beta_n. The `tsuji` dashpot would use m* of the actual grains, but it
-accepts only the restitution coefficient, through a polynomial fitted for Hertz's law.
+sorted into `classes` of equal width in radius, and a pair gets the coefficients computed from its class midpoints
+(labkit.engines.lammps.coefficients). The `tsuji` dashpot would use m* of the actual grains, but it accepts only the
+restitution coefficient, through a polynomial fitted for Hertz's law.
 
 Differences from the contact law `spring_dashpot`: the friction and rolling limits cap the sum of spring and dashpot,
-and their fn includes the dashpot; the history vectors are not rotated with the normal; the contact forces stored in
-the State are not transferred.
+and their fn includes the dashpot; the springs do not turn about the normal; the contact forces stored in the State are
+not transferred.
 """
 
 from __future__ import annotations
@@ -28,9 +22,8 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.dem.laws.spring_dashpot import SpringDashpot
-from labkit.dem.scene import Scene
 from labkit.dem.state import State
+from labkit.engines.lammps.coefficients import pair_coefficients
 from labkit.errors import InputError, PhysicsError
 
 
@@ -129,7 +122,7 @@ def write_input(
             skin=tuning.skin * state.scene.mean_diameter,
             newton=tuning.newton,
             sort=tuning.sort,
-            coefficients=_coefficients(state.scene, middle),
+            coefficients="\n".join(pair_coefficients(state.scene, middle)),
             time_step=state.time_step,
             settle=settle,
             every=every,
@@ -162,28 +155,6 @@ def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> s
         x, y, z = place
         lines.append(f"{number} {of + 1} {2.0 * radius!r} {state.scene.density!r} {x!r} {y!r} {z!r}")
     return "\n".join(lines) + "\n"
-
-
-def _coefficients(scene: Scene, middle: np.ndarray) -> str:
-    """Write a pair_coeff line for each pair of classes with the midpoint radii `middle` (classes,), m."""
-    lines = []
-    for first, a in enumerate(middle):
-        for second, b in enumerate(middle[first:], first):
-            kn, kt, kr = (
-                stiffness(a, b)
-                for stiffness in (scene.normal_stiffness, scene.tangential_stiffness, scene.rolling_stiffness)
-            )
-            cn, ct = SpringDashpot().dashpots(scene, a, b)  # for every contact law, because LAMMPS has no other damping
-            if cn == 0.0 < ct:
-                raise InputError("LAMMPS does not support beta_t without beta_n: set beta_n above 0, or beta_t = 0")
-            share = ct / cn if cn > 0.0 else 0.0
-            rolling = kr / (a * b / (a + b)) ** 2
-            lines.append(
-                f"pair_coeff {first + 1} {second + 1} hooke {kn:.17g} {cn:.17g} "
-                f"tangential linear_history {kt:.17g} {share:.17g} {scene.friction:.17g} "
-                f"rolling sds {rolling:.17g} 0.0 {scene.rolling_friction:.17g} damping velocity"
-            )
-    return "\n".join(lines)
 
 
 def deform(

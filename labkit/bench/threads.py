@@ -10,8 +10,8 @@ import sys
 from collections.abc import Iterator
 
 from labkit.dem.engine import Progress
+from labkit.engines import die_with_parent
 from labkit.engines.speed import speed
-from labkit.engines.yade_process import die_with_parent
 
 
 @contextlib.contextmanager

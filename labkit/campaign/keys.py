@@ -29,6 +29,7 @@ class Common:
     settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
     engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
+    ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
     precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the fused engine")
 
 
@@ -68,7 +69,7 @@ def consolidated_keys() -> Keys:
     """Keys of a specimen that is consolidated from another."""
     common = options_of(Common)
     pressure = parameters_of(Consolidation)["pressure"]
-    working = {name: common[name] for name in ("engine", "threads", "precision")}
+    working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}
     return {FROM.name: FROM, "pressure": pressure, **working}
 
 

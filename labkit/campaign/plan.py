@@ -56,6 +56,11 @@ class Job:
     digest: str
 
     @property
+    def ranks(self) -> int:
+        """Number of MPI ranks, 1 for an engine with threads."""
+        return self.threads if ENGINES[self.item.engine].parallel == "ranks" else 1
+
+    @property
     def recipe(self) -> str:
         """Path of the recipe file."""
         return f"{RECIPES}/{self.kind}.{self.name}.json"
@@ -173,7 +178,7 @@ def _text(value: Any, unit: str) -> str:
 
 
 def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extensions: tuple[str, ...]) -> Job:
-    arguments = [*arguments, f"--engine={item.engine}", f"--threads={item.threads}"]
+    arguments = [*arguments, f"--engine={item.engine}", f"--{ENGINES[item.engine].parallel}={item.threads}"]
     arguments += [] if item.precision == "double" else [f"--precision={item.precision}"]
     determining = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
     digest = hashlib.sha256(json.dumps(determining).encode()).hexdigest()

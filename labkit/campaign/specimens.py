@@ -76,9 +76,14 @@ def chosen_settings(values: Mapping[str, Any], top: Mapping[str, Any]) -> Settin
 
 
 def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    """Engine, threads and precision of an entry, or else those at the top of the file."""
-    names = ("engine", "threads", "precision")
-    return {name: value for name in names if (value := values.get(name, top.get(name))) is not None}
+    """Engine, threads and precision of an entry, or else those at the top of the file.
+
+    An engine over MPI has `ranks` where the others have `threads`.
+    """
+    engine = values.get("engine", top.get("engine", Common.engine))
+    parallel = ENGINES[engine].parallel if engine in ENGINES else "threads"
+    names = {"engine": "engine", parallel: "threads", "precision": "precision"}
+    return {to: value for name, to in names.items() if (value := values.get(name, top.get(name))) is not None}
 
 
 def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:

@@ -16,8 +16,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from labkit.dem.engine import Progress
+from labkit.dem.scene import Scene
+from labkit.engines import ENGINES
 from labkit.engines.speed import speed
-from labkit.errors import PhysicsError
+from labkit.errors import InputError, PhysicsError
 from labkit.io.atomic import write_text
 from labkit.io.provenance import machine
 
@@ -49,6 +51,7 @@ class Speed:
 TYPICAL = {
     "fused": Speed(3.0, 1.2e-5, 4.3e-8, 45.0, 0.35),
     "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),
+    "lammps": Speed(2.0, 1.0e-4, 1.1e-6, 10.0, 0.05),
 }
 
 
@@ -86,21 +89,31 @@ def computer() -> str:
 def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Speed]:
     """engine -> Speed, measured now and stored. Raises PhysicsError if an engine does not run."""
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
-        progress(0.0, "making specimens to measure on")
-        files = [_specimen(grains, Path(folder)) for grains in SIZES]
         speeds = {}
         for number, engine in enumerate(engines):
-            progress(0.5 + 0.5 * number / len(engines), f"measuring {engine}")
+            progress(number / len(engines), f"measuring {engine}")
+            files = [_specimen(grains, law_on(engine), Path(folder)) for grains in SIZES]
             speeds[engine] = _speed_of(engine, files)
         progress(1.0, "speeds measured")
     _store(speeds)
     return speeds
 
 
-def _specimen(grains: int, folder: Path) -> Path:
-    """State file of a specimen, made in a separate process."""
-    file = folder / f"n{grains}.state.nc"
-    done = subprocess.run([sys.executable, "-c", MAKE, str(grains), str(file)], capture_output=True, text=True)
+def law_on(engine: str) -> str:
+    """The contact law on which an engine is measured: that of the paper's tests, if the engine has it."""
+    try:
+        ENGINES.require(engine).require(Scene())
+    except InputError:
+        return "spring_dashpot"
+    return Scene().law
+
+
+def _specimen(grains: int, law: str, folder: Path) -> Path:
+    """State file of a specimen, made in a separate process unless it is there."""
+    file = folder / f"n{grains}-{law}.state.nc"
+    if file.exists():
+        return file
+    done = subprocess.run([sys.executable, "-c", MAKE, str(grains), law, str(file)], capture_output=True, text=True)
     if done.returncode:
         lines = done.stderr.strip().splitlines() or ["no output"]
         raise PhysicsError(f"speeds cannot be measured: {lines[-1]}")
@@ -110,8 +123,10 @@ def _specimen(grains: int, folder: Path) -> Path:
 MAKE = """
 import sys
 from labkit.runs.laboratory import make_specimen
+from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe
-make_specimen(Recipe(void_ratio=0.67, grains=int(sys.argv[1])), file=sys.argv[2], progress=False)
+recipe = Recipe(void_ratio=0.67, grains=int(sys.argv[1]), size_classes=16)
+make_specimen(recipe, Scene(law=sys.argv[2]), file=sys.argv[3], progress=False)
 """
 
 

@@ -12,7 +12,7 @@ from labkit.cli.parser import Options, Parser
 from labkit.dem.engine import PRECISIONS
 from labkit.dem.paths import Path
 from labkit.dem.settings import SETTINGS
-from labkit.engines import ENGINES
+from labkit.engines import ENGINES, processors
 from labkit.errors import InputError, option_name
 from labkit.parameters import Parameter, help_of, parameters_of
 
@@ -66,10 +66,12 @@ def given(options: argparse.Namespace, kind: type) -> dict[str, Any]:
 
 
 def add_engine_options(parser: Options) -> None:
-    """Adds --engine, --threads and --precision."""
+    """Adds --engine, --threads, --ranks and --precision."""
     engine = f"simulation engine, one of {', '.join(ENGINES)} (default: yade)"
     parser.add_argument("--engine", type=one_of(ENGINES), default="yade", help=engine)
     parser.add_argument("--threads", type=threads, default=1, metavar="N", help="number of threads (default: 1)")
+    ranks = "number of MPI ranks of the engine lammps, instead of threads (default: 1)"
+    parser.add_argument("--ranks", type=positive_int, metavar="N", help=ranks)
     parser.add_argument(
         "--precision",
         type=one_of(PRECISIONS),
@@ -81,7 +83,8 @@ def add_engine_options(parser: Options) -> None:
 
 def computation(options: argparse.Namespace) -> dict[str, Any]:
     """The fields of a Task that add_engine_options defines."""
-    return {"engine": options.engine, "threads": options.threads, "precision": options.precision}
+    count = processors(options.engine, options.threads, options.ranks)
+    return {"engine": options.engine, "threads": count, "precision": options.precision}
 
 
 def add_settings_option(parser: Options) -> None:

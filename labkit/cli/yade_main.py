@@ -58,7 +58,7 @@ def _finish(work: Callable[[], object], report: Callable[[BaseException], None] 
 
 def _report(error: BaseException) -> None:
     """Writes an error for the parent process, as JSON values."""
-    known: dict[str, Any] = {"kind": type(error).__name__, "said": sentence(error)}
+    known: dict[str, Any] = {"kind": type(error).__name__, "said": sentence(error), "code": exit_code(error)}
     if isinstance(error, InputError):
         known |= {"said": error.problem, "field": error.field, "allowed": error.allowed, "quoted": error.quoted}
         known |= {"value": error.value if isinstance(error.value, (int, float, str)) else None}

@@ -9,10 +9,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from labkit.dem.instant import Instant
+from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
 
 PRECISIONS = ("double", "mixed")  # of all engines
+
+Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
 
 class Engine(abc.ABC):
@@ -23,6 +27,7 @@ class Engine(abc.ABC):
     """
 
     name: ClassVar[str]
+    parallel: ClassVar[str] = "threads"  # or "ranks", if it runs on several processes over MPI
     precisions: ClassVar[tuple[str, ...]] = ("double",)  # the constructor takes any other as `precision`
     version: str
 
@@ -32,8 +37,18 @@ class Engine(abc.ABC):
         return True
 
     @classmethod
+    def elsewhere(cls, job: str, processors: int, progress: Progress) -> None:
+        """Carry out the task in the file `job` in another process, for an engine that cannot run in this one."""
+        raise NotImplementedError(f"the engine {cls.name} runs in every process, or must define `elsewhere`")
+
+    @classmethod
     def require(cls, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene; by default any scene is supported."""
+        return
+
+    @classmethod
+    def require_path(cls, path: Path) -> None:
+        """Raise InputError if the engine cannot follow the path; by default it can follow any."""
         return
 
     @abc.abstractmethod
@@ -47,6 +62,10 @@ class Engine(abc.ABC):
     @abc.abstractmethod
     def state(self) -> State:
         """A copy of the current State, with the contacts sorted by grain and the ledger up to date."""
+
+    def instant(self) -> Instant:
+        """This instant, for a record; by default from the State."""
+        return Instant(self.state())
 
     @abc.abstractmethod
     def load(self, state: State) -> None:
@@ -83,9 +102,6 @@ class Start:
     def __call__(self, state: State) -> Engine:
         """The engine, loaded with the state. Raises InputError if it does not support the scene."""
         return self.make(state.replace(precision=self.precision), self.threads)
-
-
-Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
 
 def silent(fraction: float, text: str) -> None:

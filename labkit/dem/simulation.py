@@ -16,21 +16,20 @@ from labkit.dem.conditions import Condition, condition
 from labkit.dem.consolidation import consolidate, pressure_error
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.instant import Instant
 from labkit.dem.interim import interim_of
-from labkit.dem.measure import measure
 from labkit.dem.pace import TRAVELLED, pace, steps_at
 from labkit.dem.paths import Path
 from labkit.dem.ratcheting import Ratcheting
 from labkit.dem.reach import Lag, errors, is_at_limit, unreachable
 from labkit.dem.recorder import Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
-from labkit.dem.servo import cell_stiffness, velocity_gradient
+from labkit.dem.servo import velocity_gradient
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.interruption import Signals, stop_on_signals
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.stress import mean_stress
 
 CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
 LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack
@@ -115,11 +114,11 @@ class _Loop:
         self.stop = self.step  # the step at which the run last stopped
         if stored:
             self.enter_leg()
-            self.continue_from(state, state.snapshot())
+            self.continue_from(Instant(state))
         else:
             self.position = dataclasses.replace(self.position, stress=self.engine.stress())
             self.enter_leg()
-            self.record(state, last=False)
+            self.record(Instant(state), last=False)
             _require_false_at_start(self.stop_when, self.first)
             self.recorder.save(self.checkpoint(state, False))
 
@@ -158,12 +157,13 @@ class _Loop:
         self.position = dataclasses.replace(self.position, skipped=skipped, stress=settled, lag=Lag())
         self.enter_leg()
 
-    def continue_from(self, state: State, snapshot: Snapshot) -> None:
-        """Set the variables of the servo from a state of the run."""
+    def continue_from(self, instant: Instant) -> None:
+        """Set the variables of the servo from an instant of the run."""
+        state = instant.brief
         self.gradient = state.velocity_gradient
-        self.stiffness = cell_stiffness(snapshot, self.control.components) if self.control else None
+        self.stiffness = instant.stiffness(self.control.components) if self.control else None
         if self.options.inertial_number is not None:
-            grains = 2.0 * float(state.radius.mean()), state.scene.density, float(mean_stress(love_stress(snapshot)))
+            grains = 2.0 * float(state.radius.mean()), state.scene.density, float(mean_stress(instant.stress()))
             self.pace = pace(self.options.inertial_number, self.leg, self.travelled, *grains)
 
     def execute(self, signals: Signals) -> bool:
@@ -198,30 +198,31 @@ class _Loop:
         """
         self.recorder.wait()  # before code of the user runs, which may open files
         saving = self.schedule.is_checkpoint(self.planned, last)
-        state = self.engine.reload() if saving else self.engine.state()
-        state = self.reduced(state)
+        instant = self.reduced(Instant(self.engine.reload()) if saving else self.engine.instant())
         if last or turned or self.schedule.is_record(self.planned):
-            last = self.record(state, last, turned)
+            last = self.record(instant, last, turned)
         else:
-            self.continue_from(state, state.snapshot())
+            self.continue_from(instant)
         if self.ended_because and not last:
-            self.recorder.save(self.checkpoint(state, False))
+            self.recorder.save(self.checkpoint(instant.state, False))
             raise unfinished(self.ended_because, self.recorder.file)
         if last:
-            self.recorder.save(self.checkpoint(state, True))
+            self.recorder.save(self.checkpoint(instant.state, True))
         elif saving:
-            self.recorder.checkpoint(self.checkpoint(state, False))
+            self.recorder.checkpoint(self.checkpoint(instant.state, False))
         return last
 
-    def reduced(self, state: State) -> State:
-        """The state in an equivalent cell if shear has tilted its cell by more than one half."""
+    def reduced(self, instant: Instant) -> Instant:
+        """The instant in an equivalent cell if shear has tilted its cell by more than one half."""
+        state = instant.brief
         if lattice.tilt(state.cell) <= lattice.MOST_TILT:
-            return state
+            return instant
+        state = instant.state
         U = lattice.reduction(state.cell)
         self.position = dataclasses.replace(self.position, lattice=self.position.lattice @ U)
         state = lattice.in_cell(state, U)
         self.engine.load(state)
-        return state
+        return Instant(state)
 
     def advance(self, end: int, signals: Signals) -> bool:
         """Advance to the step `end`, or to where the path or a signal stops the run.
@@ -264,9 +265,9 @@ class _Loop:
         missing = (self.leg.next_change(self.travelled) - self.travelled) / (self.leg.axial_rate * self.time_step)
         return max(1, round(missing)) if missing < self.schedule.steps else self.schedule.steps
 
-    def record(self, state: State, last: bool, turned: bool = False) -> bool:
-        snapshot = state.snapshot()
-        values = measure(state, self.first["cell"] @ self.position.lattice, snapshot)
+    def record(self, instant: Instant, last: bool, turned: bool = False) -> bool:
+        state = instant.brief
+        values = instant.measure(self.first["cell"] @ self.position.lattice)
         values |= self.leg.progress(self.travelled)
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.path.axial_rate * self.time_step * self.place
@@ -276,10 +277,10 @@ class _Loop:
         ended = ended or (self.recorder.records > 0 and self.leg.stops(values, self.first))
         last = last or self.path.ends(values) or (ended and self.number + 1 == self.path.legs())
         last = last or (self.stop_when is not None and self.stop_when.holds(values, self.first))
-        require_sane(values, state)
+        require_sane(values, state.step)
         self.ratcheting.add(state, self.recorder.records)
         if self.options.guarded:
-            require_balanced(state, snapshot, values["energy_balance_error"] + self.ratcheting.error(state))
+            require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
         if self.stopped and self.schedule.is_close_to_record(self.planned):
             if not self.schedule.is_snapshot(self.recorder.records - 1, last=False):
                 self.recorder.drop_last()
@@ -289,11 +290,11 @@ class _Loop:
         elif self.options.guarded and self.recorder.records:
             self.ended_because = self.lost(state, np.asarray(values["stress"]))
         kept = self.schedule.is_snapshot(self.recorder.records, last or bool(self.ended_because))
-        self.recorder.record(values, snapshot if kept or (turned and self.is_kept_turn()) else None)
+        self.recorder.record(values, instant.snapshot if kept or (turned and self.is_kept_turn()) else None)
         done, number = max(self.place / self.schedule.steps, self.position.leg / self.path.legs()), self.number
         if ended and not last:
             self.end_leg(values["stress"])
-        self.continue_from(state, snapshot)
+        self.continue_from(instant)
         self.progress(1.0 if last else done, self.path.status(values, number))
         return last
 
@@ -342,7 +343,7 @@ def _require_false_at_start(stop_when: Condition | None, first: Mapping[str, Any
         raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
 
 
-def require_sane(values: dict[str, Any], state: State) -> None:
+def require_sane(values: dict[str, Any], step: int) -> None:
     """Raise PhysicsError if a record shows that the integration has become unstable."""
-    if not (np.all(np.isfinite(state.position)) and np.isfinite(values["kinetic_energy"])):
-        raise PhysicsError(f"positions became NaN at step {state.step}: the time step is too large")
+    if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is
+        raise PhysicsError(f"positions became NaN at step {step}: the time step is too large")

@@ -56,6 +56,13 @@ class Recipe:
         None, unit="Pa", above=0.0, high=1e12, help="with compression: pressure to reach, instead of the void ratio"
     )
     seed: int = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
+    size_classes: int | None = parameter(
+        None,
+        low=1,
+        high=64,
+        kind=int,
+        help="number of different diameters, as LAMMPS needs (default: no two are equal)",
+    )
 
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
@@ -144,6 +151,16 @@ def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> n
     return np.array(radii + [(missing / 2.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)] * 2)
 
 
+def in_classes(radius: np.ndarray, classes: int) -> np.ndarray:
+    """Radii rounded to the midpoints of classes of equal width, times a factor close to 1 that keeps their volume."""
+    low, high = radius.min(), radius.max()
+    width = (high - low) / classes
+    if width == 0.0:
+        return radius
+    rounded = low + width * (np.minimum((radius - low) // width, classes - 1) + 0.5)
+    return rounded * (np.sum(radius**3) / np.sum(rounded**3)) ** (1.0 / 3.0)
+
+
 def spatial_order(position: np.ndarray, side: float, mean_diameter: float) -> np.ndarray:
     """Order of grains in which neighbours in space are close in memory: slices, rows, cells of two diameters."""
     block = np.floor(position / side * max(1, int(side / (2 * mean_diameter)))).astype(int)
@@ -156,6 +173,8 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
     rng = np.random.default_rng(recipe.seed)
     lengths = side * np.array([1.0, 1.0, recipe.aspect])
     radius = draw_radii(scene, side**3 * recipe.aspect / (1.0 + recipe.void_ratio), rng)
+    if recipe.size_classes is not None:
+        radius = in_classes(radius, recipe.size_classes)
     position = rng.random((len(radius), 3)) * lengths
     order = spatial_order(position, side, scene.mean_diameter)
     return grains_in_cell(scene, radius[order], position[order], np.diag(lengths), recipe.seed)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 import os
 from collections.abc import Callable
 from typing import Any
@@ -43,6 +44,11 @@ class Ledger:
     friction_loss: float = 0.0
     rolling_loss: float = 0.0
     damping_loss: float = 0.0
+
+    @property
+    def without_losses(self) -> bool:
+        """True if the engine sums the work on the cell and no losses, which are then NaN."""
+        return math.isnan(self.friction_loss) and math.isfinite(self.cell_work)
 
     def plus(self, *flows: float) -> Ledger:
         """A copy with the given work and losses added, in the order of the fields."""

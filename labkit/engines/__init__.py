@@ -2,6 +2,8 @@
 
 yade          the YADE engine, the reference; it runs inside YADE
 yade_process  starts YADE as a child process
+lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
+child         an engine in a child process
 fused         labkit's own compiled engine; its loop is in kernel/
 cuda          States on a GPU; needs numba-cuda
 threads       number of threads of the fused engine
@@ -26,6 +28,7 @@ ENGINES: Registry = Registry(
         "yade": "labkit.engines.yade:YadeEngine",
         "fused": "labkit.engines.fused:FusedEngine",
         "cuda": "labkit.engines.cuda.engine:CudaEngine",
+        "lammps": "labkit.engines.lammps.engine:LammpsEngine",
     },
 )
 
@@ -60,6 +63,25 @@ def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
     return Start(name, threads, make, precision)
 
 
+def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
+    """Number of threads, or of MPI ranks, that an engine runs on.
+
+    Raises InputError if the engine has threads and ranks are given, or the other way round.
+    """
+    parallel: str = ENGINES.require(engine).parallel
+    if parallel == "ranks":
+        if threads != 1:
+            raise InputError(
+                f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead"
+            )
+        return 1 if ranks is None else ranks
+    if ranks is not None:
+        raise InputError(
+            f"are not for the engine {engine}", field="ranks", value=ranks, allowed="threads instead, or engine lammps"
+        )
+    return threads
+
+
 def register_engine(kind: type[Engine]) -> type[Engine]:
     """Register a subclass of Engine under its `name`; use it as a class decorator."""
     return ENGINES.register(kind)
@@ -70,7 +92,7 @@ __getattr__, __dir__, __all__ = attach(
     {
         "FusedEngine": "fused",
         "YadeEngine": "yade",
-        "die_with_parent": "yade_process",
+        "die_with_parent": "child",
         "find_yade": "yade_process",
         "execute": "tasks",
         "RunTask": "tasks",
@@ -78,4 +100,4 @@ __getattr__, __dir__, __all__ = attach(
         "ConsolidationTask": "tasks",
     },
 )
-__all__ += ["ENGINES", "Engine", "register_engine", "require_engine", "starter"]
+__all__ += ["ENGINES", "Engine", "processors", "register_engine", "require_engine", "starter"]

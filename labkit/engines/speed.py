@@ -22,7 +22,8 @@ def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 
 
     Raises PhysicsError if the engine fails.
     """
-    if not ENGINES.require(engine).here():
+    kind = ENGINES.require(engine)
+    if not kind.here() and kind.parallel == "threads":  # one rank of MPI needs no mpiexec
         return in_yade("speed.py", file, steps, threads)
     command = [sys.executable, "-m", "labkit.engines.speed", engine, str(file), str(steps), str(threads)]
     return _quantities(command, None)

@@ -1,7 +1,7 @@
 """Tasks: a specimen, a layer, a consolidation, a rest, a run or several runs, each a value that any engine can execute.
 
-`execute` runs a task in this process, or in a YADE process if the engine needs one. It then passes the task to YADE as
-JSON with a state file, and YADE returns the result as a file.
+`execute` runs a task in this process, or in another one if the engine needs that, e.g. in YADE. It then passes the task
+on as JSON with a state file, and receives the result as a file.
 """
 
 from __future__ import annotations
@@ -38,7 +38,11 @@ from labkit.parameters import restored
 
 @dataclasses.dataclass(frozen=True)
 class Task(abc.ABC):
-    """A job for an engine. engine: its name; threads; precision; output: file to write; history: the command."""
+    """A job for an engine.
+
+    engine: its name; threads: their number, or that of the MPI ranks; precision; output: file to write; history: the
+    command.
+    """
 
     engine: str = "fused"
     threads: int = 1
@@ -272,21 +276,24 @@ def execute(task: Task, progress: Progress = silent) -> State | None:
 
     Raises InputError, PhysicsError or Interrupted, in either process.
     """
-    if require_engine(task.engine, task.scene, task.precision).here():
+    kind = require_engine(task.engine, task.scene, task.precision)
+    for path in _paths(task):
+        kind.require_path(path.for_scene(task.scene))
+    if kind.here():
         with one_blas_thread():
             return task.do(progress)
-    from labkit.engines.yade_process import run_script
-
     if isinstance(task, RunTask) and being_written(File(str(task.output))):
-        raise busy(File(str(task.output)))  # before YADE starts in vain
+        raise busy(File(str(task.output)))  # before another process starts in vain
     with tempfile.TemporaryDirectory(prefix="labkit-") as name:
         folder = File(name)
         output = task.output or str(folder / "result.state.nc")
         job = folder / "task.json"
         job.write_text(json.dumps(to_job(dataclasses.replace(task, output=output), folder)))
-        run_script("task.py", [str(job)], task.threads, progress)
+        kind.elsewhere(str(job), task.threads, progress)
         if not done_file(job).exists():
-            raise PhysicsError("yade ended without an error, but did nothing: is `yade` on the PATH really YADE?")
+            raise PhysicsError(
+                f"{task.engine} ended without an error, but did nothing: is `{task.engine}` on the PATH really it?"
+            )
         return None if isinstance(task, (RunTask, ProbesTask)) else read_state(output)
 
 

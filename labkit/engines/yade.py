@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.engine import Engine
+from labkit.dem.engine import Engine, Progress
 from labkit.dem.scene import Scene
 from labkit.dem.state import Ledger, State
 from labkit.errors import InputError, PhysicsError
@@ -48,6 +48,12 @@ class YadeEngine(Engine):
     def here(cls) -> bool:
         """True in YADE's interpreter."""
         return yade is not None
+
+    @classmethod
+    def elsewhere(cls, job: str, processors: int, progress: Progress) -> None:
+        from labkit.engines.yade_process import run_script
+
+        run_script("task.py", [job], processors, progress)
 
     @classmethod
     def require(cls, scene: Scene) -> None:

@@ -1,24 +1,17 @@
-"""Starts YADE as a child process, shows its progress and raises its errors."""
+"""Starts YADE as a child process."""
 
 from __future__ import annotations
 
-import collections
-import ctypes
-import json
 import os
 import shutil
-import signal
-import subprocess
 import sys
-import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
 
 from labkit.dem.engine import Progress
-from labkit.errors import InputError, Interrupted, PhysicsError
-from labkit.io.interruption import ending_signals
-from labkit.io.progress import ERROR, PIPE, read_pipe
+from labkit.engines.child import Program, run_child
+from labkit.errors import InputError
+from labkit.io.progress import PIPE
 
 PACKAGE = Path(__file__).resolve().parents[1]
 PROGRAMS = ("yade", "yadedaily")
@@ -67,89 +60,4 @@ def yade_environment() -> dict[str, str]:
 def run_script(name: str, arguments: Sequence[str], threads: int, progress: Progress) -> None:
     """Run a script in YADE. Raises InputError, PhysicsError or Interrupted with the message of the child."""
     command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(name)), *arguments]
-    environment = {**yade_environment(), PIPE: "1"}
-    child = subprocess.Popen(
-        command,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",
-        preexec_fn=die_with_parent,
-    )
-    output, complaints = child.stdout, child.stderr
-    assert output is not None and complaints is not None
-    errors: collections.deque[str] = collections.deque(maxlen=20)
-    reader = threading.Thread(target=lambda: errors.extend(complaints), daemon=True)
-    reader.start()
-    try:
-        with _ForwardedSignals(child):
-            _follow(output, progress)
-            code = child.wait()
-    except BaseException:  # raised by `progress`: stop YADE too; a run then writes its checkpoint
-        child.terminate()
-        child.wait()
-        raise
-    finally:
-        reader.join()
-        output.close()
-        complaints.close()
-    if code:
-        _raise(code, errors)
-
-
-def _follow(lines: Iterable[str], progress: Progress) -> None:
-    """Report the progress that a child prints, and print its other lines except YADE's banner."""
-    for line in lines:
-        step = read_pipe(line)
-        if step:
-            progress(*step)
-        elif line.strip() and not line.startswith(NOISE):
-            print(line, end="")
-
-
-def _raise(code: int, errors: Iterable[str]) -> NoReturn:
-    """Raise the error that the child reported, or else a PhysicsError with its exit status."""
-    reported = [json.loads(line.removeprefix(ERROR)) for line in errors if line.startswith(ERROR)]
-    if reported:
-        error = reported[-1]
-        if error["kind"] == "InputError":
-            fields = {name: error[name] for name in ("field", "value", "allowed", "quoted")}
-            raise InputError(error["said"], **fields)
-        if error["kind"] == "Interrupted":
-            raise Interrupted(error["said"], code)
-        raise PhysicsError(error["said"])
-    if code in (-signal.SIGINT, -signal.SIGTERM, -signal.SIGHUP):
-        raise Interrupted(f"stopped by signal {-code}; nothing was written", 128 - code)
-    sys.stderr.writelines(line for line in errors if not line.startswith(NOISE))
-    raise PhysicsError(f"YADE ended with exit status {code}")
-
-
-def die_with_parent() -> None:
-    """Kill this child when its parent ends (on Linux), so that no orphan keeps writing the run file."""
-    try:
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    except (OSError, AttributeError):
-        pass
-
-
-class _ForwardedSignals:
-    """Context that forwards SIGINT, SIGTERM and SIGHUP to the child, which decides how to stop."""
-
-    def __init__(self, child: subprocess.Popen[str]) -> None:
-        self.child = child
-
-    def __enter__(self) -> None:
-        if threading.current_thread() is not threading.main_thread():
-            self.before = {}
-            return
-
-        def forward(number, frame):
-            return self.child.send_signal(number)
-
-        self.before = {number: signal.signal(number, forward) for number in (signal.SIGINT, *ending_signals())}
-
-    def __exit__(self, *exception: Any) -> None:
-        for number, handler in self.before.items():
-            signal.signal(number, handler)
+    run_child(command, {**yade_environment(), PIPE: "1"}, progress, Program("YADE", NOISE))

@@ -126,8 +126,11 @@ def _is_flag(value: Any) -> bool:
 
 
 def _are_energies(value: Any) -> bool:
+    """True for the start, the work and three losses, which an engine may not know."""
     values = np.asarray(value)
-    return values.shape == (5,) and values.dtype.kind == "f" and bool(np.isfinite(values).all())
+    if values.shape != (5,) or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
+        return False
+    return bool(np.isfinite(values[2:]).all() or np.isnan(values[2:]).all())
 
 
 Check = tuple[Callable[[Any], bool], str]

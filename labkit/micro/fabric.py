@@ -43,10 +43,13 @@ class Series:
     mobilisation: np.ndarray
 
 
-def series_of(vectors: Vectors, order: int = 2) -> Series:
-    """Series of a non-empty set of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4."""
+def series_of(vectors: Vectors, order: int = 2, density: Fit | None = None) -> Series:
+    """Series of a non-empty set of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4.
+
+    density: E_PDF, if the vectors are only a part of those that determine it.
+    """
     n = vectors.normal
-    density = normal_density(n, order)
+    density = density or normal_density(n, order)
     with np.errstate(divide="ignore", invalid="ignore"):
         shape = density.shape(n)  # 1 + n.A n + ...
         normal_force = fit(n, vectors.normal_component / shape, order)  # Eqs. 24, 25

@@ -33,11 +33,16 @@ def void_ratio_nominal(snapshot: Snapshot) -> float:
     return snapshot.volume / grain_volume(snapshot.radius) - 1.0
 
 
+def lenses(snapshot: Snapshot) -> float:
+    """Total volume of the overlap lenses of all contacts, m3."""
+    radius, contacts = snapshot.radius, snapshot.contacts
+    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
+    return lens_volume(a, b, contacts.overlap).sum()
+
+
 def void_ratio(snapshot: Snapshot) -> float:
     """Void ratio with the overlap lenses subtracted from the solid volume (section 2), as reported in the paper.
 
     Each lens is subtracted separately, which is exact as long as no point lies in three grains.
     """
-    radius, contacts = snapshot.radius, snapshot.contacts
-    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
-    return snapshot.volume / (grain_volume(radius) - lens_volume(a, b, contacts.overlap).sum()) - 1.0
+    return snapshot.volume / (grain_volume(snapshot.radius) - lenses(snapshot)) - 1.0

@@ -24,6 +24,7 @@ from labkit.dem.scene import Scene
 from labkit.dem.simulation import Options, Schedule
 from labkit.dem.specimen import Recipe
 from labkit.dem.state import State
+from labkit.engines import processors
 from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.files import require_writable
@@ -40,12 +41,14 @@ def make_specimen(
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
     precision: str = "double",
+    ranks: int | None = None,
 ) -> State:
     """Make a specimen at rest, and write its state file if `file` is given.
 
     scene: default labkit.Scene(), Table 1 of the paper; progress: True to show it, or a function of the completed
-    fraction and a text; precision: `double`, or `mixed` on the fused engine, which is faster. Raises InputError for
-    invalid values, PhysicsError if the specimen does not come to rest.
+    fraction and a text; precision: `double`, or `mixed` on the fused engine, which is faster; ranks: number of MPI
+    ranks of the engine lammps, instead of threads. Raises InputError for invalid values, PhysicsError if the specimen
+    does not come to rest.
     """
     _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
@@ -53,7 +56,7 @@ def make_specimen(
         recipe=recipe,
         material=scene or Scene(),
         engine=engine,
-        threads=threads,
+        threads=processors(engine, threads, ranks),
         precision=precision,
         output=_output(file),
     )
@@ -68,10 +71,12 @@ def consolidate(
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
     precision: str = "double",
+    ranks: int | None = None,
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    pressure: Pa, or text with a unit; precision, progress: as for make_specimen. Raises InputError, PhysicsError.
+    pressure: Pa, or text with a unit; precision, progress, ranks: as for make_specimen. Raises InputError,
+    PhysicsError.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     path = make_path("cr", {"pressure": pressure})
@@ -79,8 +84,9 @@ def consolidate(
     if reached is None:
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
     require_pressure(path, state.scene)
+    count = processors(engine, threads, ranks)
     task = ConsolidationTask(
-        state=state, pressure=reached, engine=engine, threads=threads, precision=precision, output=_output(file)
+        state=state, pressure=reached, engine=engine, threads=count, precision=precision, output=_output(file)
     )
     return _state(execute(task, _shown(progress, "consolidation")))
 
@@ -94,14 +100,15 @@ def run(
     progress: bool | Progress = True,
     options: Options | None = None,
     precision: str = "double",
+    ranks: int | None = None,
     **recording: Any,
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
     it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
-    precision: as for make_specimen; recording: fields of labkit.Options (record_strain, snapshots, save_every), which
-    override those of `options`.
+    precision, ranks: as for make_specimen; recording: fields of labkit.Options (record_strain, snapshots, save_every),
+    which override those of `options`.
     Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
     Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
@@ -120,8 +127,9 @@ def run(
     if warning is not None:
         warnings.warn(warning, stacklevel=2)
     shown = _shown(progress, path.name)
+    count = processors(engine, threads, ranks)
     task = RunTask(
-        state=state, path=path, engine=engine, threads=threads, precision=precision, output=str(file), options=options
+        state=state, path=path, engine=engine, threads=count, precision=precision, output=str(file), options=options
     )
     if file is not None:
         require_writable(file, "run")

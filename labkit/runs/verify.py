@@ -260,8 +260,8 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
 
 
 def _known(run: xarray.Dataset, name: str) -> bool:
-    """True if the file holds the variable, which earlier versions may not have recorded."""
-    return not bool(np.isnan(run[name].values).all())
+    """True if the run has the variable: earlier versions, and engines that sum no losses, may not record it."""
+    return not bool(np.isnan(run[name].values[-1:]).all())
 
 
 def drift_share(run: xarray.Dataset) -> np.ndarray:

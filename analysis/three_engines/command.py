@@ -1,0 +1,44 @@
+"""`./lab three-engines FOLDER`: runs the tests that are missing and writes results/three_engines."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from analysis.places import results_folder
+from analysis.three_engines.compare import differences, figure, held, values
+from analysis.three_engines.runs import simulate
+from labkit.cli.arguments import positive_int
+from labkit.errors import InputError
+from labkit.io import make_folder, reporter, write_with_provenance
+from labkit.visuals import plots
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `./lab three-engines`."""
+    parser.add_argument("folder", help="folder of the run files, created or continued")
+    parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished tests")
+    parser.add_argument("--seeds", type=positive_int, default=3, help="number of specimens (default: 3)")
+    parser.add_argument(
+        "-o",
+        "--output",
+        default=results_folder("three_engines"),
+        help="folder for the results (default: results/three_engines)",
+    )
+
+
+def main(options: argparse.Namespace, command: str) -> int:
+    """Runs the tests and writes tables and figure."""
+    folder, output = Path(make_folder(options.folder, "folder")), Path(make_folder(options.output, "--output"))
+    if not options.as_is:
+        simulate(folder, options.seeds, reporter("three-engines"))
+    measured = values(folder, options.seeds)
+    if measured.empty:
+        raise InputError(f"{folder} contains no finished tests: leave out --as-is")
+    compared = differences(measured)
+    for name, table in (("values", measured), ("differences", compared), ("held", held(folder, options.seeds))):
+        text = table.to_csv(index=False, float_format="%.6g")
+        write_with_provenance(output / f"{name}.csv", text, command=command)
+    plots.save(figure(compared), output / "differences.png", command=command)
+    print(compared.to_string(index=False, float_format="%.4g"))
+    return 0

@@ -1,0 +1,143 @@
+"""Differences between engines on the same specimens, against the scatter between specimens."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas
+from matplotlib.figure import Figure
+
+import labkit as lk
+from analysis.statistics import cluster_mean
+from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test, tests
+from labkit.visuals import WIDTH, colors_for, new_figure
+
+END = 0.08  # axial strain from which on the end of a test is averaged
+LABELS = {
+    "peak": "peak q/p",
+    "M": "end q/p",
+    "e": "end e",
+    "p_MPa": "end p",
+    "Z": "end Z",
+    "Lambda": r"end $\Lambda$",
+    "A": "end $A_{zz}$",
+    "F": "end $F_{zz}$",
+    "Ft": "end $F^t_{zz}$",
+}
+
+
+def quantities(file: Path) -> dict[str, float]:
+    """Peak and end of a test: name -> value."""
+    data = lk.open_run(file)
+    p, q = data.lab.mean_stress().values, data.lab.deviatoric_stress().values
+    end = np.abs(data["axial_strain"].values) >= END - 1e-9
+    curves = {
+        "M": q / p,
+        "e": data["void_ratio"].values,
+        "p_MPa": p / 1e6,
+        "Z": data["coordination_number"].values,
+        "Lambda": data["mean_normalised_force"].values,
+        "A": data["contact_anisotropy"].values[:, 2, 2],
+        "F": data["normal_force_anisotropy"].values[:, 2, 2],
+        "Ft": data["mobilisation"].values[:, 2, 2],
+    }
+    return {"peak": float((q / p).max()), **{name: float(values[end].mean()) for name, values in curves.items()}}
+
+
+def values(folder: Path, seeds: int) -> pandas.DataFrame:
+    """One row per finished test: path, seed, engine, law and its quantities."""
+    rows = []
+    for test in tests(seeds):
+        file = test.file(folder)
+        if _finished(file):
+            rows.append(
+                {"path": test.path, "seed": test.seed, "engine": test.engine, "law": test.law, **quantities(file)}
+            )
+    return pandas.DataFrame(rows)
+
+
+def _finished(file: Path) -> bool:
+    return file.exists() and bool(lk.open_run(file).attrs["complete"])
+
+
+def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
+    """One row per path, engine and quantity: mean difference from fused on the same specimens and its 95 % interval.
+
+    scatter: standard deviation over the specimens on fused; specimens: number of those on both engines.
+    """
+    rows = []
+    for law, other in OTHER.items():
+        for path in PATHS:
+            some = measured[(measured["law"] == law) & (measured["path"] == path)]
+            fused = some[some["engine"] == "fused"].set_index("seed")
+            theirs = some[some["engine"] == other].set_index("seed")
+            both = fused.index.intersection(theirs.index)
+            for name in (name for name in LABELS if len(both) and _varies(name, path)):
+                mean = cluster_mean((theirs.loc[both, name] - fused.loc[both, name]).to_numpy(dtype=float))
+                rows.append(
+                    {
+                        "path": path,
+                        "engine": other,
+                        "quantity": name,
+                        "fused": fused[name].mean(),
+                        "difference": mean.value,
+                        "interval": mean.within,
+                        "scatter": fused[name].std(ddof=1),
+                        "specimens": mean.n,
+                    }
+                )
+    return pandas.DataFrame(rows)
+
+
+def _varies(name: str, path: str) -> bool:
+    """False for a quantity that the path prescribes."""
+    return not (name == "e" and path == "cv") and not (name == "p_MPa" and path != "cv")
+
+
+def held(folder: Path, seeds: int) -> pandas.DataFrame:
+    """One row per test: RMS error of the held stress, or the largest drift of the volume."""
+    rows = []
+    for test in tests(seeds):
+        if _finished(test.file(folder)):
+            rows.append({"run": test.file(folder).name, "engine": test.engine, **_held(test, folder)})
+    return pandas.DataFrame(rows)
+
+
+def _held(test: Test, folder: Path) -> Mapping[str, float]:
+    data = lk.open_run(test.file(folder))
+    stress = data["stress"].values[1:]
+    if test.path == "cv":
+        volume = data["volume"].values
+        return {"volume_drift": float(np.abs(volume / volume[0] - 1.0).max())}
+    kept = stress[:, [0, 1], [0, 1]] if test.path == "cr" else np.trace(stress, axis1=1, axis2=2)[:, None] / 3.0
+    return {"stress_rms": float(np.sqrt(np.mean((kept / PRESSURE - 1.0) ** 2)))}
+
+
+def figure(rows: pandas.DataFrame) -> Figure:
+    """Difference from fused over the scatter between specimens, one panel per path; bars: 95 % interval of the mean."""
+    drawn = new_figure(WIDTH * 1.3, 3.6)
+    axes = drawn.subplots(1, len(PATHS), sharey=True)
+    names = [name for name in LABELS if (rows["quantity"] == name).any()]
+    for panel, path in zip(axes, PATHS, strict=True):
+        panel.axvspan(-1, 1, color="0.9", zorder=0)
+        panel.axvline(0, color="0.5", lw=0.8)
+        for shift, color, engine in zip((-0.15, 0.15), colors_for(2), OTHER.values(), strict=True):
+            some = rows[(rows["path"] == path) & (rows["engine"] == engine)]
+            _draw(panel, some, names, shift, color, f"{engine} - fused")
+        panel.set_title(path.upper())
+        panel.set_xlabel("difference / scatter")
+    axes[0].set_yticks(range(len(names)), [LABELS[name] for name in names])
+    axes[0].invert_yaxis()
+    axes[0].legend(loc="best", fontsize="small")
+    return drawn
+
+
+def _draw(panel, rows: pandas.DataFrame, names: Sequence[str], shift: float, color: str, label: str) -> None:
+    place = [names.index(name) + shift for name in rows["quantity"]]
+    scale = rows["scatter"].to_numpy()
+    interval = np.nan_to_num(rows["interval"].to_numpy() / scale)
+    panel.errorbar(
+        rows["difference"] / scale, place, xerr=interval, fmt="o", ms=4, color=color, capsize=2, lw=1, label=label
+    )

