@@ -29,6 +29,7 @@ exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
 suppress_warnings = [
     "myst.header",  # results/hard_cases/README.md goes from # to ###
     "config.cache",  # functions in this file cannot be pickled
+    "misc.highlighting_failure",  # commands of the shell in tutorials that are not executed
 ]
 
 # --- pages -----------------------------------------------------------------------------------------------------------
