@@ -7,7 +7,9 @@ import dataclasses
 import functools
 import itertools
 import json
+import math
 import os
+import resource
 import select
 import shutil
 import signal
@@ -145,9 +147,11 @@ def in_children(cases: Iterable[Case], together: int, limit: float = LIMIT) -> I
 def _in_child(cases: Sequence[Case], limit: float) -> Iterator[str]:
     """Outcomes of cases in one forked process, up to the first that ends it."""
     receive, send = os.pipe()
+    longest = math.ceil(limit) * len(cases)
     child = os.fork()
     if child == 0:
-        _be_quiet()
+        be_quiet()
+        resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))  # also when its parent is gone
         with contextlib.suppress(BaseException), open(send, "w", encoding="utf-8", errors="replace") as lines:
             for case in cases:
                 print(json.dumps(case.outcome()), file=lines, flush=True)
@@ -167,9 +171,9 @@ def _in_child(cases: Sequence[Case], limit: float) -> Iterator[str]:
     os.waitpid(child, 0)
 
 
-def _be_quiet() -> None:
-    """Send the output of this process to the null device."""
-    null = os.open(os.devnull, os.O_RDWR)
+def be_quiet(file: str = os.devnull) -> None:
+    """Send the output of this process to a file."""
+    null = os.open(file, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     for number in (0, 1, 2):
         os.dup2(null, number)
     sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)

@@ -23,7 +23,7 @@ from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.io import make_folder, write_with_provenance
 
-CLASSES = {"files": 50, "options": 1, "campaigns": 50}  # class -> cases in one process
+CLASSES = {"files": 250, "options": 1, "campaigns": 50}  # class -> cases in one process
 MOST_KEPT = 5  # files of each class and outcome
 IMPORTED = ("labkit.engines", "labkit.exchange", "labkit.runs", "labkit.visuals.plots", "matplotlib.pyplot", "pandas")
 
