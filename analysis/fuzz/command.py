@@ -47,7 +47,7 @@ def main(options: argparse.Namespace, command: str) -> int:
     command = command if options.seed else f"{command} --seed {seed}"
     folder = Path(make_folder(options.output, "-o"))
     counts: dict[str, collections.Counter[str]] = {}
-    with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name, Log(folder / "unfinished.txt", command) as log:
+    with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name, Log(folder / "unfinished.txt", seed) as log:
         for case, outcome in _outcomes(Path(name), options, seed, log):
             known = counts.setdefault(case.kind, collections.Counter())
             short = outcome.split(" ")[0] if outcome not in ("OTHER NUMBERS",) else outcome
@@ -71,11 +71,11 @@ def write_table(file: Path, columns: list[str], rows: list[list[object]], comman
 
 
 class Log:
-    """The outcomes so far of a command with a number of cases, in a file that is deleted when it has ended."""
+    """The outcomes so far of a command with numbers of cases, in a file that is deleted when it has ended."""
 
-    def __init__(self, file: Path, command: str) -> None:
-        """Read the outcomes of the same command, if it was stopped before."""
-        self.file, self.first = file, f"{command} # labkit {lk.__version__}"
+    def __init__(self, file: Path, seed: int) -> None:
+        """Read the outcomes of a command with the same seed, if it was stopped before."""
+        self.file, self.first = file, f"seed {seed}, labkit {lk.__version__}"
         lines = file.read_text().splitlines() if file.exists() else []
         self.known = [line.split(" ", 1) for line in lines[1:]] if lines[:1] == [self.first] else []
 
@@ -102,8 +102,6 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
     """Every case with its outcome."""
     make_inputs(folder)
     expected = {read: function(folder / name) for read, (name, function) in READERS.items()}
-    for module in IMPORTED:  # once, not in every process
-        importlib.import_module(module)
     gc.freeze()
     classes = {
         "files": file_cases(folder, expected, seed),
@@ -114,7 +112,9 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
     wanted["files"] = wanted["files"] * (len(READERS) - len(OLD)) + wanted["files"] // SPARED * len(OLD)
     if any(wanted.values()):
         for name, together in CLASSES.items():
-            cases, known = itertools.islice(classes[name], wanted[name]), log.of(name)
+            if name == "options":
+                _import()
+            cases, known = itertools.islice(classes[name], wanted[name]), log.of(name)[: wanted[name]]
             for outcome in known:
                 yield next(cases), outcome
             cases, given = itertools.tee(cases)
@@ -122,12 +122,20 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
                 log.add(name, outcome)
                 yield case, outcome
         return
+    _import()
     end = time.monotonic() + 60.0 * options.minutes
     for cases in zip(*classes.values(), strict=True):
         for case in cases:
             yield case, in_child(case)
         if time.monotonic() > end:
             return
+
+
+def _import() -> None:
+    """Import what commands use once, not in every process."""
+    for module in IMPORTED:
+        importlib.import_module(module)
+    gc.freeze()
 
 
 def _keep(folder: Path, case: Case) -> None:
