@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import labkit as lk
+from analysis.fuzz import extremes, kills
 from analysis.fuzz.cases import GOOD, SPARED, Case, campaign_cases, file_cases, in_child, in_children, option_cases
 from analysis.fuzz.inputs import OLD, READERS, make_inputs
 from analysis.markdown import table
@@ -34,6 +35,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--files", type=positive_int, metavar="N", help="damaged files of each kind, not the time")
     parser.add_argument("--options", type=positive_int, metavar="N", help="number of command lines")
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")
+    parser.add_argument("--extremes", action="store_true", help="run scenes far outside the usual instead")
+    parser.add_argument("--kills", type=positive_int, metavar="N", help="kill commands N times instead")
+    parser.add_argument("--engine", choices=("fused", "yade"), default="fused", help="of --extremes and --kills")
     parser.add_argument("--seed", type=positive_int, metavar="N", help="first seed (default: from the clock)")
     parser.add_argument("-o", "--output", metavar="FOLDER", default=results_folder("fuzz"), help="folder of the table")
 
@@ -44,8 +48,12 @@ def main(options: argparse.Namespace, command: str) -> int:
     With a number of cases and a seed, a command that is repeated goes on where it was stopped.
     """
     seed = options.seed or int(time.time())
-    command = command if options.seed else f"{command} --seed {seed}"
+    command = command if options.seed or options.extremes else f"{command} --seed {seed}"
     folder = Path(make_folder(options.output, "-o"))
+    if options.extremes:
+        return _extremes(folder, options.engine, command)
+    if options.kills:
+        return _kills(folder, options.engine, options.kills, seed, command)
     counts: dict[str, collections.Counter[str]] = {}
     with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name, Log(folder / "unfinished.txt", seed) as log:
         for case, outcome in _outcomes(Path(name), options, seed, log):
@@ -60,6 +68,32 @@ def main(options: argparse.Namespace, command: str) -> int:
     rows = [[kind, *(known[one] for one in columns), known.total()] for kind, known in sorted(counts.items())]
     write_table(folder / "counts.csv", ["class", *columns, "cases"], rows, command)
     return int(any(one not in GOOD for one in columns))
+
+
+def _extremes(folder: Path, engine: str, command: str) -> int:
+    """Run the scenes of labkit's limits and write what came of them; 1 if one is wrong."""
+    _import()
+    rows: list[list[object]] = []
+    for extreme, outcome, said in extremes.outcomes(engine):
+        print(f"{extreme.name}: {outcome}", flush=True)
+        rows.append([extreme.name, extreme.material, extreme.path, outcome, said])
+    write_table(folder / f"extremes_{engine}.csv", ["case", "material", "path", "outcome", "said"], rows, command)
+    return int(any(str(row[3]).startswith(("WRONG", "TRACEBACK", "CRASH", "HANG")) for row in rows))
+
+
+def _kills(folder: Path, engine: str, number: int, seed: int, command: str) -> int:
+    """Kill commands and write how often, and what was lost; 1 if anything was."""
+    _import()
+    counts: dict[str, collections.Counter[str]] = {}
+    for chain in kills.chains(engine, number, seed):
+        known = counts.setdefault(chain.job.kind, collections.Counter())
+        known.update(chains=1, kills=chain.kills, wrong=bool(chain.problems))
+        for problem in chain.problems:
+            print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
+    columns = ["command", "chains", "kills", "wrong"]
+    rows: list[list[object]] = [[kind, *(known[name] for name in columns[1:])] for kind, known in counts.items()]
+    write_table(folder / f"kills_{engine}.csv", columns, rows, command)
+    return int(any(row[3] for row in rows))
 
 
 def write_table(file: Path, columns: list[str], rows: list[list[object]], command: str) -> None:

@@ -118,8 +118,8 @@ class _Judge:
         os.dup2(said, 1), os.dup2(said, 2)
         material, path = shlex.split(self.extreme.material), shlex.split(self.extreme.path)
         if self.extreme.edges is None:
-            size = ["specimen", "--void-ratio", str(self.extreme.void_ratio), "--grains", str(self.extreme.grains), "--engine", "fused"]
-            first = [*size, *material, "-o", "s.state.nc"]
+            size = f"specimen --void-ratio {self.extreme.void_ratio} --grains {self.extreme.grains} --engine fused"
+            first = [*size.split(), *material, "-o", "s.state.nc"]
         else:
             Path("packing.txt").write_text(lattice(self.extreme.edges))
             first = ["import", "packing.txt", "--length-unit", "m", "-o", "s.state.nc"]

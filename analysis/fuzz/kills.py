@@ -14,11 +14,9 @@ import random
 import shlex
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +30,8 @@ from labkit.io import file_sha256, labkit_kind
 MOST = 5  # kills in a chain
 LIMIT = 600.0  # s, for a command
 SAME_STRESS = 5e-3  # of a consolidation that was interrupted
-SPECIMEN, OUTPUT = "s.state.nc", "out"
+SPECIMEN = "s.state.nc"
+INPUTS = (SPECIMEN, "r.run.nc", "camp.yaml")
 P = "--pressure 400kPa"
 PATHS = {  # path -> words
     "cv": "--strain 0.004",
@@ -69,13 +68,21 @@ OTHERS = {  # commands on the results of a run -> words with the output last
 }
 
 
+CAMPAIGN = """\
+name: camp
+settings: quick
+engine: fused
+specimens: {dense: {void_ratio: 0.64, grains: 120}}
+runs: {cv: {path: cv, specimen: dense, strain: 0.01}, cp: {path: cp, specimen: dense, pressure: 400 kPa, strain: 0.01}}
+"""
+
+
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """A command. kind: its class in the table; words: with the output at the end; apart: needs a new interpreter."""
+    """A command. kind: its class in the table; words: with the output, a file or a folder, at the end."""
 
     kind: str
     words: tuple[str, ...]
-    apart: bool = False
 
     @property
     def output(self) -> str:
@@ -93,6 +100,7 @@ def jobs(engine: str) -> list[Job]:
             made.append(Job(f"run, {options.replace('--', '')}", _words(f"{run} -o out.run.nc")))
     if engine == "fused":
         made += [Job(name, _words(words)) for name, words in OTHERS.items()]
+        made.append(Job("campaign", _words("campaign camp.yaml --cores 1 --folder camp")))
     return made
 
 
@@ -102,7 +110,7 @@ def _words(text: str) -> tuple[str, ...]:
 
 @dataclasses.dataclass
 class Chain:
-    """What happened to a command: kills that hit it, seconds without interruption, and what was wrong."""
+    """What happened to a command: number of kills that hit it, and what was wrong."""
 
     job: Job
     kills: int
@@ -136,6 +144,7 @@ def _prepare(folder: Path, engine: str) -> None:
         path = lk.paths.ConstantVolume(strain=0.002)
         lk.run(state, path, file=folder / f"{precision}.run.nc", progress=False, snapshots=2, precision=precision)
     shutil.copy(folder / "double.run.nc", folder / "r.run.nc")
+    (folder / "camp.yaml").write_text(CAMPAIGN)
 
 
 def _undisturbed(folder: Path, job: Job, number: int) -> tuple[Path, float]:
@@ -152,7 +161,7 @@ def _place(folder: Path, name: str) -> Path:
     """A new folder with links to the inputs."""
     place = folder / name
     place.mkdir()
-    for file in (SPECIMEN, "r.run.nc"):
+    for file in INPUTS:
         os.link(folder / file, place / file)
     return place
 
@@ -180,13 +189,16 @@ def _chain(folder: Path, job: Job, expected: Path, seconds: float, chance: rando
         chain.problems.append(f"ended with {code}: {(place / 'said').read_text()[-300:]}")
     elif not _same(job, output, expected):
         chain.problems.append("another result")
-    inputs = {SPECIMEN, "r.run.nc", "said"}
-    left = sorted(file.name for file in place.iterdir() if file.name not in inputs)
-    usual = sorted(file.name for file in expected.parent.iterdir() if file.name not in inputs)
-    if left != usual:
-        chain.problems.append(f"left {sorted(set(left) ^ set(usual))}")
+    if left := sorted(_names(place) ^ _names(expected.parent)):
+        chain.problems.append(f"left {left}")
     shutil.rmtree(place)
     return chain
+
+
+def _names(folder: Path) -> set[str]:
+    """Names of all files in a folder, except logs of Snakemake, which have the time in their names."""
+    files = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
+    return {str(file) for file in files if ".snakemake" not in file.parts}
 
 
 def _start(job: Job, place: Path) -> int:
@@ -222,6 +234,8 @@ def _steps(output: Path) -> int:
 
 def _same(job: Job, output: Path, expected: Path) -> bool:
     """True if an output equals the undisturbed one."""
+    if output.is_dir():
+        return all(_digest(file) == _digest(expected / file.relative_to(output)) for file in output.rglob("*.run.nc"))
     kind = labkit_kind(output)
     if kind == "state":
         found, wanted = lk.read_state(output), lk.read_state(expected)

@@ -158,7 +158,9 @@ def _require_usable(packing: Packing, file: Path) -> None:
         raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
     largest, width = float(np.max(cast(np.ndarray, packing.size), initial=0.0)), float(widths(cell).min())
     if largest > WIDEST * width:  # it would touch too many of its own images to list them
-        raise InputError(f"{file} has a grain of size {largest:.3g} in a box {width:.3g} wide: repair it, or give --box")
+        raise InputError(
+            f"{file} has a grain of size {largest:.3g} in a box {width:.3g} wide: repair it, or give --box"
+        )
     far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
     if far > FAR:
         raise InputError(f"{file} has a grain {far:.3g} boxes away: give the right --box, or repair the file")
