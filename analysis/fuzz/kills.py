@@ -38,7 +38,7 @@ PATHS = {  # path -> words
     "cr": f"{P} --strain 0.004",
     "cp": f"{P} --strain 0.004",
     "c1": f"{P} --strain 0.004",
-    "isoc": "--pressure 900kPa",
+    "isoc": "--pressure 1500kPa",
     "isod": "--pressure 300kPa --rate 5",
     "cyclic_cp": f"{P} --reversals 0.002,-0.001,0.001",
     "true_triaxial": f"{P} --strain 0.004 --b 0.5",
