@@ -137,3 +137,14 @@ def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143 and err.endswith("labkit: stopped by signal 15; nothing was written\n"), err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_read_only_file_is_not_replaced(small, tmp_path, capsys):
+    file = tmp_path / "s.state.nc"
+    file.write_bytes(small.read_bytes())
+    file.chmod(0o444)
+    words = ["specimen", "--void-ratio", "0.65", "--grains", "120", "--engine", "fused", "-o", str(file)]
+    assert main(words) == 2 and capsys.readouterr().err == (
+        f"labkit: {file} is read-only: change its permissions, or choose another -o\n"
+    )
+    assert file.read_bytes() == small.read_bytes()
