@@ -76,8 +76,6 @@ def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, tr
 def require_way(path: Path, pressure: float) -> None:
     """Raise InputError if a specimen with a mean stress of `pressure`, Pa, is already where the path stops."""
     if path.stops_early and path.stops(pressure):
-        problem = (
-            f"Pa is where path {path.name} stops, but the mean stress of the specimen is already {pressure:.4g} Pa"
-        )
+        problem = f"Pa is where path {path.name} stops, but the mean stress of the specimen is {pressure:.4g} Pa"
         given = getattr(path, "pressure", None)
         raise InputError(problem, field="pressure", value=given, allowed="another pressure, or another specimen")

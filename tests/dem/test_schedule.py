@@ -98,7 +98,7 @@ def test_what_is_kept_in_memory_between_two_saves_is_bounded(grains, snapshots):
 
 @pytest.mark.parametrize("name, pressure", [("isoc", 1e5), ("isod", 3e6)])
 def test_a_path_that_stops_at_its_start_is_refused(name, pressure, state, tmp_path):
-    with pytest.raises(lk.InputError, match=f"is where path {name} stops, and the mean stress of the specimen is"):
+    with pytest.raises(lk.InputError, match=f"is where path {name} stops, but the mean stress of the specimen is"):
         lk.run(state, make_path(name, {"pressure": pressure}), file=tmp_path / "r.run.nc", progress=False)
     assert list(tmp_path.iterdir()) == []
 
