@@ -87,7 +87,7 @@ def _kills(folder: Path, engine: str, number: int, seed: int, command: str) -> i
     counts: dict[str, collections.Counter[str]] = {}
     for chain in kills.chains(engine, number, seed):
         known = counts.setdefault(chain.job.kind, collections.Counter())
-        known.update(chains=1, kills=chain.kills, wrong=bool(chain.problems))
+        known.update(chains=1, kills=chain.kills, wrong=int(bool(chain.problems)))
         for problem in chain.problems:
             print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
     columns = ["command", "chains", "kills", "wrong"]
@@ -148,7 +148,8 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
         for name, together in CLASSES.items():
             if name == "options":
                 _import()
-            cases, known = itertools.islice(classes[name], wanted[name]), log.of(name)[: wanted[name]]
+            cases: Iterator[Case] = itertools.islice(classes[name], wanted[name])
+            known = log.of(name)[: wanted[name]]
             for outcome in known:
                 yield next(cases), outcome
             cases, given = itertools.tee(cases)
@@ -158,8 +159,8 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
         return
     _import()
     end = time.monotonic() + 60.0 * options.minutes
-    for cases in zip(*classes.values(), strict=True):
-        for case in cases:
+    for one_of_each in zip(*classes.values(), strict=True):
+        for case in one_of_each:
             yield case, in_child(case)
         if time.monotonic() > end:
             return

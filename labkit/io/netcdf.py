@@ -21,7 +21,7 @@ import netCDF4
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.apart import survives
+from labkit.io.apart import read_group, survives
 from labkit.io.atomic import whole_file
 from labkit.io.conventions import TIME
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
@@ -156,8 +156,14 @@ def _require_seal(path: Path) -> None:
     right = trusted() or seal_is_right(path)
     if right is False:
         raise damaged(path, "its bytes differ from their hash")
-    if right is None and not survives(path):
+    if right is None and not survives(path, _read_all):
         raise damaged(path, "the netCDF library crashes or does not come to an end when it reads it")
+
+
+def _read_all(file: str) -> None:
+    """Read everything in a netCDF file."""
+    with netCDF4.Dataset(file) as dataset:
+        read_group(dataset)
 
 
 _told: set[Path] = set()  # files of which the command has said that they have no hash
