@@ -13,6 +13,7 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.dem.state import read_state, write_state
+from labkit.io.atomic import write_text
 
 LABKIT = [sys.executable, "-m", "labkit.cli"]
 
@@ -148,3 +149,13 @@ def test_a_read_only_file_is_not_replaced(small, tmp_path, capsys):
         f"labkit: {file} is read-only: change its permissions, or choose another -o\n"
     )
     assert file.read_bytes() == small.read_bytes()
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path):
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    left, used = (tmp_path / f".a.txt.{number}.tmp" for number in (ended.pid, os.getppid()))
+    for file in (left, used):
+        file.write_text("half")
+    write_text(tmp_path / "a.txt", "whole")
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.txt", used])
