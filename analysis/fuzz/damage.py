@@ -46,6 +46,11 @@ def exchange(content: bytearray, chance: random.Random) -> None:
     content[b : b + len(first)], content[a : a + len(second)] = first, second
 
 
+def mutate(content: bytearray, chance: random.Random) -> None:
+    """Change a text in one to five places."""
+    content[:] = mutated(content.decode(), chance).encode(errors="surrogatepass")
+
+
 DAMAGES: dict[str, Damage] = {
     "bits flipped": flip_bits,
     "block overwritten": overwrite,
@@ -54,6 +59,7 @@ DAMAGES: dict[str, Damage] = {
     "bytes inserted": insert,
     "blocks exchanged": exchange,
 }
+DAMAGES_OF_TEXT: dict[str, Damage] = {**DAMAGES, "text changed": mutate}
 
 
 def damaged(content: bytes, kind: str, seed: int) -> bytes:
@@ -61,7 +67,7 @@ def damaged(content: bytes, kind: str, seed: int) -> bytes:
     chance = random.Random(f"{kind} {seed}")
     while True:
         changed = bytearray(content)
-        DAMAGES[kind](changed, chance)
+        DAMAGES_OF_TEXT[kind](changed, chance)
         if bytes(changed) != content:
             return bytes(changed)
 
@@ -109,9 +115,8 @@ PIECES = (
 )
 
 
-def mutated(chance: random.Random) -> str:
-    """A campaign file with one to five random changes."""
-    text = CAMPAIGN
+def mutated(text: str, chance: random.Random) -> str:
+    """A text with one to five random changes."""
     for _ in range(chance.randint(1, 5)):
         at, kind = chance.randrange(len(text) + 1), chance.randrange(4)
         lines = text.splitlines(keepends=True)

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
+import json
 import random
+import shutil
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 
 import labkit as lk
-from analysis.fuzz.damage import mutated
+from analysis.fuzz.damage import CAMPAIGN, mutated
 from labkit.campaign import read_campaign
 from labkit.dem import read_checkpoint
+from labkit.model import Model, read_model
 
 VALUES = (
     *(
@@ -64,7 +70,14 @@ def make_inputs(folder: Path) -> dict[str, Path]:
     state = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=100), lk.Scene(), progress=False)
     lk.write_state(files["s.state.nc"], state)
     path = lk.paths.ConstantVolume(strain=4e-3, rate=50.0)
-    lk.run(state, path, file=files["r.run.nc"], progress=False, snapshots=2)
+    with warnings.catch_warnings(action="ignore"):  # faster than quasi-static
+        lk.run(state, path, file=files["r.run.nc"], progress=False, snapshots=2)
+    for name, file in (("old.state.nc", "s.state.nc"), ("old.run.nc", "r.run.nc")):
+        shutil.copy(files[file], folder / name)
+        with netCDF4.Dataset(folder / name, "a") as dataset:  # the netCDF library removes the seal
+            del dataset.seal
+    for name, (content, _) in TEXTS.items():
+        (folder / name).write_bytes(content())
     return files
 
 
@@ -99,17 +112,55 @@ def resume(file: Path) -> str:
     return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.step})
 
 
+def read_text(file: Path) -> str:
+    """Read a text file as the command that its name belongs to; returns `used`, because other text may be valid."""
+    TEXTS[file.name][1](file)
+    return "used"
+
+
+def read_packing(file: Path) -> object:
+    """A packing of another program as a state."""
+    return lk.import_state(file, lk.Scene(), length_unit="mm")
+
+
+def read_grading(file: Path) -> object:
+    """A sieve curve as the grading of a scene, with some grains of it."""
+    return lk.Scene(grading=str(file)).sizes.draw(1e-9, np.random.default_rng(1))
+
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+STEPS = """\
+path: steps
+pressure: 300 kPa
+rate: 10 1/s
+steps:
+  - {strain: {zz: 2 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.8}
+  - repeat: 10
+    steps: [{stress: {q: -40 kPa}, variables: roscoe}, {stress: {q: 40 kPa}, variables: roscoe}]
+  - {stress: {xx: 300 kPa, yy: 300 kPa, zz: 300 kPa}, absolute: true, records: 5}
+"""
+SIEVES = "diameter_mm,passing_percent\n0.1,0\n0.15,30\n0.2,70\n0.3,100\n"
+TEXTS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {  # file -> (content, function that reads it)
+    "model.json": (lambda: json.dumps(dataclasses.asdict(Model())).encode(), read_model),
+    "steps.path.yaml": (STEPS.encode, lk.read_path),
+    "sieves.csv": (SIEVES.encode, read_grading),
+    "packing.txt": (lambda: b"".join((EXAMPLES / "own_packing.txt").open("rb").readlines()[:60]), read_packing),
+}
 READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (file, function)
     "state": ("s.state.nc", read_state),
     "run": ("r.run.nc", read_run),
     "checkpoint": ("r.run.nc", resume),
+    "state of 0.1.0": ("old.state.nc", read_state),
+    "run of 0.1.0": ("old.run.nc", read_run),
+    **{name: (name, read_text) for name in TEXTS},
 }
+OLD = ("state of 0.1.0", "run of 0.1.0")  # their attributes have no hash: damage there may give other numbers
 
 
 def read_mutated_campaign(folder: Path, seed: int) -> str:
     """Read a random campaign file; returns `used` if it is valid."""
     file = folder / "c.yaml"
-    file.write_text(mutated(random.Random(seed)), encoding="utf-8", errors="surrogatepass")
+    file.write_text(mutated(CAMPAIGN, random.Random(seed)), encoding="utf-8", errors="surrogatepass")
     read_campaign(file)
     return "used"
 

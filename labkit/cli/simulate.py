@@ -104,6 +104,7 @@ def specimen(options: argparse.Namespace, history: str, announced: bool = False)
         if _holds(read_state(str(task.output)), task):
             print(f"{task.output}: already holds this specimen, nothing to do")
             return
+        print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
     state = _done(task, "specimen", announced)
     print(f"{task.output}: {described(state)}")
     for limit in exceeded_by(state):

@@ -53,7 +53,7 @@ class Held:
 def rate_parameter(what: str, standard: float) -> Any:
     """The field `rate` of a path whose `standard_rate` is `standard`, 1/s; `what`: description for the help text."""
     default = f"{standard:g} for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains"
-    return parameter(None, unit="1/s", above=0.0, high=1e4, help=f"{what} (default: {default})")
+    return parameter(None, unit="1/s", above=0.0, high=1e10, help=f"{what} (default: {default})")
 
 
 def require_direction(kind: type[Path]) -> None:

@@ -15,6 +15,8 @@ import dataclasses
 import numpy as np
 
 from labkit.dem.control import Control
+from labkit.dem.loading import Path
+from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 
@@ -69,3 +71,11 @@ def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, tr
         f"{STRAIN:.0%} of strain at the largest strain rate of the servo, so the target is beyond the strength of the "
         "specimen or its contacts are lost; choose a target within the strength, or prescribe this strain rate instead"
     )
+
+
+def require_way(path: Path, pressure: float) -> None:
+    """Raise InputError if a specimen with a mean stress of `pressure`, Pa, is already where the path stops."""
+    if path.stops_early and path.stops(pressure):
+        problem = f"Pa is where path {path.name} stops, but the mean stress of the specimen is {pressure:.4g} Pa"
+        given = getattr(path, "pressure", None)
+        raise InputError(problem, field="pressure", value=given, allowed="another pressure, or another specimen")

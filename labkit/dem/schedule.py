@@ -15,6 +15,9 @@ from labkit.parameters import check_parameters, parameter
 
 LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can be resumed: about 30 s in YADE
+MOST_STOPS = 5_000  # between two of these points: a record takes about a millisecond
+MOST_UNSAVED = 250e6  # bytes of snapshots between two of these points, which are in memory
+SNAPSHOT_BYTES = 24 + 2.8 * 120  # per grain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +104,7 @@ class Schedule:
             turns=tuple(int(x) for x in np.cumsum(steps)),
             sign=1.0 if legs[0] > 0.0 else -1.0,
             steps_per_record=per_record,
-            stops_per_checkpoint=options.save_every or max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record))),
+            stops_per_checkpoint=options.save_every or _stops_per_checkpoint(steps.sum(), per_record, grains, options),
             snapshots=options.snapshots,
             intervals=intervals,
         )
@@ -195,6 +198,14 @@ class Schedule:
             before = start + (turn - start) // interval * interval
             near |= {before} if self.intervals else {before, min(before + interval, self.steps)}
         return sum(not self.is_record(step) for step in near)
+
+
+def _stops_per_checkpoint(steps: int, per_record: int, grains: int, options: Options) -> int:
+    """Stops between two points from which a run of this many steps can be resumed: bounded in work and in memory."""
+    usual = max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record)))
+    kept = min(1.0, options.snapshots * per_record / steps)  # share of the records that are snapshots
+    fit = int(MOST_UNSAVED / (kept * grains * SNAPSHOT_BYTES)) if kept else MOST_STOPS
+    return max(1, min(usual, MOST_STOPS, fit))
 
 
 def _rounded(numerator: int, denominator: int) -> int:

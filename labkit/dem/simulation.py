@@ -21,7 +21,7 @@ from labkit.dem.interim import interim_of
 from labkit.dem.pace import TRAVELLED, pace, steps_at
 from labkit.dem.paths import Path
 from labkit.dem.ratcheting import Ratcheting
-from labkit.dem.reach import Lag, errors, is_at_limit, unreachable
+from labkit.dem.reach import Lag, errors, is_at_limit, require_way, unreachable
 from labkit.dem.recorder import Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import velocity_gradient
@@ -69,6 +69,7 @@ def run(
             raise unfinished(stored.ended_because, file)
         if not stored:
             specimen = prepare(specimen, path, start, progress, options.guarded, interim_of(file))
+            require_way(path, float(mean_stress(love_stress(specimen.snapshot()))))
         with stop_on_signals() as signals:
             return _Loop(recorder, specimen, stored, start, options, progress).execute(signals)
 

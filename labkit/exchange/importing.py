@@ -20,10 +20,12 @@ from labkit.exchange.packing import ContactList, Packing
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
 from labkit.exchange.tables import Table, contact_table_units
 from labkit.io.provenance import provenance
+from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
 from labkit.micro.snapshot import Snapshot
 
 Name = str | os.PathLike[str]
+WIDEST = 2.0  # size of a grain over the width of its box
 MADE_FROM = ("mean_diameter", "diameter_spread")  # of the scene: taken from the grains
 
 
@@ -154,6 +156,11 @@ def _require_usable(packing: Packing, file: Path) -> None:
         raise InputError(f"{file} has sizes that are not positive: repair the file")
     if not np.linalg.det(cell) > 0.0:
         raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
+    largest, width = float(np.max(cast(np.ndarray, packing.size), initial=0.0)), float(widths(cell).min())
+    if largest > WIDEST * width:  # it would touch too many of its own images to list them
+        raise InputError(
+            f"{file} has a grain of size {largest:.3g} in a box {width:.3g} wide: repair it, or give --box"
+        )
     far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
     if far > FAR:
         raise InputError(f"{file} has a grain {far:.3g} boxes away: give the right --box, or repair the file")

@@ -16,6 +16,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises OSError with `path` as its file name if the file cannot be written to the disk or renamed.
     """
     path = Path(path).resolve()
+    _remove_orphans(path)
     temporary = path.parent / f".{path.name}.{os.getpid()}.tmp"
     try:
         yield temporary
@@ -27,6 +28,25 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
             raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _remove_orphans(path: Path) -> None:
+    """Remove the temporary files that killed processes of this computer left in whole_file(path)."""
+    for temporary in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
+        number = temporary.name.split(".")[-2]
+        if number.isdecimal() and not _is_running(int(number)):
+            temporary.unlink(missing_ok=True)
+
+
+def _is_running(number: int) -> bool:
+    """True if this computer has a process with this number."""
+    try:
+        os.kill(number, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # it belongs to somebody else
+        return True
+    return True
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

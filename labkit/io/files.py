@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from pathlib import Path
 
 from labkit.errors import InputError
 from labkit.io.netcdf import described, labkit_kind, require_name
+
+WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> None:
@@ -24,6 +27,8 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
     if path.exists():
         if not path.is_file():
             raise InputError(f"{path} is not a regular file: choose another -o")
+        if not path.stat().st_mode & WRITABLE:
+            raise InputError(f"{path} is read-only: change its permissions, or choose another -o")
         existing = labkit_kind(path)
         if (kind or existing) and existing != kind:
             raise InputError(f"{path} is {described(existing)}: it would be overwritten; choose another -o")

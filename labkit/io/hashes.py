@@ -15,6 +15,7 @@ import functools
 import hashlib
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ BLOCK = 1 << 20  # bytes read at a time
 
 def file_sha256(file: Name) -> str:
     """SHA-256 of all bytes of a file, hexadecimal."""
-    return _cached_sha256(os.fspath(file), *_identity(file))
+    return _cached_sha256(os.fspath(file), *identity(file))
 
 
 def data_sha256(dataset: netCDF4.Dataset) -> str:
@@ -66,10 +67,11 @@ def copy_unsealed(file: Name, to: Name) -> None:
 
 def seal_is_right(file: Name) -> bool | None:
     """True if the bytes of a sealed file have its hash, False if not; None for a file without a seal."""
-    return _check(os.fspath(file), *_identity(file))
+    return _check(os.fspath(file), *identity(file))
 
 
-def _identity(file: Name) -> tuple[int, int, int]:
+def identity(file: Name) -> tuple[int, int, int]:
+    """What changes if a file is replaced or written: inode, time in ns, size in bytes."""
     state = os.stat(file)
     return state.st_ino, state.st_mtime_ns, state.st_size
 
@@ -109,17 +111,23 @@ def _sha256(file: Name, size: int) -> str:
 CHUNK = 500_000  # values read at a time
 
 
+def parts_of(variable: Any, name: str) -> Iterator[np.ndarray]:
+    """Values of a netCDF4.Variable, some rows at a time. Raises DamagedVariable."""
+    per_row = int(np.prod(variable.shape[1:], dtype=np.int64)) or 1
+    rows = max(1, CHUNK // per_row)
+    for first in range(0, variable.shape[0] if variable.shape else 1, rows):
+        try:
+            part = variable[first : first + rows] if variable.shape else variable[...]
+        except (RuntimeError, OSError, ValueError, IndexError):
+            raise DamagedVariable(name) from None
+        yield np.ma.getdata(part)
+
+
 def _add_group(digest: Any, group: Any) -> None:
     for name in sorted(group.variables):
         variable = group.variables[name]
         digest.update(f"{group.path}/{name} {variable.dtype} {variable.shape}\n".encode())
-        per_row = int(np.prod(variable.shape[1:], dtype=np.int64)) or 1
-        rows = max(1, CHUNK // per_row)
-        for first in range(0, variable.shape[0] if variable.shape else 1, rows):
-            try:
-                part = variable[first : first + rows] if variable.shape else variable[...]
-            except (RuntimeError, OSError, ValueError, IndexError):
-                raise DamagedVariable(name) from None
-            digest.update(np.ascontiguousarray(np.ma.getdata(part)).tobytes())
+        for part in parts_of(variable, name):
+            digest.update(np.ascontiguousarray(part).tobytes())
     for name in sorted(set(group.groups) - {"checkpoint"}):
         _add_group(digest, group.groups[name])

@@ -21,6 +21,7 @@ import netCDF4
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.apart import read_group, survives
 from labkit.io.atomic import whole_file
 from labkit.io.conventions import TIME
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
@@ -130,7 +131,7 @@ def damage_named(path: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except DamagedVariable as error:
         raise damaged(path, f"{error} cannot be read") from None
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, AttributeError) as error:
         if not str(error).startswith(NETCDF):
             raise
         raise damaged(path, str(error)) from None
@@ -151,9 +152,18 @@ def values_of(group: Any, name: str, rows: Any = slice(None)) -> np.ndarray:
 
 
 def _require_seal(path: Path) -> None:
-    """Raises InputError if a file does not have the hash in its seal, before HDF5 sees it."""
-    if not trusted() and seal_is_right(path) is False:
+    """Raises InputError if a file does not have the hash in its seal, or stops HDF5, before HDF5 sees it here."""
+    right = trusted() or seal_is_right(path)
+    if right is False:
         raise damaged(path, "its bytes differ from their hash")
+    if right is None and not survives(path, _read_all):
+        raise damaged(path, "the netCDF library crashes or does not come to an end when it reads it")
+
+
+def _read_all(file: str) -> None:
+    """Read everything in a netCDF file."""
+    with netCDF4.Dataset(file) as dataset:
+        read_group(dataset)
 
 
 _told: set[Path] = set()  # files of which the command has said that they have no hash
@@ -182,7 +192,7 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
     """A text among the attributes of a file; None if it is missing or not text."""
     try:
         value = dataset.getncattr(name) if name in dataset.ncattrs() else None
-    except (RuntimeError, OSError, UnicodeError):
+    except (RuntimeError, OSError, UnicodeError, AttributeError):
         return None
     return value if isinstance(value, str) else None
 

@@ -85,6 +85,24 @@ def test_the_reversals_of_a_cyclic_run_are_recorded_without_close_neighbours(eng
     assert run.data.sizes["snapshot"] == 4 and run.data["record"].values[-1] == len(strain) - 1
 
 
+@pytest.mark.parametrize("grains, snapshots", [(200, 10**6), (15_000, 10**6), (200, 0), (100, 20)])
+def test_what_is_kept_in_memory_between_two_saves_is_bounded(grains, snapshots):
+    """A record at every step, each with all contacts: 40 MB/s with 200 grains in version 0.1.0."""
+    options = Options(record_strain=1e-9, snapshots=snapshots)
+    schedule = Schedule.of(make_path("cv", {"rate": 10.0, "strain": 0.1}), 1e-7, grains, options)
+    share = min(1.0, snapshots / schedule.records)
+    assert schedule.steps_per_record == 1
+    assert schedule.stops_per_checkpoint * (1000 + share * grains * 360) < 300e6
+    assert schedule.stops_per_checkpoint <= 5_000
+
+
+@pytest.mark.parametrize("name, pressure", [("isoc", 1e5), ("isod", 3e6)])
+def test_a_path_that_stops_at_its_start_is_refused(name, pressure, state, tmp_path):
+    with pytest.raises(lk.InputError, match=f"is where path {name} stops, but the mean stress of the specimen is"):
+        lk.run(state, make_path(name, {"pressure": pressure}), file=tmp_path / "r.run.nc", progress=False)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("record_strain", [4e-4, 1e-3, 1.6e-3])
 @pytest.mark.parametrize("save_every", [1, 100])
 def test_a_path_that_stops_early_ends_without_a_close_record(record_strain, save_every, state):

@@ -26,6 +26,7 @@ def changed(name, index, value):
         (changed("position", 0, np.nan), "positions with values that are not numbers"),
         (changed("position", 0, 1e300), "boxes away"),
         (changed("radius", 1, np.inf), "sizes with values that are not numbers"),
+        (changed("radius", 1, 1e6), r"a grain of size 1e\+03 in a box 0.01 wide"),
         (changed("radius", 1, -1.0), "sizes that are not positive"),
         ({"radius": np.ones(2)}, r"sizes of shape \(2,\), not \(3,\)"),
         ({"radius": np.ones(3, complex)}, "sizes with values that are not numbers"),

@@ -1,4 +1,4 @@
-"""Writes files while the n-th file call fails, for every n; started by test_failing_disk.py with faults.c preloaded.
+"""Writes files while the n-th file call fails, for many n; started by test_failing_disk.py with faults.c preloaded.
 
 Prints, for each kind of file and of failure, the number of failures, and what was wrong.
 """
@@ -17,6 +17,7 @@ import labkit as lk
 from labkit.dem.state import read_state, write_state
 from labkit.errors import PhysicsError
 from labkit.io.atomic import write_text
+from labkit.io.netcdf import extended_netcdf, set_hashes
 from labkit.model import Model, drive, isotropic_state
 from labkit.model.run_file import write_result
 
@@ -35,31 +36,59 @@ def main(specimen: str, folder: str) -> None:
         "text": lambda file: write_text(file, "text\n" * 1000),
         "state": lambda file: write_state(file, state),
         "model": lambda file: write_result(file, result),
+        "run": grow,
     }
-    print(json.dumps({f"{name}, {kind}": fail_at_each(write, Path(folder), name, number)
-                      for name, write in writers.items() for kind, number in KINDS.items()}))  # fmt: skip
+    run = Path(folder) / "before.nc"
+    write_result(run, result)
+    content = {"run": run.read_bytes()}
+    print(json.dumps({
+        f"{name}, {kind}": fail_at_each(write, Path(folder), name, number, content.get(name, BEFORE))
+        for name, write in writers.items() for kind, number in KINDS.items()
+    }))  # fmt: skip
 
 
-def fail_at_each(write, folder: Path, name: str, number: int) -> dict[str, object]:
-    """Let each file call fail once, each time in a process of its own, as a command that fails ends."""
-    file, problems, failed = folder / f"{name}.nc", [], 0
-    for n in range(1, 10_000):
+def grow(file: Path) -> None:
+    """Add records to a run file, as the recorder does."""
+    with extended_netcdf(file, 100_000) as dataset:
+        first = len(dataset.dimensions["time"])
+        for name in ("axial_strain", "stress", "cell"):
+            dataset[name][first : first + 300] = dataset[name][-1]
+        set_hashes(dataset)
+
+
+def fail_at_each(write, folder: Path, name: str, number: int, before: bytes) -> dict[str, object]:
+    """Let some file calls fail once, each time in a process of its own, as a command that fails ends."""
+    file, problems, crashes = folder / f"{name}.nc", [], 0
+    file.write_bytes(before)
+    calls = in_fork(lambda: attempt(write, file, 10**6, number) and DISK.calls())
+    last = list(range(max(1, calls - 3), calls + 1))
+    chosen = sorted({*range(1, calls, max(1, calls // 5)), *last}) if number == errno.EIO else last
+    for n in chosen:
         file.unlink(missing_ok=True)
-        file.write_bytes(BEFORE)
-        child = os.fork()
-        if child == 0:
-            os._exit(attempt(write, file, n, number))
-        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        if code == NOT_REACHED:
-            return {"failures": failed, "problems": problems, "left": leftovers(folder, file)}
-        failed += 1
+        file.write_bytes(before)
+        code = in_fork(lambda n=n: attempt(write, file, n, number))
+        left = [other for other in folder.iterdir() if other != file and other.suffix == ".tmp"]
         if code == DONE and read_back(name, file):
             continue  # a failed call without consequence
-        if code != REPORTED:
-            problems.append(f"call {n}: " + ("another error" if code == OTHER else f"exit code {code}"))
-        elif file.read_bytes() != BEFORE:
-            problems.append(f"call {n}: the file that was there is lost")
-    raise RuntimeError("the writer never succeeds")
+        if code < 0:
+            crashes += 1
+        elif code != REPORTED:
+            problems.append(f"call {n} of {calls}: " + ("another error" if code == OTHER else f"exit code {code}"))
+        elif left:
+            problems.append(f"call {n} of {calls}: left {left}")
+        if code != DONE and file.read_bytes() != before:
+            problems.append(f"call {n} of {calls}: the file that was there is lost")
+        for other in left:
+            other.unlink()
+    return {"failures": len(chosen), "crashes": crashes, "problems": problems}
+
+
+def in_fork(do) -> int:
+    """The exit code, or minus the signal, of a forked process that does something."""
+    child = os.fork()
+    if child == 0:
+        os._exit(do())
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def attempt(write, file: Path, n: int, number: int) -> int:
@@ -86,11 +115,6 @@ def read_back(name: str, file: Path) -> bool:
         return (read_state if name == "state" else lk.open_run)(file) is not None
     except lk.InputError:
         return False
-
-
-def leftovers(folder: Path, file: Path) -> list[str]:
-    """Files other than the output."""
-    return sorted(other.name for other in folder.iterdir() if other != file and other.suffix != ".nc")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-/* A file layer that fails at the n-th call, for LD_PRELOAD: write, posix_fallocate and fsync of regular files.
+/* A file layer that fails at the n-th call, for LD_PRELOAD: write, pwrite, posix_fallocate and fsync of regular files.
  *
  * arm(n, kind): the n-th call from now on fails. kind: an errno, such as ENOSPC or EIO; 0 for a short write, of half of
  * the bytes, after which the disk is full. calls(): number of calls since then. */
@@ -38,6 +38,15 @@ ssize_t write(int fd, const void *data, size_t size) {
     int how = fails(fd);
     return how == 1 ? -1 : real(fd, data, how == 2 ? size / 2 : size);
 }
+
+ssize_t pwrite(int fd, const void *data, size_t size, off_t at) {
+    static ssize_t (*real)(int, const void *, size_t, off_t);
+    if (!real) real = dlsym(RTLD_NEXT, "pwrite");
+    int how = fails(fd);
+    return how == 1 ? -1 : real(fd, data, how == 2 ? size / 2 : size, at);
+}
+
+ssize_t pwrite64(int fd, const void *data, size_t size, off_t at) { return pwrite(fd, data, size, at); }
 
 int posix_fallocate(int fd, off_t at, off_t size) {
     static int (*real)(int, off_t, off_t);

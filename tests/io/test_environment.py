@@ -13,6 +13,7 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.dem.state import read_state, write_state
+from labkit.io.atomic import write_text
 
 LABKIT = [sys.executable, "-m", "labkit.cli"]
 
@@ -137,3 +138,24 @@ def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 143 and err.endswith("labkit: stopped by signal 15; nothing was written\n"), err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_read_only_file_is_not_replaced(small, tmp_path, capsys):
+    file = tmp_path / "s.state.nc"
+    file.write_bytes(small.read_bytes())
+    file.chmod(0o444)
+    words = ["specimen", "--void-ratio", "0.65", "--grains", "120", "--engine", "fused", "-o", str(file)]
+    assert main(words) == 2 and capsys.readouterr().err == (
+        f"labkit: {file} is read-only: change its permissions, or choose another -o\n"
+    )
+    assert file.read_bytes() == small.read_bytes()
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path):
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    left, used = (tmp_path / f".a.txt.{number}.tmp" for number in (ended.pid, os.getppid()))
+    for file in (left, used):
+        file.write_text("half")
+    write_text(tmp_path / "a.txt", "whole")
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.txt", used])

@@ -1,6 +1,7 @@
 """A small share of `./lab fuzz` with fixed seeds, and whether the harness finds what it looks for."""
 
 import argparse
+import collections
 import csv
 import os
 import random
@@ -9,18 +10,63 @@ import time
 
 import pytest
 
-from analysis.fuzz.cases import Case, in_child
-from analysis.fuzz.command import main
+from analysis.fuzz import extremes, kills
+from analysis.fuzz.cases import Case, in_child, in_children
+from analysis.fuzz.command import Log, main
 from analysis.fuzz.damage import DAMAGES, damaged
 
 
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
-    options = argparse.Namespace(minutes=1, files=18, options=15, campaigns=5, seed=7, output=str(tmp_path))
+    options = argparse.Namespace(
+        minutes=1, files=10, options=15, campaigns=5, seed=7, output=str(tmp_path), extremes=False, kills=None
+    )
     assert main(options, "./lab fuzz") == 0, capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "counts.csv").open()))
-    assert sum(int(row["cases"]) for row in rows) == 38
-    assert sum(int(row["refused"]) for row in rows if row["class"].startswith(("state", "run", "checkpoint"))) == 18
+    kinds = collections.Counter({row["class"].split(":")[0]: 0 for row in rows})
+    for row in rows:
+        kinds[row["class"].split(":")[0]] += int(row["cases"])
+    assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 10
+    assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 1
+    sealed = [row for row in rows if row["class"].startswith(("state:", "run:", "checkpoint:"))]
+    assert sum(int(row["refused"]) for row in sealed) == 30
     assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "counts.csv.provenance.json"]
+
+
+def test_a_command_that_was_stopped_goes_on(tmp_path):
+    file = tmp_path / "unfinished.txt"
+    with pytest.raises(KeyboardInterrupt), Log(file, 7) as log:
+        log.add("files", "refused")
+        log.add("options", "INPUT CHANGED s.state.nc")
+        raise KeyboardInterrupt
+    with Log(file, 8) as log:
+        assert log.of("files") == []
+    with pytest.raises(KeyboardInterrupt), Log(file, 7) as log:
+        log.add("files", "refused")
+        raise KeyboardInterrupt
+    with Log(file, 7) as log:
+        assert log.of("files") == ["refused"] and log.of("options") == []
+    assert not file.exists()
+
+
+def test_a_case_that_ends_its_process_leaves_the_others_as_they_are():
+    do = [lambda: "same", lambda: os.kill(os.getpid(), signal.SIGKILL), lambda: "used", lambda: time.sleep(60)]
+    cases = [Case("kind", number, one, bytes) for number, one in enumerate([*do, do[0]])]
+    assert list(in_children(cases, 5, 1.0)) == ["same", f"CRASH {-signal.SIGKILL}", "used", "HANG", "same"]
+
+
+def test_extremes_are_refused_or_right(monkeypatch):
+    names = ("usual grains", "p = 1 GPa", "27 grains, 3x3x3", "density 1e9, E = 1 Pa")
+    monkeypatch.setattr(extremes, "CASES", tuple(case for case in extremes.CASES if case.name in names))
+    found = {case.name: outcome for case, outcome, _ in extremes.outcomes("fused")}
+    assert found == dict(zip(names, ["correct", "refused", found["27 grains, 3x3x3"], "refused"], strict=True))
+    assert found["27 grains, 3x3x3"] in ("correct", "limit reported")
+
+
+def test_a_killed_command_is_repeated_until_it_ends(monkeypatch):
+    jobs = kills.jobs("fused")[1:3]  # a consolidation and a run
+    monkeypatch.setattr(kills, "jobs", lambda engine: jobs)
+    chains = list(kills.chains("fused", 3, 5))
+    assert sum(chain.kills for chain in chains) == 3 and not any(chain.problems for chain in chains)
 
 
 def wrong():

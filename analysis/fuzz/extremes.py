@@ -1,0 +1,163 @@
+"""Scenes far outside the usual: each run must be right, or say which limit it exceeds, or be refused in one sentence.
+
+Every case is a specimen and a run on the command line, in a process of its own with a limit of time. A run is right if
+it passes the checks of `./lab hard-cases`. Cases that differ from the usual grains in the unit of stress or of density
+by a power of four must give the same numbers in these units.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import os
+import re
+import shlex
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import labkit as lk
+from analysis.fuzz.cases import Case, in_child
+from analysis.hard_cases.checks import Check, below, true
+from analysis.hard_cases.measures import common_checks, measure
+from labkit.cli.dispatch import main as run_command
+
+GRAINS = 200
+LIMITS = re.compile(r"above (the limit )?[0-9]|above the limit|cannot finish")  # how a limit is reported
+EXPECTED = re.compile(r"steps, about ([0-9.,]+ (min|h|days).*)")  # what a command that takes long says first
+HELD = "held:"  # checks of labkit verify
+GRADING = "'uniform smallest=0.05mm largest=0.5mm'"
+SAME = 1e-9  # relative difference of stresses in other units
+CV, CP = "cv --strain 0.02", "cp --strain 0.02 --pressure"
+
+
+@dataclasses.dataclass(frozen=True)
+class Extreme:
+    """A specimen and a run.
+
+    material: options of both; path: words of `labkit run`; edges: numbers of grains along the edges of the cell,
+    for a simple cubic lattice instead of a random specimen; stress: factor of all stresses in comparison with the usual
+    grains, if all else must be the same; limit: s, after which the case is stopped.
+    """
+
+    name: str
+    material: str = ""
+    path: str = CV
+    void_ratio: float = 0.66
+    grains: int = GRAINS
+    edges: tuple[int, int, int] | None = None
+    stress: float | None = None
+    limit: float = 240.0
+
+
+USUAL = Extreme("usual grains")
+EDGES = ((1, 1, 1), (1, 1, 3), (1, 2, 5), (2, 2, 2), (3, 3, 3), (2, 3, 5))
+CASES = (
+    USUAL,
+    Extreme("E = 2.3 kPa", f"--young-modulus {0.15e9 / 4**8!r}", f"{CV} --rate {10 / 2**8!r}", stress=4.0**-8),
+    Extreme("E = 1 kPa, p = 10 Pa", "--young-modulus 1e3", f"{CP} 10Pa --rate 1"),
+    Extreme("E = 150 GPa", f"--young-modulus {0.15e9 * 4**5!r}", f"{CV} --rate {10 * 2**5}", stress=4.0**5),
+    Extreme("E = 100 GPa", "--young-modulus 100e9"),
+    Extreme("density 2.5e-3", f"--density {2650.0 / 4**10!r}", stress=1.0),
+    Extreme("density 1e6", "--density 1e6"),
+    Extreme("density 1e-3, E = 1e12 Pa", "--density 1e-3 --young-modulus 1e12"),
+    Extreme("density 1e-3, E = 1e12 Pa, 10 1/s", "--density 1e-3 --young-modulus 1e12", f"{CV} --rate 10"),
+    Extreme("density 1e9, E = 1 Pa", "--density 1e9 --young-modulus 1"),
+    Extreme("D = 0.17 um", "--mean-diameter 1.7e-7"),
+    Extreme("D = 0.17 m", "--mean-diameter 0.17"),
+    Extreme("mu = 0, too loose", "--friction 0 --rolling-friction 0"),
+    Extreme("mu = 0, e = 0.5", "--friction 0 --rolling-friction 0", void_ratio=0.5),
+    Extreme("mu = 0, e = 0.5, p = 300 kPa", "--friction 0 --rolling-friction 0", f"{CP} 300kPa", 0.5),
+    Extreme("mu = 10", "--friction 10"),
+    Extreme("mu = mu_r = 10, p = 300 kPa", "--friction 10 --rolling-friction 10", f"{CP} 300kPa"),
+    Extreme("size ratio 10, too loose", f"--grading {GRADING}"),
+    Extreme("size ratio 10, e = 0.4", f"--grading {GRADING}", CV, 0.4, 1000),
+    Extreme("size ratio 10, e = 0.4, p = 300 kPa", f"--grading {GRADING}", f"{CP} 300kPa", 0.4, 1000),
+    Extreme("no damping", "--local-damping 0"),
+    Extreme("p = 1 Pa", "", f"{CP} 1Pa"),
+    Extreme("p = 1 kPa", "", f"{CP} 1kPa"),
+    Extreme("p = 1 kPa, 1 1/s", "", f"{CP} 1kPa --rate 0.8"),
+    Extreme("p = 1 GPa", "", f"{CP} 1GPa"),
+    Extreme("p = 1 GPa, E = 100 GPa", "--young-modulus 100e9", f"{CP} 1GPa"),
+    Extreme("p = 1 Pa, E = 100 GPa", "--young-modulus 100e9", f"{CP} 1Pa"),
+    Extreme("rate 1e6 1/s", "", f"{CV} --rate 1e6"),
+    Extreme("rate 1e-4 1/s", "", f"{CV} --rate 1e-4"),
+    Extreme("rate 2e-4 1/s", "", f"{CV} --rate 2e-4", limit=30.0),
+    *(Extreme(f"{math.prod(edges)} grains, {'x'.join(map(str, edges))}", "", CV, edges=edges) for edges in EDGES),
+)
+
+
+def outcomes(engine: str) -> Iterator[tuple[Extreme, str, str]]:
+    """(case, outcome, what was said) for every case on an engine."""
+    with tempfile.TemporaryDirectory(prefix="labkit-extremes-") as folder:
+        for number, extreme in enumerate(CASES):
+            place = Path(folder) / f"{number}"
+            place.mkdir()
+            judge = _Judge(extreme, engine, place)
+            outcome = in_child(Case(extreme.name, number, judge.outcome, bytes), extreme.limit)
+            said = (place / "said").read_text()
+            if outcome == "HANG" and (expected := EXPECTED.search(said)):
+                outcome = f"expected to take {expected[1]}"
+            yield extreme, outcome, _reason(said)
+
+
+class _Judge:
+    """Runs a case in its folder; its messages go to the file `said` there."""
+
+    def __init__(self, extreme: Extreme, engine: str, folder: Path) -> None:
+        self.extreme, self.engine, self.folder = extreme, engine, folder
+        (folder / "said").touch()
+
+    def outcome(self) -> str:
+        """`correct`, `limit reported`, `refused`, `error`, or WRONG with the checks that fail."""
+        os.chdir(self.folder)
+        said = os.open("said", os.O_RDWR | os.O_APPEND)
+        os.dup2(said, 1), os.dup2(said, 2)
+        material, path = shlex.split(self.extreme.material), shlex.split(self.extreme.path)
+        if self.extreme.edges is None:
+            size = f"specimen --void-ratio {self.extreme.void_ratio} --grains {self.extreme.grains} --engine fused"
+            first = [*size.split(), *material, "-o", "s.state.nc"]
+        else:
+            Path("packing.txt").write_text(lattice(self.extreme.edges))
+            first = ["import", "packing.txt", "--length-unit", "m", "-o", "s.state.nc"]
+        second = ["run", path[0], "s.state.nc", *path[1:], "--engine", self.engine, "-o", "r.run.nc"]
+        if code := run_command(first) or run_command(second):
+            return "refused" if code == 2 else "error"
+        reported = LIMITS.search(Path("said").read_text())
+        failed = [check for check in self.checks() if not check.holds]
+        if failed and not (reported and all(check.name.startswith(HELD) for check in failed)):
+            return f"WRONG {'; '.join(map(str, failed))}"
+        if failed:
+            return f"limit reported, and labkit verify FAILED: {failed[0]}"
+        return "limit reported" if reported else "correct"
+
+    def checks(self) -> Iterator[Check]:
+        """Checks of the run."""
+        yield from common_checks(measure("r.run.nc"), judges_c0=False)
+        yield true("the run is complete", lk.Run.open("r.run.nc").complete)
+        usual = self.folder.parent / f"{CASES.index(USUAL)}" / "r.run.nc"
+        if self.extreme.stress is not None:
+            found, expected = (lk.open_run(file)["stress"].values for file in ("r.run.nc", usual))
+            difference = np.abs(found / self.extreme.stress - expected).max() / np.abs(expected).max()
+            yield below("stress, difference from that in other units", difference, SAME)
+
+
+def lattice(edges: tuple[int, int, int]) -> str:
+    """A packing file with grains on a simple cubic lattice that fills its cell, overlapping by some 0.1 %."""
+    radius, chance = 1e-4, np.random.default_rng(1)
+    rows = [" ".join(["##PERIODIC::", *(repr(2 * radius * n) for n in edges)])]
+    for place in itertools.product(*map(range, edges)):
+        centre = 2 * radius * (np.array(place) + 0.5) + 2e-4 * radius * chance.standard_normal(3)
+        rows.append(" ".join(map(repr, [*centre.tolist(), 1.001 * radius])))
+    return "\n".join(rows) + "\n"
+
+
+def _reason(said: str) -> str:
+    """The last error or reported limit among the messages."""
+    lines = [line.removeprefix("labkit: ") for line in said.splitlines()]
+    wanted = [line for line in lines if LIMITS.search(line)]
+    errors = [line for line, raw in zip(lines, said.splitlines(), strict=True) if raw.startswith("labkit: ")]
+    return (errors or wanted or [""])[-1]
