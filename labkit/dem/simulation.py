@@ -29,7 +29,7 @@ from labkit.dem.specimen import ready
 from labkit.dem.state import State
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.interruption import Signals, stop_on_signals
-from labkit.micro.stress import mean_stress
+from labkit.micro.stress import love_stress, mean_stress
 
 CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
 LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack

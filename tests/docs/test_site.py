@@ -1,4 +1,4 @@
-"""The documentation site is built without a warning, with its links checked. test_tutorials.py executes its tutorials."""
+"""The documentation site builds without a warning, with live links. test_tutorials.py executes its tutorials."""
 
 import subprocess
 import sys
