@@ -172,7 +172,7 @@ def deform(
         file = write_input(folder, state, rates, steps, settle, every, classes, tuning)
         command = [program, "-in", str(file), "-log", "none"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    loops = re.findall(r"\nStep .*\n((?:[ \d.e+-]+\n)+)Loop time of (\S+) on", done.stdout)
+    loops = re.findall(r"\n *Step .*\n((?:[ \d.e+-]+\n)+)Loop time of (\S+) on", done.stdout)
     if done.returncode or len(loops) != 2:
         raise PhysicsError(f"{program} ended with exit status {done.returncode}: {(done.stdout + done.stderr)[-300:]}")
     rows, seconds = loops[1]

@@ -50,7 +50,7 @@ BAD = {
     "unknown path": ("run cx s.state.nc -o new.run.nc", "cx"),
     "unknown engine": (
         "run cv s.state.nc --engine warp -o new.run.nc",
-        "--engine: 'warp' is unknown: give one of yade, fused, or load",
+        "--engine: 'warp' is unknown: give one of yade, fused, cuda, lammps, or load",
     ),
     "a strain of -3": ("run cv s.state.nc --strain -3 -o new.run.nc", "strain -3"),
     "pressure above the overlap limit": ("run cr s.state.nc --pressure 5e6 -o new.run.nc", "2 %"),

@@ -1,50 +1,28 @@
-"""Every tutorial runs: its cells one after the other, as a notebook would run them."""
+"""Every tutorial runs, and its cells print what the text around them says."""
 
-import ast
-import contextlib
-import io
-import shlex
+import os
+import subprocess
+import sys
 
-import matplotlib
 import pytest
 
-from labkit.cli import main
-from tests.docs.pages import DOCS, cells
+from tests.docs.pages import DOCS
 
 TUTORIALS = sorted((DOCS / "tutorials").glob("0*.md"))
 
 
-def labkit(command):
-    """`!labkit ...` of a notebook."""
-    program, *arguments = shlex.split(command)
-    assert program == "labkit"
-    return main(arguments)
-
-
-def execute(cell, names, title):
-    """Run a cell; the value of its last line is shown as a notebook shows it."""
-    lines = [f"labkit_({line[1:]!r})" if line.startswith("!") else line for line in cell.splitlines()]
-    tree = ast.parse("\n".join(lines), title)
-    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-    exec(compile(tree, title, "exec"), names)
-    if last is not None:
-        value = eval(compile(ast.Expression(last.value), title, "eval"), names)
-        html = getattr(value, "_repr_html_", None)
-        print(html() if html else repr(value))
-
-
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_runs(page, tmp_path, monkeypatch):
-    (tmp_path / "docs" / "tutorials").mkdir(parents=True)
+def test_runs(page, tmp_path):
+    folder = tmp_path / "docs" / "tutorials"
+    folder.mkdir(parents=True)
     (tmp_path / "examples").symlink_to(DOCS.parent / "examples")
-    monkeypatch.chdir(tmp_path / "docs" / "tutorials")
-    matplotlib.use("Agg")
-    output, names = io.StringIO(), {"__name__": "__main__", "labkit_": labkit}
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-        for number, cell in enumerate(cells(page)):
-            execute(cell, names, f"{page.name}, cell {number}")
-    text = output.getvalue()
-    assert text and "Traceback" not in text
+    environment = os.environ | {"PYTHONPATH": str(DOCS.parent)}
+    command = [sys.executable, "-m", "tests.docs.tutorial", page]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, cwd=folder, env=environment, check=False
+    )
+    text = done.stdout + done.stderr
+    assert done.returncode == 0 and "Traceback" not in text, text[-3000:]
     for promise in PROMISES[page.stem]:
         assert promise in text
 
