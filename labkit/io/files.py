@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import stat
-import tempfile
 from pathlib import Path
 
 from labkit.errors import InputError
@@ -34,12 +33,12 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
             raise InputError(f"{path} is {described(existing)}: it would be overwritten; choose another -o")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a directory: create it first, or choose another -o")
+    probe = path.parent / f".{path.name}.probe.{os.getpid()}.tmp"  # whole_file removes what a killed process leaves
     try:
-        handle, probe = tempfile.mkstemp(prefix=".labkit-", dir=path.parent)
+        probe.touch()
     except OSError as error:
         raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another -o") from None
-    os.close(handle)
-    os.unlink(probe)
+    probe.unlink(missing_ok=True)
 
 
 def make_folder(path: str | os.PathLike[str], option: str) -> Path:

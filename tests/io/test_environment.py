@@ -154,8 +154,9 @@ def test_a_read_only_file_is_not_replaced(small, tmp_path, capsys):
 def test_what_a_killed_process_left_is_removed(tmp_path):
     ended = subprocess.Popen(["true"])
     ended.wait()
-    left, used = (tmp_path / f".a.txt.{number}.tmp" for number in (ended.pid, os.getppid()))
-    for file in (left, used):
+    names = (ended.pid, os.getppid(), f"probe.{ended.pid}")  # the last: a check that the folder is writable
+    left, used, probe = (tmp_path / f".a.txt.{name}.tmp" for name in names)
+    for file in (left, used, probe):
         file.write_text("half")
     write_text(tmp_path / "a.txt", "whole")
     assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.txt", used])
