@@ -61,7 +61,6 @@ OPTIONS = {  # engine -> options of the runs
 }
 OF_YADE = ("cv", "cp", "isoc", "cyclic_cp", "simple_shear")  # paths; the others take too long there
 OTHERS = {  # commands on the results of a run -> words with the output last
-    "verify": "verify r.run.nc -o out.png",
     "figure": "figure test r.run.nc -o out.png",
     "export": "export r.run.nc -o out.csv",
     "model": "model cv --void-ratio 0.67 --pressure 400kPa --strain 0.1 -o out.run.nc",
