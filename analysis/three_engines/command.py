@@ -18,7 +18,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab three-engines`."""
     parser.add_argument("folder", help="folder of the run files, created or continued")
     parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished tests")
-    parser.add_argument("--seeds", type=positive_int, default=3, help="number of specimens (default: 3)")
+    parser.add_argument(
+        "--grains", type=positive_int, nargs="+", default=[1000], help="numbers of grains (default: 1000)"
+    )
+    parser.add_argument("--seeds", type=positive_int, default=3, help="number of specimens of each size (default: 3)")
     parser.add_argument(
         "-o",
         "--output",
@@ -31,12 +34,12 @@ def main(options: argparse.Namespace, command: str) -> int:
     """Runs the tests and writes tables and figure."""
     folder, output = Path(make_folder(options.folder, "folder")), Path(make_folder(options.output, "--output"))
     if not options.as_is:
-        simulate(folder, options.seeds, reporter("three-engines"))
-    measured = values(folder, options.seeds)
+        simulate(folder, options.grains, options.seeds, reporter("three-engines"))
+    measured = values(folder)
     if measured.empty:
         raise InputError(f"{folder} contains no finished tests: leave out --as-is")
     compared = differences(measured)
-    for name, table in (("values", measured), ("differences", compared), ("held", held(folder, options.seeds))):
+    for name, table in (("values", measured), ("differences", compared), ("held", held(folder))):
         text = table.to_csv(index=False, float_format="%.6g")
         write_with_provenance(output / f"{name}.csv", text, command=command)
     plots.save(figure(compared), output / "differences.png", command=command)

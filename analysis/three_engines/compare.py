@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.statistics import cluster_mean
-from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test, tests
+from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test, finished
 from labkit.visuals import WIDTH, colors_for, new_figure
 
 END = 0.08  # axial strain from which on the end of a test is averaged
@@ -46,49 +47,44 @@ def quantities(file: Path) -> dict[str, float]:
     return {"peak": float((q / p).max()), **{name: float(values[end].mean()) for name, values in curves.items()}}
 
 
-def values(folder: Path, seeds: int) -> pandas.DataFrame:
-    """One row per finished test: path, seed, engine, law and its quantities."""
-    rows = []
-    for test in tests(seeds):
-        file = test.file(folder)
-        if _finished(file):
-            rows.append(
-                {"path": test.path, "seed": test.seed, "engine": test.engine, "law": test.law, **quantities(file)}
-            )
-    return pandas.DataFrame(rows)
-
-
-def _finished(file: Path) -> bool:
-    return file.exists() and bool(lk.open_run(file).attrs["complete"])
+def values(folder: Path) -> pandas.DataFrame:
+    """One row per finished test: number of grains, path, seed, engine, law and its quantities."""
+    return pandas.DataFrame(
+        [{**dataclasses.asdict(test), **quantities(test.file(folder))} for test in finished(folder)]
+    )
 
 
 def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
-    """One row per path, engine and quantity: mean difference from fused on the same specimens and its 95 % interval.
+    """Mean difference from fused on the same specimens and its 95 % interval, per size, path, engine and quantity.
 
     scatter: standard deviation over the specimens on fused; specimens: number of those on both engines.
     """
     rows = []
-    for law, other in OTHER.items():
+    for (grains, law), some in measured.groupby(["grains", "law"], sort=False):
         for path in PATHS:
-            some = measured[(measured["law"] == law) & (measured["path"] == path)]
-            fused = some[some["engine"] == "fused"].set_index("seed")
-            theirs = some[some["engine"] == other].set_index("seed")
-            both = fused.index.intersection(theirs.index)
-            for name in (name for name in LABELS if len(both) and _varies(name, path)):
-                mean = cluster_mean((theirs.loc[both, name] - fused.loc[both, name]).to_numpy(dtype=float))
-                rows.append(
-                    {
-                        "path": path,
-                        "engine": other,
-                        "quantity": name,
-                        "fused": fused[name].mean(),
-                        "difference": mean.value,
-                        "interval": mean.within,
-                        "scatter": fused[name].std(ddof=1),
-                        "specimens": mean.n,
-                    }
-                )
+            compared = _differences(some[some["path"] == path], OTHER[str(law)], path)
+            rows += [{"grains": grains, "path": path, "engine": OTHER[str(law)], **row} for row in compared]
     return pandas.DataFrame(rows)
+
+
+def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[dict[str, object]]:
+    fused = measured[measured["engine"] == "fused"].set_index("seed")
+    theirs = measured[measured["engine"] == other].set_index("seed")
+    both = fused.index.intersection(theirs.index)
+    rows = []
+    for name in (name for name in LABELS if len(both) and _varies(name, path)):
+        mean = cluster_mean((theirs.loc[both, name] - fused.loc[both, name]).to_numpy(dtype=float))
+        rows.append(
+            {
+                "quantity": name,
+                "fused": fused[name].mean(),
+                "difference": mean.value,
+                "interval": mean.within,
+                "scatter": fused[name].std(ddof=1),
+                "specimens": mean.n,
+            }
+        )
+    return rows
 
 
 def _varies(name: str, path: str) -> bool:
@@ -96,13 +92,9 @@ def _varies(name: str, path: str) -> bool:
     return not (name == "e" and path == "cv") and not (name == "p_MPa" and path != "cv")
 
 
-def held(folder: Path, seeds: int) -> pandas.DataFrame:
+def held(folder: Path) -> pandas.DataFrame:
     """One row per test: RMS error of the held stress, or the largest drift of the volume."""
-    rows = []
-    for test in tests(seeds):
-        if _finished(test.file(folder)):
-            rows.append({"run": test.file(folder).name, "engine": test.engine, **_held(test, folder)})
-    return pandas.DataFrame(rows)
+    return pandas.DataFrame([{**dataclasses.asdict(test), **_held(test, folder)} for test in finished(folder)])
 
 
 def _held(test: Test, folder: Path) -> Mapping[str, float]:
@@ -116,21 +108,27 @@ def _held(test: Test, folder: Path) -> Mapping[str, float]:
 
 
 def figure(rows: pandas.DataFrame) -> Figure:
-    """Difference from fused over the scatter between specimens, one panel per path; bars: 95 % interval of the mean."""
-    drawn = new_figure(WIDTH * 1.3, 3.6)
-    axes = drawn.subplots(1, len(PATHS), sharey=True)
+    """Difference from fused over the scatter between specimens: a row of panels per size, one panel per path.
+
+    Bars: 95 % interval of the mean; a mean of one specimen has none.
+    """
+    sizes = list(dict.fromkeys(rows["grains"]))
+    drawn = new_figure(WIDTH * 1.3, 0.6 + 3.0 * len(sizes))
+    panels = drawn.subplots(len(sizes), len(PATHS), sharey=True, sharex="row", squeeze=False)
     names = [name for name in LABELS if (rows["quantity"] == name).any()]
-    for panel, path in zip(axes, PATHS, strict=True):
-        panel.axvspan(-1, 1, color="0.9", zorder=0)
-        panel.axvline(0, color="0.5", lw=0.8)
-        for shift, color, engine in zip((-0.15, 0.15), colors_for(2), OTHER.values(), strict=True):
-            some = rows[(rows["path"] == path) & (rows["engine"] == engine)]
-            _draw(panel, some, names, shift, color, f"{engine} - fused")
-        panel.set_title(path.upper())
+    for line, grains in zip(panels, sizes, strict=True):
+        for panel, path in zip(line, PATHS, strict=True):
+            panel.axvspan(-1, 1, color="0.9", zorder=0)
+            panel.axvline(0, color="0.5", lw=0.8)
+            for shift, color, engine in zip((-0.15, 0.15), colors_for(2), OTHER.values(), strict=True):
+                some = rows[(rows["grains"] == grains) & (rows["path"] == path) & (rows["engine"] == engine)]
+                _draw(panel, some, names, shift, color, f"{engine} - fused")
+            panel.set_title(f"{path.upper()}, {grains:,} grains")
+    for panel in panels[-1]:
         panel.set_xlabel("difference / scatter")
-    axes[0].set_yticks(range(len(names)), [LABELS[name] for name in names])
-    axes[0].invert_yaxis()
-    axes[0].legend(loc="best", fontsize="small")
+    panels[0, 0].set_yticks(range(len(names)), [LABELS[name] for name in names])
+    panels[0, 0].invert_yaxis()
+    panels[0, 0].legend(loc="best", fontsize="small")
     return drawn
 
 

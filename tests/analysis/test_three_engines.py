@@ -11,7 +11,7 @@ def measured():
     """Two specimens on fused and LAMMPS, which has q/p 0.01 and 0.03 higher, and one specimen on fused only."""
     rows = []
     for seed, value, excess in ((1, 1.0, 0.01), (2, 1.1, 0.03), (3, 1.2, None)):
-        row = {"path": "cp", "seed": seed, "law": "spring_dashpot", **dict.fromkeys(LABELS, 1.0)}
+        row = {"grains": 500, "path": "cp", "seed": seed, "law": "spring_dashpot", **dict.fromkeys(LABELS, 1.0)}
         rows.append({**row, "engine": "fused", "M": value})
         if excess is not None:
             rows.append({**row, "engine": "lammps", "M": value + excess})
