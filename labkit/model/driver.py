@@ -177,6 +177,7 @@ class _Test:
     def _ended_in(self, number, sign, spans):
         """Carries out one leg; True if the path ends in it."""
         self.leg = self.path.leg(number, sign, self.stress)
+        self.varies = self.leg.varies
         self.origin = self.travelled if self.leg.restarts else 0.0
         problem = Problem(self.model, control_of(self.leg, self.leg.sign))
         ended = stopped = False
@@ -212,7 +213,7 @@ class _Test:
         if self.leg.rests:
             self.travelled += span
             return False
-        if self.leg.varies:
+        if self.varies:
             self._follow(problem, span)
             return False
         new = self.integrator.advance(problem, self.y, span)
