@@ -21,6 +21,7 @@ from labkit.dem.paths import ConstantVolume
 from labkit.dem.servo import velocity_gradient
 from labkit.dem.state import read_state
 from labkit.engines.speed import in_yade
+from labkit.engines.yade_process import yade_program
 from labkit.errors import PhysicsError
 from labkit.runs.run import Run
 
@@ -45,7 +46,7 @@ def commands(specimen: str, strain: float, steps: int, rounds: int, progress: Pr
     file = str(Path(specimen).resolve())
     rates = velocity_gradient(ConstantVolume().for_scene(state.scene), 1.0, state.time_step).diagonal()
     variants: dict[str, Measure] = {}
-    if shutil.which("yade") and state.scene.law == "rolling_resistance":
+    if yade_program() and state.scene.law == "rolling_resistance":
         variants["stock YADE script, loop"] = lambda: _loop(in_yade("stock.py", file, steps)["steps_per_second"], steps)
         variants["labkit run cv, yade"] = lambda: _whole(file, YADE_STRAIN, ("--engine", "yade"))
     program = shutil.which("lmp")

@@ -17,6 +17,7 @@ from labkit.dem.scene import Scene
 from labkit.dem.servo import STANDARD, velocity_gradient
 from labkit.dem.state import read_state
 from labkit.engines.speed import in_yade, speed
+from labkit.engines.yade_process import yade_program
 
 Variant = Callable[[str, int], dict[str, float]]
 
@@ -27,7 +28,7 @@ def variants(scene: Scene) -> dict[str, Variant]:
     Contains the engines that are installed on this computer and support the contact law of the scene.
     """
     result: dict[str, Variant] = {}
-    if shutil.which("yade") and scene.contact_law.on_yade:
+    if yade_program() and scene.contact_law.on_yade:
         if scene.law == "rolling_resistance":
             result["stock YADE script, 1 thread"] = lambda file, steps: in_yade("stock.py", file, steps)
         result["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)

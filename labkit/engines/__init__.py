@@ -94,6 +94,7 @@ __getattr__, __dir__, __all__ = attach(
         "YadeEngine": "yade",
         "die_with_parent": "child",
         "find_yade": "yade_process",
+        "yade_program": "yade_process",
         "execute": "tasks",
         "RunTask": "tasks",
         "SpecimenTask": "tasks",

@@ -18,8 +18,8 @@ PROGRAMS = ("yade", "yadedaily")
 NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC info", "Running script")
 
 
-def find_yade() -> str:
-    """Path of the yade program. Raises InputError with installation instructions if it is missing.
+def yade_program() -> str | None:
+    """Path of the yade program, or None if it is not installed.
 
     It is searched for on the search path (Debian, or a conda environment that is active), then next to Python and in
     $CONDA_PREFIX (a conda environment whose labkit was started without activation). `yadedaily` is the program of
@@ -27,15 +27,19 @@ def find_yade() -> str:
     """
     own = [str(Path(sys.executable).parent)]
     conda = [str(Path(os.environ["CONDA_PREFIX"]) / "bin")] if os.environ.get("CONDA_PREFIX") else []
-    for place in (None, *own, *conda):
-        for name in PROGRAMS:
-            program = shutil.which(name, path=place)
-            if program:
-                return program
-    raise InputError(
-        "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade "
-        "python3-netcdf4`; elsewhere see https://yade-dem.org/doc/installation.html"
-    )
+    found = (shutil.which(name, path=place) for place in (None, *own, *conda) for name in PROGRAMS)
+    return next(filter(None, found), None)
+
+
+def find_yade() -> str:
+    """Path of the yade program. Raises InputError with installation instructions if it is missing."""
+    program = yade_program()
+    if program is None:
+        raise InputError(
+            "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade "
+            "python3-netcdf4`; elsewhere see https://yade-dem.org/doc/installation.html"
+        )
+    return program
 
 
 def find_script(name: str) -> Path:

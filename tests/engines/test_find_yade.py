@@ -4,7 +4,9 @@ import os
 
 import pytest
 
-from labkit.engines import find_yade
+from labkit.bench.engines import variants
+from labkit.dem.scene import Scene
+from labkit.engines import find_yade, yade_program
 from labkit.errors import InputError
 
 
@@ -17,8 +19,10 @@ def test_in_a_conda_environment_that_is_not_active(name, tmp_path, monkeypatch):
     monkeypatch.setenv("CONDA_PREFIX", str(tmp_path))
     with pytest.raises(InputError, match="YADE is not installed"):
         find_yade()  # not executable
+    assert yade_program() is None and not any("YADE" in name for name in variants(Scene()))
     os.chmod(program, 0o755)
-    assert find_yade() == str(program)
+    assert find_yade() == yade_program() == str(program)
+    assert "labkit on YADE, 1 thread" in variants(Scene())  # the benchmark finds it too
 
 
 def test_what_is_on_the_path_comes_first(tmp_path, monkeypatch):
