@@ -45,6 +45,12 @@ nb_execution_show_tb = True
 nb_execution_timeout = 300
 nb_merge_streams = True
 nb_ipywidgets_js = {}  # no scripts from other servers: the site opens without a network
+IPYTHON = DOCS.parent / "build" / "ipython"  # instead of the settings of whoever builds the site
+os.environ["IPYTHONDIR"] = str(IPYTHON)
+(IPYTHON / "profile_default").mkdir(parents=True, exist_ok=True)
+(IPYTHON / "profile_default" / "ipython_kernel_config.py").write_text(
+    'get_config().IPKernelApp.log_level = "ERROR"  # no warning about TCP: notebooks and kernels are on one computer\n'
+)
 
 # --- reference -------------------------------------------------------------------------------------------------------
 autodoc_typehints = "signature"
