@@ -69,6 +69,7 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
+html_show_search_summary = False  # it reads the pages found, which browsers refuse for a site opened from a file
 html_math_renderer = "mathml"
 pygments_style = "friendly"
 copybutton_prompt_text = r">>> |\$ "

@@ -2,6 +2,8 @@
 
 import re
 
+from sphinx.ext import autosummary
+
 EQUATION = re.compile(r"\b(Eqs?\. )((?:\d+|C\d)(?:(?:, | and | to |-)(?:\d+|C\d))*)|\b(C[0-5])\b(?!:)")
 NUMBER = re.compile(r"\d+|C\d")
 CODE = re.compile(r"(``.+?``|`[^`]+`)")
@@ -54,5 +56,6 @@ def process(app, what, name, obj, options, lines):
 
 
 def setup(app):
-    """Convert all docstrings that autodoc reads."""
+    """Convert all docstrings that autodoc reads; a first sentence does not end at the full stop of "Eq. 3"."""
+    autosummary.WELL_KNOWN_ABBREVIATIONS += ("Eq.", "Eqs.")
     app.connect("autodoc-process-docstring", process)
