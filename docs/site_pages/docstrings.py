@@ -57,5 +57,5 @@ def process(app, what, name, obj, options, lines):
 
 def setup(app):
     """Convert all docstrings that autodoc reads; a first sentence does not end at the full stop of "Eq. 3"."""
-    autosummary.WELL_KNOWN_ABBREVIATIONS += ("Eq.", "Eqs.")
+    autosummary.WELL_KNOWN_ABBREVIATIONS += ("Eq.", "Eqs.", "Fig.")
     app.connect("autodoc-process-docstring", process)
