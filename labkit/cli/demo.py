@@ -42,7 +42,10 @@ def do_demo(options: argparse.Namespace, argv: list[str]) -> int:
     path = f"run cv {_quoted(state)} --rate {RATE:g} --record-strain {RECORD_STRAIN}"
     specimen = f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --engine fused -o {_quoted(state)}"
     steps = [] if state.exists() else [specimen]
-    steps += [f"{path} --strain {STRAIN} --engine fused -o {_quoted(run)}", f"verify {_quoted(run)} -o {_quoted(figure)}"]
+    steps += [
+        f"{path} --strain {STRAIN} --engine fused -o {_quoted(run)}",
+        f"verify {_quoted(run)} -o {_quoted(figure)}",
+    ]
     code = _typed(steps)
     if code:
         return code
