@@ -101,5 +101,5 @@ def _column(run: Run) -> dict[str, float]:
         "Lambda": data["mean_normalised_force"],
     }
     nearest = {at: int(abs(data["axial_strain"].values - at).argmin()) for at in COMPARED}
-    values = {f"{name} at {at:.0%}": float(x[k]) for name, x in quantities.items() for at, k in nearest.items()}
+    values = {f"{name} at {100 * at:g} %": float(x[k]) for name, x in quantities.items() for at, k in nearest.items()}
     return {**values, "time steps per second": run.steps / run.wall_time}
