@@ -158,7 +158,8 @@ DESCRIPTIONS = {
 
 def description_of(name: str, summary: str) -> str:
     """Description of a command; `summary`: used for a command that is not listed."""
-    return DESCRIPTIONS[name][0] if name in DESCRIPTIONS else f"{summary[0].upper()}{summary[1:]}."
+    stop = "" if summary.endswith("?") else "."
+    return DESCRIPTIONS[name][0] if name in DESCRIPTIONS else f"{summary[0].upper()}{summary[1:]}{stop}"
 
 
 def examples_of(name: str) -> str:

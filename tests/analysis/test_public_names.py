@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -52,3 +53,13 @@ def test_the_library_does_not_import_the_studies():
             module = node.module if isinstance(node, ast.ImportFrom) else None
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [module or ""]
             assert not any(name.split(".")[0] == "analysis" for name in names), file
+
+
+def test_every_study_is_a_command_of_lab_and_described():
+    from analysis.__main__ import STUDIES
+
+    root = Path(__file__).resolve().parents[2]
+    studies = re.search(r'case "\$\{1-\}" in\n(.*?)\)\n', (root / "lab").read_text(), re.DOTALL)
+    assert studies and set(re.findall(r"[\w-]+", studies[1])) == set(STUDIES)
+    described = (root / "analysis/README.md").read_text()
+    assert [name for name in STUDIES if f"| `./lab {name}" not in described] == []
