@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -29,6 +29,7 @@ class Engine(abc.ABC):
     name: ClassVar[str]
     parallel: ClassVar[str] = "threads"  # or "ranks", if it runs on several processes over MPI
     precisions: ClassVar[tuple[str, ...]] = ("double",)  # the constructor takes any other as `precision`
+    batches: ClassVar[bool] = False  # True if `together` advances the States of several runs at once
     version: str
 
     @classmethod
@@ -45,6 +46,34 @@ class Engine(abc.ABC):
     def require(cls, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene; by default any scene is supported."""
         return
+
+    @classmethod
+    def require_here(cls) -> None:
+        """Raise InputError if this computer lacks what the engine needs, such as a GPU; by default it needs nothing."""
+        return
+
+    @classmethod
+    def batch_key(cls, scene: Scene) -> Hashable:
+        """Runs whose scenes have equal keys can be in one batch; for an engine with `batches`."""
+        raise NotImplementedError
+
+    @classmethod
+    def batch_memory(cls, grains: int, precision: str = "double") -> float:
+        """Memory, bytes, that a State with this number of grains takes in a batch."""
+        raise NotImplementedError
+
+    @classmethod
+    def batch_room(cls) -> float:
+        """Memory, bytes, for all States of a batch on this computer. Raises InputError if it has no such device."""
+        raise NotImplementedError
+
+    @classmethod
+    def together(cls, works: Sequence[Callable[[Start], None]], precision: str = "double") -> list[Exception | None]:
+        """Do works that each advance a State with engines from the Start that they get, all States together.
+
+        Returns for each work the exception that ended it, or None. The failure of one work does not stop the others.
+        """
+        raise NotImplementedError
 
     @classmethod
     def require_path(cls, path: Path) -> None:

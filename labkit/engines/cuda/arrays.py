@@ -20,6 +20,7 @@ from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, ENERGIES = range(5)
 
 HISTORY = 6  # rows of history: tangential force and rolling moment
+GRID_CELLS = 32  # most grid cells per grain
 
 
 class States(NamedTuple):
@@ -139,16 +140,17 @@ def new_grains(state: np.ndarray) -> Grains:
     return Grains._make((of_blocks, zeros(g, np.int32), *scalars, *vectors, zeros((ENERGIES, g))))
 
 
-def new_lists(n: int, grains: int) -> Lists:
-    """Lists of n states without room for neighbours."""
+def new_lists(n: int, grains: int, kind: type = np.float64) -> Lists:
+    """Lists of n states without room for neighbours; kind: type of stiffness and history."""
     of_states = zeros(n, np.int32), zeros((2, n), np.int64)
     of_grains = zeros((2, grains), np.int32), zeros((2, grains // SLICE), np.int64)
-    return Lists(*of_states, *of_grains, zeros(1, np.int32), zeros((3, 1), np.int16), zeros(1), zeros((HISTORY, 1)))
+    of_entries = zeros(1, np.int32), zeros((3, 1), np.int16), zeros(1, kind), zeros((HISTORY, 1), kind)
+    return Lists(*of_states, *of_grains, *of_entries)
 
 
 def new_grid(count: np.ndarray, grains: int) -> Grid:
     """Grids for states of `count` (n,) grains, as many grid cells as labkit.engines.kernel.neighbours may need."""
-    cells = 8 * (4 * count + 64) + 1
+    cells = GRID_CELLS * (count + 16) + 1
     n, c = len(count), int(cells.sum())
     return Grid(
         searching=zeros(n, np.int32),

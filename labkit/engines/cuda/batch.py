@@ -15,12 +15,12 @@ from labkit.engines.cuda.build import kernels_for, row_of, shape_of
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
 from labkit.engines.cuda.listing import Listing, contacts_of, entries, listing_of, spread
+from labkit.engines.cuda.memory import KINDS, SPARE, require_room
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
 from labkit.errors import InputError, PhysicsError
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
 CHUNK = 50  # most steps between two looks at whether a search is due
-SPARE = 1.25  # room for entries over those needed at the last search that did not fit
 
 LOST = "a grain is lost or its position became NaN: the time step is too large"
 
@@ -43,14 +43,18 @@ class Batch:
     others, and the results of a state have the same bits in any batch.
     """
 
-    def __init__(self, states: Sequence[State]) -> None:
-        """Load the states; compile the kernels at the first use of a contact law. Raises InputError."""
+    def __init__(self, states: Sequence[State], precision: str = "double") -> None:
+        """Load the states; compile the kernels at the first use of a contact law. Raises InputError.
+
+        precision: `double`, or `mixed`, with forces and history of contacts in single precision.
+        """
         require_device()
         if not states:
             raise InputError("a batch needs at least one State")
-        n = len(states)
+        require_room([state.number_of_grains for state in states], precision)
+        n, self._precision = len(states), precision
         law, features = states[0].scene.contact_law, states[0].scene.contact_law.features(states[0].scene)
-        self._law, self._shape, self._kernels = type(law), shape_of(features), kernels_for(law, features)
+        self._law, self._shape, self._kernels = type(law), shape_of(features), kernels_for(law, features, precision)
         self._count = np.array([state.number_of_grains for state in states])
         padded = -(-self._count // BLOCK) * BLOCK
         self._first = np.cumsum(padded) - padded
@@ -58,7 +62,7 @@ class Batch:
         self._room = np.zeros(n, int)
         self._states = new_states(self._first, self._count, len(row_of(features)))
         self._grains = new_grains(np.repeat(np.arange(n), padded // BLOCK))
-        self._lists = new_lists(n, int(padded.sum()))
+        self._lists = new_lists(n, int(padded.sum()), KINDS[precision])
         self._grid = new_grid(self._count, int(padded.sum()))
         self._sums, self._totals = zeros((self._blocks, STRESSES)), zeros((n, STRESSES))
         self._start = list(states)
@@ -139,7 +143,7 @@ class Batch:
             velocity_gradient=self._states.used.copy_to_host()[i],
             engine="cuda",
             engine_version=labkit.__version__,
-            precision="double",
+            precision=self._precision,
             ledger=ledger,
         )
 
@@ -206,16 +210,16 @@ class Batch:
         room = np.where(small, -(-(SPARE * needed).astype(int) // SLICE) * SLICE, self._room)
         first = np.cumsum(room) - room
         region = np.stack([first, first + room.sum()])
-        old_region, s = self._lists.region.copy_to_host(), range(len(self))
-        changed: dict[str, Any] = {"region": cuda.to_device(region)}
+        old_region = self._lists.region.copy_to_host()
         for name in ("partner", "shift", "stiffness", "history"):
             old = getattr(self._lists, name).copy_to_host()
+            self._lists = self._lists._replace(**{name: None})  # frees the memory on the device
             new = np.zeros((*old.shape[:-1], 2 * int(room.sum()) + 1), old.dtype)
-            for i in s:
+            for i in range(len(self)):
                 source, target = old_region[self._side[i], i], region[self._side[i], i]
                 new[..., target : target + self._room[i]] = old[..., source : source + self._room[i]]
-            changed[name] = cuda.to_device(new)
-        self._lists, self._room = self._lists._replace(**changed), room
+            self._lists = self._lists._replace(**{name: cuda.to_device(new)})
+        self._lists, self._room = self._lists._replace(region=cuda.to_device(region)), room
 
     def _search(self, which: np.ndarray, moving: float = 1.0) -> None:
         """Find the neighbours of the states `which` (n,), and compute their forces; moving: see contacts.forces."""
@@ -279,7 +283,9 @@ class Batch:
         at, room = int(lists.region.copy_to_host()[side, i]), int(self._room[i])
         partner, shift, history = (take(a, at, room)[..., slot] for a in (lists.partner, lists.shift, lists.history))
         is_first = partner >= 0
-        return Listing(grain, slot, np.where(is_first, partner, ~partner) - first, is_first, shift.T, history.T)
+        return Listing(
+            grain, slot, np.where(is_first, partner, ~partner) - first, is_first, shift.T, history.T.astype(float)
+        )
 
     def _put_stiffness(self, i: int) -> None:
         """Set the stiffness kn of each pair of neighbours of the i-th state."""

@@ -40,10 +40,12 @@ def device_function(function: Callable[..., Any], known: dict[Any, Any], version
 
     known: functions compiled so far, function -> compiled; extended in place.
     """
-    if SIMULATED and "cuda" not in function.__code__.co_names:
+    plain = SIMULATED and "cuda" not in function.__code__.co_names
+    if plain and not version.single:
         return function
     if function not in known:
-        known[function] = cuda.jit(with_globals(function, callees(function, known, version), version), device=True)
+        fresh = with_globals(function, callees(function, known, version), version)
+        known[function] = fresh if plain else cuda.jit(fresh, device=True)
     return known[function]
 
 
