@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from labkit.dem.corrections import Corrections
 from labkit.dem.instant import Instant
 from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
@@ -29,6 +30,7 @@ class Engine(abc.ABC):
     name: ClassVar[str]
     parallel: ClassVar[str] = "threads"  # or "ranks", if it runs on several processes over MPI
     precisions: ClassVar[tuple[str, ...]] = ("double",)  # the constructor takes any other as `precision`
+    follows: ClassVar[bool] = False  # True if `follow` runs the servo in the engine
     batches: ClassVar[bool] = False  # True if `together` advances the States of several runs at once
     version: str
 
@@ -83,6 +85,10 @@ class Engine(abc.ABC):
     @abc.abstractmethod
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         """Advance a number of steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
+
+    def follow(self, corrections: Corrections) -> None:
+        """Advance by the steps of the corrections, of which the engine runs the servo; for an engine that `follows`."""
+        raise NotImplementedError
 
     @abc.abstractmethod
     def stress(self) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 python tests/engines/cuda_by_hand.py compile                    # all laws, and one of a user, for an H100
 NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py run  # a CP test, records against `fused`; some minutes
+NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py campaign   # killed and resumed, against uninterrupted; minutes
 
 `compile` needs numba-cuda[cu12].
 """
@@ -10,9 +11,11 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 import types
 from pathlib import Path
 
+import netCDF4
 import numba
 import numpy as np
 
@@ -76,5 +79,47 @@ def run():
             print(f"{name:28} {np.nanmax(np.abs(a - b)) / max(np.nanmax(np.abs(b)), 1e-300):.1e}")
 
 
+CAMPAIGN = """\
+engine: cuda
+law: spring_dashpot
+snapshots: 1
+save_every: 1
+specimens:
+  a: {void_ratio: 0.67, grains: 100, seed: [1, 2], engine: fused}
+runs:
+  cv: {path: cv, specimen: a, strain: 1.24e-3, rate: 200, record_strain: 3.1e-4}
+  wild: {path: cv, specimen: a, strain: 0.01, rate: 20, time_step_factor: 9}
+"""
+
+
+def campaign():
+    """Kill a campaign while its batch runs, start it again, and compare its runs with those of one that is not killed.
+
+    The two runs `wild` fail, because their time step is too large.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="labkit-"))
+    (folder / "c.yaml").write_text(CAMPAIGN)
+    command = [sys.executable, "-m", "labkit.cli", "campaign", "c.yaml", "--cores", "1", "--folder"]
+    print(subprocess.run([*command, "whole"], cwd=folder, check=False).returncode, "expected: 1")
+    first = subprocess.Popen([*command, "killed"], cwd=folder)
+    unfinished = folder / "killed/unfinished"
+    while len(list(unfinished.glob("*.run.nc"))) < 2 or min(map(records, unfinished.glob("*.run.nc"))) < 3:
+        time.sleep(0.2)
+    first.kill()
+    first.wait()
+    for file in sorted(unfinished.glob("*.run.nc")):
+        print(file.name, records(file), "of", records(folder / f"whole/runs/{file.name.split('.')[0]}.run.nc"))
+    print(subprocess.run([*command, "killed"], cwd=folder, check=False).returncode, "expected: 1")
+    for file in sorted((folder / "whole/runs").glob("*.run.nc")):
+        hashes = [labkit.open_run(one).attrs["data_sha256"] for one in (file, folder / "killed/runs" / file.name)]
+        print(file.name, "same bits" if hashes[0] == hashes[1] else "DIFFERENT")
+
+
+def records(file):
+    """Number of records in a run file."""
+    with netCDF4.Dataset(file) as dataset:
+        return len(dataset.dimensions["time"])
+
+
 if __name__ == "__main__":
-    {"compile": compile_all, "run": run}[sys.argv[1]]()
+    {"compile": compile_all, "run": run, "campaign": campaign}[sys.argv[1]]()

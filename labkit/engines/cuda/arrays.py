@@ -26,7 +26,8 @@ GRID_CELLS = 32  # most grid cells per grain
 class States(NamedTuple):
     """One row per state, n in all.
 
-    first, grains (n,): first grain and number of grains; left (n,): steps left to do; running (n,): 1 if the state
+    first, grains (n,): first grain and number of grains; left, until (n,): steps left to do, and to the next
+    correction of the velocity gradient; running (n,): 1 if the state
     takes part in the step; due (n,): 1 if it needs a search; time_step, skin, diameter, limit (n,): time step, s,
     Verlet skin and largest diameter, m, and square of the distance that a grain may move before a search, m2; cell,
     first_cell, back, drift (n, 3, 3): cell, m, that of the last search, the inverse of the deformation since, and the
@@ -37,6 +38,7 @@ class States(NamedTuple):
     first: Any
     grains: Any
     left: Any
+    until: Any
     running: Any
     due: Any
     time_step: Any
@@ -126,7 +128,7 @@ def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> Any:
 def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
     """States with these first grains and numbers of grains (n,); numbers: of a row of `law`."""
     n = len(first)
-    counters, scalars = (zeros(n, np.int32) for _ in range(3)), (zeros(n) for _ in range(4))
+    counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(4))
     matrices = (zeros((n, 3, 3)) for _ in range(7))
     of_host = cuda.to_device(first), cuda.to_device(grains)
     return States._make((*of_host, *counters, *scalars, *matrices, zeros((n, numbers))))

@@ -15,7 +15,7 @@ import numpy as np
 
 from labkit.dem.laws.base import ContactLaw, Features
 from labkit.dem.laws import vectors
-from labkit.engines.cuda import contacts, motion, scalars, search
+from labkit.engines.cuda import contacts, motion, scalars, search, servo
 from labkit.engines.cuda.device import device_function, kernel
 from labkit.engines.kernel.compiling import Version, with_globals
 from labkit.errors import InputError
@@ -26,7 +26,7 @@ VERSION, SINGLE = Version("cuda"), Version("cuda_single", single=True)
 
 
 class Kernels(NamedTuple):
-    """The compiled kernels of search.py, motion.py and contacts.py."""
+    """The compiled kernels of search.py, servo.py, motion.py and contacts.py."""
 
     clear: Any
     place: Any
@@ -35,6 +35,7 @@ class Kernels(NamedTuple):
     count: Any
     arrange: Any
     fill: Any
+    correct: Any
     start_step: Any
     move: Any
     forces: Any
@@ -76,7 +77,7 @@ def kernels_of(
             names[name] = device_function(function, known, SINGLE)
         names |= {"overlap_of": contacts.overlap_single, "KIND": np.float32}
     modules = {"start_step": motion, "move": motion, "forces": contacts}
-    modules |= {"stress_of_blocks": contacts, "stress_of_states": contacts}
+    modules |= {"correct": servo, "stress_of_blocks": contacts, "stress_of_states": contacts}
     return Kernels(*(kernel(getattr(modules.get(n, search), n), names, VERSION) for n in Kernels._fields))
 
 

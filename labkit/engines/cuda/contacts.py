@@ -25,6 +25,7 @@ from labkit.engines.cuda.arrays import (
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
 from labkit.engines.cuda.motion import product, put, vector
+from labkit.engines.cuda.servo import Plans, asks
 
 pair, spring = ContactLaw.pair, ContactLaw.spring
 constants_of = friction_of = rolling_of = dashpots_of = absent
@@ -130,13 +131,16 @@ def sum_of_block(rows: Any, t: int) -> float:
     return total
 
 
-def stress_of_blocks(states: States, grains: Grains, lists: Lists, sums: Any) -> None:
+def stress_of_blocks(states: States, grains: Grains, lists: Lists, plans: Plans, sums: Any, every: int) -> None:
     """Sum branch (x) force over the contacts of the grains of each block, into sums (block, STRESSES), N m.
 
-    The dashpot forces are excluded, as in records. One thread per grain.
+    The dashpot forces are excluded, as in records. every: 1 for all states, 0 for those whose servo needs the stress.
+    One thread per grain.
     """
     g, t, s = cuda.grid(1), cuda.threadIdx.x, grains.state[cuda.blockIdx.x]
     rows = cuda.shared.array((BLOCK, STRESSES), np.float64)
+    if every == 0 and not asks(states, plans, s):
+        return
     for k in range(STRESSES):
         rows[t, k] = 0.0
     side = lists.side[s]
@@ -157,10 +161,12 @@ def stress_of_blocks(states: States, grains: Grains, lists: Lists, sums: Any) ->
         sums[cuda.blockIdx.x, t] = total
 
 
-def stress_of_states(states: States, sums: Any, totals: Any) -> None:
+def stress_of_states(states: States, plans: Plans, sums: Any, totals: Any, every: int) -> None:
     """Sum sums (block, STRESSES) over the blocks of each state into totals (n, STRESSES). One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     rows = cuda.shared.array((BLOCK, STRESSES), np.float64)
+    if every == 0 and not asks(states, plans, s):
+        return
     first, last = states.first[s] // BLOCK, (states.first[s] + states.grains[s] + BLOCK - 1) // BLOCK
     for k in range(STRESSES):
         rows[t, k] = 0.0

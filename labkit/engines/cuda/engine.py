@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable, Sequence
 import numpy as np
 
 import labkit
+from labkit.dem.corrections import Corrections
 from labkit.dem.engine import Engine, Start
 from labkit.dem.scene import Scene
 from labkit.dem.state import State
@@ -22,7 +23,7 @@ class CudaEngine(Engine):
     """A batch of one State. Raises InputError without a GPU or numba-cuda, or for more than one thread."""
 
     name = "cuda"
-    batches = True
+    batches = follows = True
     precisions = ("double", "mixed")
     version = labkit.__version__
 
@@ -62,6 +63,11 @@ class CudaEngine(Engine):
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         self._batch.advance(steps, np.asarray(velocity_gradient)[None])
+        self._require_going()
+
+    def follow(self, corrections: Corrections) -> None:
+        self._batch.begin(0, corrections)
+        self._batch.run()
         self._require_going()
 
     def _require_going(self) -> None:

@@ -1,7 +1,7 @@
 """Runs that share a batch: each has an engine of its own, whose State is one of a Batch.
 
-The runs take turns (turns.py). Once all of them wait for time steps, the batch advances all their States, by the
-fewest steps that one of them waits for; those whose steps are done continue.
+The runs take turns (turns.py). Once all of them wait for time steps, the batch advances all their States until the
+steps of one are done, which then continues; the others keep the steps that they have left.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import labkit
+from labkit.dem.corrections import Corrections
 from labkit.dem.engine import Engine, Start
 from labkit.dem.state import State
 from labkit.engines.cuda.batch import Batch
@@ -31,11 +32,10 @@ class Begin:
 
 @dataclasses.dataclass
 class Steps:
-    """What a work waits for: time steps of the State at a place in the batch, of which `left` are still to be done."""
+    """What a work waits for: time steps of the State at a place in the batch."""
 
     place: int
-    left: int
-    velocity_gradient: np.ndarray
+    corrections: Corrections
 
 
 class Pool:
@@ -106,15 +106,12 @@ class Pool:
 
     def _advance(self, waiting: Sequence[Turn]) -> list[Turn]:
         """Advance the States of works; return the works whose steps are done, or whose State failed."""
-        steps, gradients = np.zeros(len(self.batch), int), np.zeros((len(self.batch), 3, 3))
-        count = min(turn.wanted.left for turn in waiting)
         for turn in waiting:
-            steps[turn.wanted.place], gradients[turn.wanted.place] = count, turn.wanted.velocity_gradient
+            if not self.batch.going[turn.wanted.place]:
+                self.batch.begin(turn.wanted.place, turn.wanted.corrections)
         self._stresses = None
-        self.batch.advance(steps, gradients)
-        for turn in waiting:
-            turn.wanted.left -= count
-        return [turn for turn in waiting if not turn.wanted.left or self.batch.failures[turn.wanted.place]]
+        self.batch.run()
+        return [turn for turn in waiting if not self.batch.going[turn.wanted.place]]
 
     def stress(self, place: int) -> np.ndarray:
         """Love's stress of one State, (3, 3), Pa; those of all States are computed together."""
@@ -137,6 +134,7 @@ class Member(Engine):
     """The engine of one work: the State at a place in the batch of a Pool."""
 
     name = "cuda"
+    follows = True
     version = labkit.__version__
 
     def __init__(self, pool: Pool, turn: Turn, place: int) -> None:
@@ -149,8 +147,11 @@ class Member(Engine):
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         if steps > 0:
-            self._turn.ask(Steps(self._place, steps, np.array(velocity_gradient, float)))
-            self.require_going()
+            self.follow(Corrections.constant(steps, velocity_gradient))
+
+    def follow(self, corrections: Corrections) -> None:
+        self._turn.ask(Steps(self._place, corrections))
+        self.require_going()
 
     def stress(self) -> np.ndarray:
         return self._do(lambda: self._pool.stress(self._place))
