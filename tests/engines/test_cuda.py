@@ -2,7 +2,6 @@
 
 import os
 
-import numba
 import numpy as np
 import pytest
 
@@ -14,12 +13,8 @@ from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.io.schema import STATE
+from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, memory
 
-with pytest.MonkeyPatch.context() as patch:  # at the first import of numba.cuda
-    patch.setenv("NUMBA_ENABLE_CUDASIM", "1")
-    patch.setattr(numba.config, "ENABLE_CUDASIM", True)
-    from labkit.engines.cuda.batch import LOST, Batch
-    from labkit.engines.cuda.engine import CudaEngine
 
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
@@ -60,11 +55,6 @@ def require_equal(ours, others, stress, other_stress, tolerance):
         assert np.isclose(getattr(losses, name), value, rtol=10.0 * tolerance, atol=0.0), name
 
 
-def bits(state):
-    """Everything in a State that a simulation changes, as bytes."""
-    return [np.ascontiguousarray(getattr(state, name)).tobytes() for name in STATE] + [repr(state.ledger)]
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_after_one_step_the_forces_are_those_of_fused(law, small):
     state = sheared(small, Scene(law=law, friction=0.3))
@@ -76,6 +66,20 @@ def test_after_one_step_the_forces_are_those_of_fused(law, small):
     assert np.abs(end.tangential_force).max() > 0.0 and end.ledger.friction_loss > 0.0
     assert (end.step, end.time) == (state.step + 1, state.time + state.time_step)
     require_equal(end, fused.state(), ours.stress(), fused.stress(), 1e-12)
+
+
+@pytest.mark.parametrize("law", ["rolling_resistance", "spring_dashpot"])
+def test_in_mixed_precision_forces_are_those_of_fused_within_rounding(law, small):
+    """The history is stored in single precision, and what is stored goes on with the same bits."""
+    state = sheared(small, Scene(law=law, friction=0.3)).replace(scene=Scene(law=law, friction=0.25))
+    ours, fused = CudaEngine(state, precision="mixed"), FusedEngine(state, precision="mixed")
+    for engine in (ours, fused):
+        engine.advance(1, SHEAR)
+    end = ours.state()
+    require_equal(end, fused.state(), ours.stress(), fused.stress(), 1e-6)
+    assert end.precision == "mixed"
+    assert np.array_equal(end.tangential_force, end.tangential_force.astype(np.float32))
+    assert bits(CudaEngine(end, precision="mixed").state()) == bits(end)
 
 
 def test_without_friction_the_forces_are_those_of_fused(small):
@@ -156,6 +160,27 @@ def test_states_with_different_laws_are_refused(small):
     other = small.replace(scene=Scene(law="rolling_resistance"))
     with pytest.raises(InputError, match="state 1 of a batch has another contact law"):
         Batch([small, other])
+
+
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_the_memory_is_that_of_the_arrays(specimen, precision):
+    batch = Batch([specimen], precision)
+    arrays = [array for part in (batch._grains, batch._lists, batch._grid) for array in part]
+    actual = sum(array.size * array.dtype.itemsize for array in arrays)
+    assert 0.8 < memory.memory_of(specimen.number_of_grains, precision) / actual < 1.25
+
+
+def test_a_specimen_that_does_not_fit_is_refused_in_one_line(small, monkeypatch):
+    class Full:
+        free, total = 1e5, 1e9
+
+        def get_memory_info(self):
+            return self
+
+    monkeypatch.setattr(memory.cuda, "current_context", Full)
+    many = small.replace(radius=np.full(10**6, 85e-6), position=np.zeros((10**6, 3)))
+    with pytest.raises(InputError, match=r"^1,000,000 grains need about 2\.\d GB of the GPU's memory, of which 0\.0 GB"):
+        CudaEngine(many)
 
 
 def test_without_a_gpu_the_message_is_one_line(small, tmp_path, labkit_process):

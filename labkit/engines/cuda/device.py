@@ -20,8 +20,8 @@ SIMULATED = (
     cuda is not None and "simulator" in cuda.jit.__module__
 )  # kernels run as plain Python, to test without a GPU
 
-SLICE = 32  # consecutive grains whose neighbour lists are interleaved: a warp
-BLOCK = SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; each thread of the simulator costs time
+SLICE = 8 if SIMULATED else 32  # consecutive grains whose neighbour lists are interleaved: a warp
+BLOCK = 2 * SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; each thread of the simulator costs time
 
 warnings.filterwarnings("ignore", message="Grid size")  # kernels with a thread per state use little of the GPU
 
