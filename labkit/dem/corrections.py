@@ -1,13 +1,13 @@
-"""What moves the cell over the coming time steps, known before they are made, for an engine that runs the servo itself.
+"""What moves the cell over the coming time steps, known before they are made, for an engine that runs the servo.
 
-It is what labkit.dem.servo.velocity_gradient computes from the stress, with everything prepared that depends on the path
-and the stiffness of the cell alone:
+This is labkit.dem.servo.velocity_gradient with everything prepared that does not depend on the stress. The part of the
+velocity gradient that the servo finds is, as six components in Mandel notation,
 
-    D = D0 - x        x = (1 - a) K P (b + shared d0) + a limited[G (s - M sigma)]        a = LOW_PASS
+    x = K [(1 - a) P (b + d) - a limited(G (s - M sigma))]        G = g/(T dt) F (M C F)^-1        a = LOW_PASS
 
-D0: prescribed rates (d0: its six components); x: rates of the servo, with sigma, the stress, and b, the rates so far,
-both as six components in Mandel notation; G = gain/(T dt) free response^-1; K: 1 for components that are free, else 0;
-P: projection on the free rates.
+with sigma the stress, s the targets, b the symmetric velocity gradient so far, M, F and C the measured stresses, the free
+rates and the stiffness of the cell, g/T the gain over the steps between corrections, and K = 1 for free components, else 0.
+P = F F^+ and d, the prescribed rates, count only if some rates are both prescribed and free, or keep the volume.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class Planner:
         self._rows.append((steps, given, target, exact_gradient(given, self._time_step)))
 
     def corrections(self, stiffness: np.ndarray | None, servo: Servo, anew: bool) -> Corrections:
-        """The Corrections of the intervals so far. stiffness: of the cell, as for Correcting.of; None if uncontrolled."""
+        """The Corrections of the intervals so far. stiffness: as for Correcting.of; None if no stress is held."""
         correcting = None
         if self._control is not None and stiffness is not None:
             correcting = Correcting.of(self._leg, self._control, stiffness, self._time_step, servo)

@@ -1,7 +1,7 @@
 """Many tests at once, from Python.
 
-    outcomes = labkit.run_batch({"a": (state, path), "b": (other, another)}, "results")
-    outcomes["a"].run, outcomes["a"].failure
+outcomes = labkit.run_batch({"a": (state, path), "b": (other, another)}, "results")
+outcomes["a"].run, outcomes["a"].failure
 """
 
 from __future__ import annotations

@@ -115,9 +115,7 @@ def run(
     """
     options = recording_options("labkit.run", options, recording)
     count = processors(engine, threads, ranks)
-    task = run_task(
-        state, path, engine=engine, threads=count, precision=precision, output=str(file), options=options
-    )
+    task = run_task(state, path, engine=engine, threads=count, precision=precision, output=str(file), options=options)
     warn_of_rate(task)
     shown = _shown(progress, task.path.name)
     if file is not None:

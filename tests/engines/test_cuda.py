@@ -15,7 +15,6 @@ from labkit.errors import InputError, PhysicsError
 from labkit.io.schema import STATE
 from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, memory
 
-
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
 
@@ -179,7 +178,9 @@ def test_a_specimen_that_does_not_fit_is_refused_in_one_line(small, monkeypatch)
 
     monkeypatch.setattr(memory.cuda, "current_context", Full)
     many = small.replace(radius=np.full(10**6, 85e-6), position=np.zeros((10**6, 3)))
-    with pytest.raises(InputError, match=r"^1,000,000 grains need about 2\.\d GB of the GPU's memory, of which 0\.0 GB"):
+    with pytest.raises(
+        InputError, match=r"^1,000,000 grains need about 2\.\d GB of the GPU's memory, of which 0\.0 GB"
+    ):
         CudaEngine(many)
 
 

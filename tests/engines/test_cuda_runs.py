@@ -66,7 +66,9 @@ def test_a_run_that_fails_says_so_and_stops_no_other(outcomes):
 
 def two_tasks(tests, folder):
     return [
-        RunTask("cuda", output=str(folder / f"{name}.run.nc"), state=tests[name][0], path=tests[name][1], options=OPTIONS)
+        RunTask(
+            "cuda", output=str(folder / f"{name}.run.nc"), state=tests[name][0], path=tests[name][1], options=OPTIONS
+        )
         for name in ("a", "b")
     ]
 

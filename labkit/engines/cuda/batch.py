@@ -217,7 +217,14 @@ class Batch:
         put(g.energies, first, np.zeros((ENERGIES, len(order))))
         before, dt = state.velocity_gradient, state.time_step
         drift = before @ np.linalg.solve(np.eye(3) + dt * before, state.cell)
-        rows = (s.time_step, dt), (s.skin, skin), (s.diameter, diameter), (s.law, row_of(features)), (s.due, 0), (s.left, 0)
+        rows = (
+            (s.time_step, dt),
+            (s.skin, skin),
+            (s.diameter, diameter),
+            (s.law, row_of(features)),
+            (s.due, 0),
+            (s.left, 0),
+        )
         for array, value in (*rows, (s.cell, state.cell), (s.used, before), (s.drift, drift)):
             array[i : i + 1].copy_to_device(np.ascontiguousarray(np.asarray(value, array.dtype)[None]))
         self._put_contacts(i, state)

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from labkit.dem.laws.base import ContactLaw, Features
 from labkit.dem.laws import vectors
+from labkit.dem.laws.base import ContactLaw, Features
 from labkit.engines.cuda import contacts, motion, scalars, search, servo
 from labkit.engines.cuda.device import device_function, kernel
 from labkit.engines.kernel.compiling import Version, with_globals
@@ -64,7 +64,8 @@ def kernels_of(
     single: True for mixed precision, in which `pair` is compiled in single precision. Raises InputError for features
     that are too long.
     """
-    readers, first = {}, 0
+    readers: dict[str, Any] = {}
+    first = 0
     for name, length in zip(READ, shape, strict=True):
         kind = np.float32 if single and name != "damping" else np.float64
         readers[f"{name}_of"] = reader(name, length, first, kind)

@@ -49,7 +49,7 @@ def overlap_of(radii: float, squared: float, distance: float) -> float:
     return radii - distance
 
 
-def overlap_single(radii: float, squared: float, distance: float) -> float:
+def overlap_single(radii: float, squared: float, distance: float) -> Any:
     """The same as (R^2 - d^2)/(R + |d|), with the numerator in double precision: accurate to single precision."""
     return np.float32(radii * radii - squared) / (np.float32(radii) + distance)
 

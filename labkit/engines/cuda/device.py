@@ -5,6 +5,7 @@ from __future__ import annotations
 import dis
 import importlib
 import inspect
+import math
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +22,9 @@ SIMULATED = (
 )  # kernels run as plain Python, to test without a GPU
 
 SLICE = 8 if SIMULATED else 32  # consecutive grains whose neighbour lists are interleaved: a warp
-BLOCK = 2 * SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; each thread of the simulator costs time
+BLOCK = (
+    2 * SLICE if SIMULATED else 128
+)  # threads per block, a multiple of SLICE; each thread of the simulator costs time
 
 warnings.filterwarnings("ignore", message="Grid size")  # kernels with a thread per state use little of the GPU
 
@@ -33,6 +36,15 @@ def require_device() -> None:
             "the engine cuda needs an NVIDIA GPU with its driver, and numba-cuda: pip install 'labkit[cuda]', or "
             "choose the engine fused"
         )
+
+
+def bandwidth() -> float:
+    """Peak bandwidth of the memory of the device, bytes per second; NaN if the driver does not say."""
+    if SIMULATED:
+        return math.nan
+    device = cuda.get_current_device()
+    clock, width = (getattr(device, name, math.nan) for name in ("MEMORY_CLOCK_RATE", "GLOBAL_MEMORY_BUS_WIDTH"))
+    return 2.0 * clock * 1e3 * width / 8.0  # kHz, two transfers per cycle, bits
 
 
 def device_function(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> Any:

@@ -10,8 +10,8 @@ from labkit.engines.cuda.arrays import ENERGIES, GRID_CELLS, HISTORY
 from labkit.engines.cuda.device import BLOCK, cuda
 from labkit.errors import InputError
 
-# Entries of neighbour lists per grain, with those that fill up slices, where 2.9 contacts per grain leave 7.0 neighbours
-# closer than the skin: counted in 1,000 grains of the paper's grading at e = 0.60 and 0.5 MPa
+# Entries of neighbour lists per grain, with those that fill up slices, for 2.9 contacts and 7.0 neighbours per grain:
+# counted in 1,000 grains of the paper's grading at e = 0.60 and 0.5 MPa
 ENTRIES = 10.2
 SPARE = 1.25  # room for entries over those needed at the last search that did not fit
 
@@ -41,6 +41,6 @@ def require_room(grains: Sequence[int], precision: str) -> None:
     if needed > free:
         smaller = "fewer grains" if precision == "mixed" else "fewer grains, precision mixed"
         raise InputError(
-            f"{sum(grains):,} grains need about {needed / 1e9:.1f} GB of the GPU's memory, of which {free / 1e9:.1f} GB "
-            f"are free: give {smaller} or the engine fused"
+            f"{sum(grains):,} grains need about {needed / 1e9:.1f} GB of the GPU's memory, of which {free / 1e9:.1f} "
+            f"GB are free: give {smaller} or the engine fused"
         )

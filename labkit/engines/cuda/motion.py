@@ -43,8 +43,9 @@ def column(matrices: Any, s: int, k: int) -> Vector:
 
 
 def start_step(states: States) -> None:
-    """Start a step of each state that has steps left and needs neither a search nor a correction: move its cell. One thread per state.
+    """Start a step of each state that has steps left and needs neither a search nor a correction: move its cell.
 
+    One thread per state.
     A grain may have a neighbour that is not in its list if it has moved farther, in the cell of the last search, than
     half of the skin less the largest diameter times |F^-1 - 1|, with F the deformation of the cell since then.
     """

@@ -47,7 +47,7 @@ class Pool:
         self._batch: Batch | None = None
         self._places: dict[Turn, int] = {}
         self._stresses: np.ndarray | None = None  # of all States, once they have been computed
-        self._turns = [Turn(lambda turn, work=work: work(self._start(turn))) for work in works]
+        self._turns = [self._turn(work) for work in works]
 
     @property
     def batch(self) -> Batch:
@@ -55,7 +55,7 @@ class Pool:
         assert self._batch is not None, "no work has started an engine"
         return self._batch
 
-    def execute(self) -> list[BaseException | None]:
+    def execute(self) -> list[Exception | None]:
         """Do all works; return for each the exception that ended it, or None."""
         try:
             self._proceed(self._turns)
@@ -69,6 +69,9 @@ class Pool:
             if not isinstance(error, Exception):
                 raise
         return [turn.failure for turn in self._turns]
+
+    def _turn(self, work: Work) -> Turn:
+        return Turn(lambda turn: work(self._start(turn)))
 
     def _start(self, turn: Turn) -> Start:
         """The Start of a work: its first engine takes a place in the batch, every later one the same place."""

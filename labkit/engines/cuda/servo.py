@@ -66,9 +66,10 @@ def new_plans(n: int, rows: int) -> Plans:
 def put_plan(plans: Plans, i: int, plan: Corrections) -> None:
     """Copy the Corrections of the i-th state to the device."""
     rows, servo = len(plan.steps), plan.servo
-    flags = {"row": 0, "controlled": servo is not None, "anew": plan.anew, "isochoric": servo and servo.isochoric}
-    for name, value in flags.items():
-        _put(getattr(plans, name)[i : i + 1], np.array([bool(value)]))
+    isochoric = servo is not None and servo.isochoric
+    flags = {"row": False, "controlled": servo is not None, "anew": plan.anew, "isochoric": isochoric}
+    for name, flag in flags.items():
+        _put(getattr(plans, name)[i : i + 1], np.array([flag]))
     for name in ("steps", "gradient", "given", "exponential"):
         _put(getattr(plans, name)[i, :rows], getattr(plan, name))
     if servo is None:

@@ -20,7 +20,7 @@ class Turn:
     def __init__(self, function: Callable[[Turn], None]) -> None:
         """Does not start the function yet; it gets this object as its argument."""
         self.wanted: Any = None
-        self.failure: BaseException | None = None
+        self.failure: Exception | None = None
         self._function = function
         self._go, self._back = threading.Semaphore(0), threading.Semaphore(0)
         self._answer: Any = None
@@ -53,7 +53,7 @@ class Turn:
     def _run(self) -> None:
         try:
             self._function(self)
-        except BaseException as error:
+        except Exception as error:
             self.failure = error
         finally:
             self.wanted = None
