@@ -5,9 +5,10 @@ velocity gradient that the servo finds is, as six components in Mandel notation,
 
     x = K [(1 - a) P (b + d) - a limited(G (s - M sigma))]        G = g/(T dt) F (M C F)^-1        a = LOW_PASS
 
-with sigma the stress, s the targets, b the symmetric velocity gradient so far, M, F and C the measured stresses, the free
-rates and the stiffness of the cell, g/T the gain over the steps between corrections, and K = 1 for free components, else 0.
-P = F F^+ and d, the prescribed rates, count only if some rates are both prescribed and free, or keep the volume.
+with sigma the stress, s the targets, b the symmetric velocity gradient so far, M, F and C the measured stresses, the
+free rates and the stiffness of the cell, and g/T the gain over the steps between corrections; K is 1 for free
+components and 0 for others. P = F F^+ and d, the prescribed rates, are there only if some rates are both prescribed
+and free, or if the servo keeps the volume.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 python tests/engines/cuda_by_hand.py compile                    # all laws, and one of a user, for an H100
 NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py run  # a CP test, records against `fused`; some minutes
-NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py campaign   # killed and resumed, against uninterrupted; minutes
+NUMBA_ENABLE_CUDASIM=1 python tests/engines/cuda_by_hand.py campaign  # killed and resumed, some minutes
 
 `compile` needs numba-cuda[cu12].
 """
