@@ -76,7 +76,7 @@ def kernels_of(
         known[vectors.inverse_root] = device_function(vectors.inverse_root_single, known, SINGLE)
         for name, function in (("pair", pair), ("length_and_inverse", vectors.length_and_inverse)):
             names[name] = device_function(function, known, SINGLE)
-        names |= {"overlap_of": contacts.overlap_single, "KIND": np.float32}
+        names |= {"overlap_of": contacts.overlap_single, "rounded": contacts.rounded_single, "KIND": np.float32}
     modules = {"start_step": motion, "move": motion, "forces": contacts}
     modules |= {"correct": servo, "stress_of_blocks": contacts, "stress_of_states": contacts}
     return Kernels(*(kernel(getattr(modules.get(n, search), n), names, VERSION) for n in Kernels._fields))

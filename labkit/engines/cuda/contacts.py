@@ -35,8 +35,13 @@ STRESSES = 9  # components of the stress
 
 
 def rounded(v: Vector) -> Vector:
-    """A vector in the precision of contacts."""
-    return KIND(v[0]), KIND(v[1]), KIND(v[2])
+    """A vector in the precision of contacts, here double."""
+    return v
+
+
+def rounded_single(v: Vector) -> Any:
+    """A vector in single precision."""
+    return np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
 
 
 def double(v: Vector) -> Vector:
