@@ -30,7 +30,7 @@ class Common:
     engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
     ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
-    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the fused engine")
+    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engines fused and cuda")
 
 
 def _word(name: str, help: str, choices: object = None) -> Parameter:

@@ -76,7 +76,7 @@ def add_engine_options(parser: Options) -> None:
         "--precision",
         type=one_of(PRECISIONS),
         default="double",
-        help="double, or mixed on the fused engine: faster, with half of the numbers in single precision (default: "
+        help="double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision (default: "
         "double)",
     )
 

@@ -89,10 +89,16 @@ class Batch:
     def __len__(self) -> int:
         return len(self._start)
 
+    def takes(self, i: int, state: State) -> bool:
+        """True if a State can replace the i-th one: as many grains, the contact law and features of the batch."""
+        law = state.scene.contact_law
+        same = type(law) is self._law and shape_of(law.features(state.scene)) == self._shape
+        return same and state.number_of_grains == self._count[i]
+
     def load(self, i: int, state: State) -> None:
         """Replace the i-th state by one of as many grains. Raises InputError."""
-        if state.number_of_grains != self._count[i]:
-            raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many")
+        if not self.takes(i, state):
+            raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many, of the same law")
         self._put(i, state)
         self.failures[i], self._left[i] = None, 0
         self._search(np.arange(len(self)) == i, moving=0.0)
@@ -196,9 +202,9 @@ class Batch:
 
     def _put(self, i: int, state: State) -> None:
         """Copy a State to the device, without its neighbour list. Raises InputError."""
-        scene, law = state.scene, state.scene.contact_law
-        features = law.features(scene)
-        if type(law) is not self._law or shape_of(features) != self._shape:
+        scene = state.scene
+        features = scene.contact_law.features(scene)
+        if not self.takes(i, state):
             raise InputError(
                 f"state {i} of a batch has another contact law or other features, such as friction or rolling "
                 "resistance: put states with the same ones in a batch"

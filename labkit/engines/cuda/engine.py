@@ -32,6 +32,7 @@ class CudaEngine(Engine):
         if threads != 1:
             raise InputError("are not used by the engine cuda", field="threads", value=threads, allowed="1")
         self._precision = precision
+        self._batch: Batch | None = None
         self.load(state)
 
     @classmethod
@@ -58,29 +59,39 @@ class CudaEngine(Engine):
         return Pool(works, precision).execute()
 
     def load(self, state: State) -> None:
-        self._batch = Batch([state], self._precision)
+        if self._batch is not None and self._batch.takes(0, state):
+            self._batch.load(0, state)
+        else:
+            self._batch = None  # frees its memory
+            self._batch = Batch([state], self._precision)
         self._require_going()
 
+    @property
+    def batch(self) -> Batch:
+        """The batch of one State."""
+        assert self._batch is not None, "no state is loaded"
+        return self._batch
+
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        self._batch.advance(steps, np.asarray(velocity_gradient)[None])
+        self.batch.advance(steps, np.asarray(velocity_gradient)[None])
         self._require_going()
 
     def follow(self, corrections: Corrections) -> None:
-        self._batch.begin(0, corrections)
-        self._batch.run()
+        self.batch.begin(0, corrections)
+        self.batch.run()
         self._require_going()
 
     def _require_going(self) -> None:
         """Raise PhysicsError if the state failed."""
-        failure = self._batch.failures[0]
+        failure = self.batch.failures[0]
         if failure is not None:
             raise PhysicsError(failure)
 
     def stress(self) -> np.ndarray:
-        return self._batch.stress()[0]
+        return self.batch.stress()[0]
 
     def state(self) -> State:
-        return self._batch.state(0)
+        return self.batch.state(0)
 
     def stop_grains(self) -> None:
-        self._batch.stop_grains(0)
+        self.batch.stop_grains(0)
