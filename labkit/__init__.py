@@ -34,6 +34,7 @@ _NAMES = {
     "make_specimen": "runs.laboratory",
     "consolidate": "runs.laboratory",
     "run": "runs.laboratory",
+    "run_batch": "runs.batch",
     "probe": "runs.probes",
     "Probing": "dem.probes",
     "read_state": "dem.state",

@@ -6,6 +6,7 @@ items         contents of a campaign as value objects
 file          reads a campaign file; specimens, runs: its two sections
 own_files     user-supplied paths, laws and statistics (`use:`), copied into the campaign folder
 plan          jobs: commands of labkit, with the files that they read and write
+batches       runs that an engine advances together, as one job
 cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
 workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
 products      statistics of each run; report: the page on all runs

@@ -10,9 +10,10 @@ import dataclasses
 import heapq
 from collections.abc import Mapping
 
+from labkit.campaign.batches import batches_of
 from labkit.campaign.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, Run, schedule_of
 from labkit.campaign.plan import Job, Plan
-from labkit.campaign.speeds import Speed, likely_speed
+from labkit.campaign.speeds import Speed, known_speeds, likely_speed
 from labkit.dem.pace import expected_pace
 from labkit.dem.paths import Path
 from labkit.dem.schedule import Options, Schedule
@@ -108,6 +109,10 @@ def summary(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
         "(speeds measured on this computer); tests that end at a given stress take less",
         f"about {size_text(sum(cost.disk for cost in costs.values()))} of disk space",
     ]
+    lines += [
+        f"batch {batch.name}: {len(batch.jobs)} runs, about {size_text(batch.memory)} of the GPU's memory"
+        for batch in batches_of(plan)
+    ]
     return "\n".join(lines)
 
 
@@ -133,11 +138,16 @@ def announcement(task: Task, steps_done: int = 0) -> str:
     """
     grains, steps = _size(task)
     left = max(1.0 - steps_done / steps, 0.0)
-    seconds = left * task_seconds(task, task.engine)
     done = f", {1.0 - left:.0%} of them done" if steps_done else ""
     most = " at most" if isinstance(task, RunTask) and task.path.stops_early else ""
     about = "" if isinstance(task, RunTask) else "about "
-    line = f"{task.engine}, {about}{grains:,} grains, {about}{steps:,} steps{most}{done}, about {rough_time(seconds)}"
+    line = f"{task.engine}, {about}{grains:,} grains, {about}{steps:,} steps{most}{done}"
+    if ENGINES[task.engine].batches:
+        line += f", about {size_text(ENGINES[task.engine].batch_memory(grains, task.precision))} of the GPU's memory"
+        if known_speeds([task.engine]) is None:
+            return f"{line}; its speed on this computer is not known"
+    seconds = left * task_seconds(task, task.engine)
+    line += f", about {rough_time(seconds)}"
     if seconds > ENDLESS:
         return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
     fused = left * task_seconds(task, "fused")

@@ -33,7 +33,7 @@ from labkit.campaign.document import (
     scalar,
 )
 from labkit.campaign.items import Campaign
-from labkit.campaign.keys import file_keys
+from labkit.campaign.keys import GPU_MEMORY, file_keys
 from labkit.campaign.runs import check_run, read_runs
 from labkit.campaign.specimens import read_specimens
 from labkit.errors import InputError
@@ -82,7 +82,7 @@ def _use(root: MappingNode, folder: Path, errors: Errors) -> None:
 
 def _campaign(root: MappingNode, stem: str, errors: Errors) -> Campaign:
     top = read_fields(root, file_keys(), "the file", errors, sections=(USE, *SECTIONS), line=1)
-    name = top.values.pop("name", stem)
+    name, memory = top.values.pop("name", stem), top.values.pop(GPU_MEMORY.name, None)
     if not NAME.fullmatch(name):
         top.error(f"the name {name!r} cannot be the name of a folder: use letters, digits, _ . -", "name")
     nodes = {entry.name: entry.value for entry in entries(root, "the file", Errors())}
@@ -93,7 +93,7 @@ def _campaign(root: MappingNode, stem: str, errors: Errors) -> Campaign:
     specimens = read_specimens(specimen_entries, top.values, errors)
     runs = read_runs(run_entries, top.values, specimens, errors)
     used = tuple(map(Path, extensions.used()))
-    campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used)
+    campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used, memory)
     for run, fields in runs:
         check_run(campaign, run, fields)
     return campaign

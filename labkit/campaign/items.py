@@ -79,7 +79,8 @@ Item = Specimen | Consolidated | Run
 class Campaign:
     """Contents of a campaign file with its lists expanded; specimen names are unique, and so are run names.
 
-    use: user-supplied Python files that it needs, see labkit.extensions.
+    use: user-supplied Python files that it needs, see labkit.extensions; gpu_memory: of the GPU that its runs use
+    together, GB, None for that of the GPU of this computer.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Campaign:
     consolidated: tuple[Consolidated, ...]
     runs: tuple[Run, ...]
     use: tuple[File, ...] = ()
+    gpu_memory: float | None = None
 
     def origin(self, name: str) -> Specimen:
         """The Specimen from which the named specimen is derived, or that specimen itself."""

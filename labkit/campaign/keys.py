@@ -30,7 +30,7 @@ class Common:
     engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
     ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
-    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the fused engine")
+    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engines fused and cuda")
 
 
 def _word(name: str, help: str, choices: object = None) -> Parameter:
@@ -41,6 +41,19 @@ NAME = _word("name", "name of the campaign and of its folder")
 PATH = _word("path", "loading path", PATHS)
 SPECIMEN = _word("specimen", "specimen to start from")
 FROM = _word("from", "specimen to consolidate")
+GPU_MEMORY = Parameter(
+    "gpu_memory",
+    None,
+    "memory of the GPU for the runs of a batch (default: asked from the GPU of this computer)",
+    "GB",
+    float,
+    -math.inf,
+    1e6,
+    0.0,
+    None,
+    True,
+    True,
+)
 
 
 def options_of(kind: type) -> Keys:
@@ -56,7 +69,8 @@ def given(values: Mapping[str, Any], kind: type) -> dict[str, Any]:
 
 def file_keys() -> Keys:
     """Keys at the top of the file, used as defaults: those of Scene for specimens, those of Options for runs."""
-    return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
+    own = {known.name: known for known in (NAME, GPU_MEMORY)}
+    return {**own, **options_of(Scene), **options_of(Options), **options_of(Common)}
 
 
 def specimen_keys() -> Keys:

@@ -125,7 +125,7 @@ def command(cores: int, profile: str | None) -> list[str]:
         "rules",
     ]
     if profile is None:
-        arguments += ["--cores", str(cores)]
+        arguments += ["--cores", str(cores), "--resources", "gpu=1"]
     else:
         arguments += ["--profile", str(profile_folder(profile))]
     return [sys.executable, "-m", "snakemake", *arguments]

@@ -76,8 +76,8 @@ def add_engine_options(parser: Options) -> None:
         "--precision",
         type=one_of(PRECISIONS),
         default="double",
-        help="double, or mixed on the fused engine: faster, with half of the numbers in single precision (default: "
-        "double)",
+        help="double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision "
+        "(default: double)",
     )
 
 

@@ -15,10 +15,11 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("specimen", metavar="SPECIMEN", help="state file")
     parser.add_argument(
         "--what",
-        choices=("engines", "commands", "features", "laws", "sizes", "threads"),
+        choices=("engines", "commands", "features", "gpu", "laws", "sizes", "threads"),
         default="engines",
         help="compare engines (default), whole commands `labkit run cv` with LAMMPS, features of the fused engine by "
-        "their cost, contact laws, specimens of several sizes, or threads of the fused engine on free and busy cores",
+        "their cost, batches of specimens on a GPU, contact laws, specimens of several sizes, or threads of the fused "
+        "engine on free and busy cores",
     )
     parser.add_argument(
         "--steps", type=positive_int, default=500, metavar="N", help="steps per measurement (default: 500)"
@@ -33,7 +34,7 @@ def bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strain", type=fraction, default=0.1, metavar="E", help="axial strain of whole commands (default: 0.1)"
     )
-    parser.add_argument("--csv", metavar="FILE", help="also write the table of `commands` or `sizes` as CSV")
+    parser.add_argument("--csv", metavar="FILE", help="also write the table of `commands`, `gpu` or `sizes` as CSV")
 
 
 @command("bench", bench_options)
@@ -62,6 +63,17 @@ def do_bench(options: argparse.Namespace, argv: list[str]) -> None:
         from labkit.bench.threads import threads
 
         print(threads(options.specimen, 10 * options.steps, options.rounds, progress))
+        return
+    if options.what == "gpu":
+        from labkit.bench.gpu import gpu
+        from labkit.bench.gpu import table as text_of
+        from labkit.engines.cuda.device import require_device
+
+        require_device()
+        measured = gpu(state, progress)
+        print(text_of(measured))
+        if options.csv:
+            write_with_provenance(options.csv, measured.to_csv(index=False, float_format="%.4g"), [options.specimen])
         return
     if options.what == "laws":
         from labkit.bench.laws import laws

@@ -88,10 +88,17 @@ def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
 def require_possible(plan: Plan, folder: Path, options: argparse.Namespace) -> None:
     """Raises InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
     from labkit.campaign import workflow
-    from labkit.engines import find_yade
+    from labkit.campaign.batches import batched
+    from labkit.engines import ENGINES, find_yade
+    from labkit.errors import InputError
 
     if "yade" in plan.engines and options.profile is None:
         find_yade()
+    if options.profile is None:
+        for engine in plan.engines:
+            ENGINES[engine].require_here()
+    elif any(map(batched, plan.runs)) and plan.campaign.gpu_memory is None:
+        raise InputError("gpu_memory is missing in the campaign file: give that of a GPU of the cluster, e.g. 80 GB")
     require_writable(folder / "campaign.tmp" if folder.exists() else folder.parent / "campaign")
     if not options.dry_run:
         workflow.require_snakemake(options.profile)

@@ -117,7 +117,8 @@ DESCRIPTIONS = {
     "bench": (
         "Measures the speed of a CV test: of a stock YADE script, labkit's engines and LAMMPS, where installed. "
         "Prints a table.",
-        "labkit bench s.state.nc --steps 500",
+        "labkit bench s.state.nc --steps 500\n"
+        "labkit bench s.state.nc --what gpu --csv gpu.csv      # batches of specimens on a GPU",
     ),
     "bench-statistics": (
         "Measures the time and memory of each statistic of a run. Prints a table.",

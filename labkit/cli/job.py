@@ -2,7 +2,8 @@
 
 For a specimen, a consolidation or a run, the job runs the command of its recipe. It writes to a temporary file that is
 moved into place when finished, so that a workflow engine that removes the outputs of a failed job does not delete its
-checkpoint. Its output goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
+checkpoint. Its output goes to its log. The other kinds are `batch`, the runs of a batch together, `statistics` and
+`figure` of a run, and `report`.
 """
 
 from __future__ import annotations
@@ -19,8 +20,12 @@ from labkit.campaign.own_files import read_copy
 from labkit.campaign.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
 from labkit.campaign.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
+from labkit.cli.dispatch import parser_for
+from labkit.cli.registry import find
+from labkit.cli.simulate import history_of, run_task
 from labkit.engines import die_with_parent
-from labkit.errors import InputError, PhysicsError, exit_code, fail, sentence
+from labkit.engines.tasks import RunTask
+from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 
 
 def main(kind: str, *name: str) -> int:
@@ -30,12 +35,17 @@ def main(kind: str, *name: str) -> int:
     if not campaign_lives():  # killed while this job was starting
         return fail("the campaign was killed", 1)
     plan = plan_of(read_copy())
-    products: dict[str, Callable[..., None]] = {"statistics": statistics, "figure": figure, "report": report}
+    products: dict[str, Callable[..., None]] = {
+        "batch": batch,
+        "statistics": statistics,
+        "figure": figure,
+        "report": report,
+    }
     if kind not in products:
         return simulate(next(job for job in plan.jobs if (job.kind, job.name) == (kind, *name)))
     try:
         products[kind](plan, *name)
-    except (InputError, PhysicsError) as error:
+    except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error), exit_code(error))
     return 0
 
@@ -68,6 +78,19 @@ def _run_and_move(job: Job) -> int:
         for other in Path(job.unfinished).parent.glob(f"{job.name}.{'?' * 12}.{job.ending}"):
             other.unlink()  # written with earlier parameters
     return code
+
+
+def batch(plan: Plan, name: str) -> None:
+    """Carries out the runs of a batch."""
+    from labkit.campaign.batches import batches_of, carry_out
+
+    carry_out(next(one for one in batches_of(plan) if one.name == name), task_of)
+
+
+def task_of(job: Job) -> RunTask:
+    """The task of a run that its command describes. Raises InputError."""
+    options = parser_for(find("run"), job.command).parse_args(job.command)
+    return run_task(options, history_of(job.command))
 
 
 def statistics(plan: Plan, name: str) -> None:

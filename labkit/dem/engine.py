@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from typing import ClassVar
 
 import numpy as np
 
+from labkit.dem.corrections import Corrections
 from labkit.dem.instant import Instant
 from labkit.dem.loading import Path
 from labkit.dem.scene import Scene
@@ -29,6 +30,8 @@ class Engine(abc.ABC):
     name: ClassVar[str]
     parallel: ClassVar[str] = "threads"  # or "ranks", if it runs on several processes over MPI
     precisions: ClassVar[tuple[str, ...]] = ("double",)  # the constructor takes any other as `precision`
+    follows: ClassVar[bool] = False  # True if `follow` runs the servo in the engine
+    batches: ClassVar[bool] = False  # True if `together` advances the States of several runs at once
     version: str
 
     @classmethod
@@ -47,6 +50,34 @@ class Engine(abc.ABC):
         return
 
     @classmethod
+    def require_here(cls) -> None:
+        """Raise InputError if this computer lacks what the engine needs, such as a GPU; by default it needs nothing."""
+        return
+
+    @classmethod
+    def batch_key(cls, scene: Scene) -> Hashable:
+        """Runs whose scenes have equal keys can be in one batch; for an engine with `batches`."""
+        raise NotImplementedError
+
+    @classmethod
+    def batch_memory(cls, grains: int, precision: str = "double") -> float:
+        """Memory, bytes, that a State with this number of grains takes in a batch."""
+        raise NotImplementedError
+
+    @classmethod
+    def batch_room(cls) -> float:
+        """Memory, bytes, for all States of a batch on this computer. Raises InputError if it has no such device."""
+        raise NotImplementedError
+
+    @classmethod
+    def together(cls, works: Sequence[Callable[[Start], None]], precision: str = "double") -> list[Exception | None]:
+        """Do works that each advance a State with engines from the Start that they get, all States together.
+
+        Returns for each work the exception that ended it, or None. The failure of one work does not stop the others.
+        """
+        raise NotImplementedError
+
+    @classmethod
     def require_path(cls, path: Path) -> None:
         """Raise InputError if the engine cannot follow the path; by default it can follow any."""
         return
@@ -54,6 +85,10 @@ class Engine(abc.ABC):
     @abc.abstractmethod
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         """Advance a number of steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
+
+    def follow(self, corrections: Corrections) -> None:
+        """Advance by the steps of the corrections, of which the engine runs the servo; for an engine that `follows`."""
+        raise NotImplementedError
 
     @abc.abstractmethod
     def stress(self) -> np.ndarray:

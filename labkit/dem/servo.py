@@ -102,13 +102,13 @@ def velocity_gradient(
     given = sign * path.axial_rate * path.flow(travelled)
     control = control or path.control()
     if control is None:
-        return _exact(given, time_step)
+        return exact_gradient(given, time_step)
     if stress is None or stiffness is None or before is None:
         raise InputError(f"path {path.name} controls a stress: give `stress`, `stiffness` and `before`")
     servoed = _servoed(path, control, given, time_step, stress, stiffness, before, servo, travelled)
     if control.isochoric and np.trace(given) == 0.0:
-        return _exact(given - servoed, time_step)
-    return _exact(given, time_step) + servoed
+        return exact_gradient(given - servoed, time_step)
+    return exact_gradient(given, time_step) + servoed
 
 
 def _servoed(
@@ -143,8 +143,8 @@ def _servoed(
     return to_tensor(found)
 
 
-def _exact(rate: np.ndarray, time_step: float) -> np.ndarray:
-    """L (3, 3) with 1 + L dt = exp(-rate dt), 1/s."""
+def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:
+    """L (3, 3) with 1 + L dt = exp(-rate dt), 1/s, for prescribed rates (3, 3), 1/s."""
     if np.array_equal(rate, np.diag(np.diag(rate))):
         return np.diag(np.expm1(-np.diag(rate) * time_step) / time_step)
     power = term = -rate

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
@@ -12,8 +11,10 @@ import numpy as np
 
 from labkit.dem import lattice
 from labkit.dem.checkpoint import Checkpoint, Position
-from labkit.dem.conditions import Condition, condition
+from labkit.dem.conditions import condition
 from labkit.dem.consolidation import consolidate, pressure_error
+from labkit.dem.corrections import AHEAD, Planner
+from labkit.dem.endings import require_false_at_start, require_sane, unfinished
 from labkit.dem.energy import opened, require_balanced
 from labkit.dem.engine import Progress, Start, silent
 from labkit.dem.instant import Instant
@@ -27,7 +28,7 @@ from labkit.dem.schedule import Options, Schedule
 from labkit.dem.servo import velocity_gradient
 from labkit.dem.specimen import ready
 from labkit.dem.state import State
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import Interrupted
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.stress import love_stress, mean_stress
 
@@ -120,7 +121,7 @@ class _Loop:
             self.position = dataclasses.replace(self.position, stress=self.engine.stress())
             self.enter_leg()
             self.record(Instant(state), last=False)
-            _require_false_at_start(self.stop_when, self.first)
+            require_false_at_start(self.stop_when, self.first)
             self.recorder.save(self.checkpoint(state, False))
 
     @property
@@ -233,6 +234,9 @@ class _Loop:
         on_stress = self.path.reverses_on_stress
         turned, stress = False, None  # of this instant, if it was needed
         while self.step < end and not self.stopped and not turned and not signals.caught:
+            if self.engine.follows and not self.path.stops_early and not on_stress:
+                self.follow(end)
+                continue
             if self.control and stress is None:
                 stress = self.engine.stress()
             starting = self.leg.restarts and self.place == self.leg.first  # other stresses may be held from now on
@@ -247,8 +251,7 @@ class _Loop:
                 self.travelled,
                 self.control,
             )
-            steps = min(self.options.servo.interval if self.control or on_stress else LISTEN, end - self.step)
-            steps = min(steps, self.steps_to_change())
+            steps = self.interval(end)
             self.engine.advance(steps, self.gradient)
             self.step += steps
             stress = None
@@ -261,10 +264,23 @@ class _Loop:
                 self.stopped = self.stopped or self.number + 1 == self.path.legs()
         return turned
 
-    def steps_to_change(self) -> int:
-        """Time steps to the next abrupt change of the prescribed rates within the leg, at least one."""
+    def interval(self, end: int) -> int:
+        """Time steps to the next correction: at most to the step `end`, or to an abrupt change of the given rates."""
+        feedback = self.control or self.path.reverses_on_stress
+        steps = min(self.options.servo.interval if feedback else LISTEN, end - self.step)
         missing = (self.leg.next_change(self.travelled) - self.travelled) / (self.leg.axial_rate * self.time_step)
-        return max(1, round(missing)) if missing < self.schedule.steps else self.schedule.steps
+        return min(steps, max(1, round(missing))) if missing < self.schedule.steps else steps
+
+    def follow(self, end: int) -> None:
+        """Advance up to the step `end`, at most AHEAD steps, with an engine that runs the servo itself."""
+        first = self.step
+        anew = self.leg.restarts and self.place == self.leg.first
+        planner = Planner(self.leg, self.control, self.time_step)
+        while self.step < min(end, first + AHEAD):
+            steps = self.interval(end)
+            planner.add(steps, self.travelled)
+            self.step += steps
+        self.engine.follow(planner.corrections(self.stiffness, self.options.servo, anew))
 
     def record(self, instant: Instant, last: bool, turned: bool = False) -> bool:
         state = instant.brief
@@ -330,21 +346,3 @@ class _Loop:
         """The Checkpoint of a State of this run."""
         seconds, created = self.wall_before + time.monotonic() - self.started, self.ratcheting.copied()
         return Checkpoint(state, complete, seconds, self.threads, self.position, self.ended_because, created)
-
-
-def unfinished(reason: str, file: File) -> PhysicsError:
-    """The error of a run that cannot be completed."""
-    return PhysicsError(f"{reason}; the records up to there are in {file} (complete = 0)")
-
-
-def _require_false_at_start(stop_when: Condition | None, first: Mapping[str, Any]) -> None:
-    """Raise InputError if the condition that ends a run is met before it starts."""
-    if stop_when is not None and stop_when.holds(first, first):
-        problem, allowed = "is already met at the start", "a condition that is met later on the path"
-        raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
-
-
-def require_sane(values: dict[str, Any], step: int) -> None:
-    """Raise PhysicsError if a record shows that the integration has become unstable."""
-    if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is
-        raise PhysicsError(f"positions became NaN at step {step}: the time step is too large")

@@ -7,6 +7,7 @@ child         an engine in a child process
 fused         labkit's own compiled engine; its loop is in kernel/
 cuda          States on a GPU; needs numba-cuda
 threads       number of threads of the fused engine
+batches       runs that an engine advances together
 tasks         specimens, consolidations and runs as values that any engine can execute
 speed         speed of an engine, measured in a separate process
 """

@@ -16,7 +16,7 @@ from pathlib import Path as File
 from typing import Any, ClassVar
 
 from labkit.dem import compression, consolidation, probes, simulation, specimen, stratified
-from labkit.dem.engine import Progress, Start, silent
+from labkit.dem.engine import Engine, Progress, Start, silent
 from labkit.dem.interim import interim_of
 from labkit.dem.limits import rate_warning, require_pressure
 from labkit.dem.paths import Path, path_of
@@ -213,11 +213,15 @@ class RunTask(_OfState):
         return rate_warning(self.path, self.state, self.options.inertial_number)
 
     def do(self, progress: Progress) -> None:
+        self.do_with(self.start, progress)
+
+    def do_with(self, start: Start, progress: Progress) -> None:
+        """Do the task with engines from `start`."""
         if self.output is None:
             raise InputError("a run needs an output file: set `output`")
         require_pressure(self.path, self.scene)
         state = self.with_origin(self.state, self.inputs)
-        simulation.run(state, self.path, File(self.output), self.start, self.options, progress)
+        simulation.run(state, self.path, File(self.output), start, self.options, progress)
 
     def values(self, folder: File) -> dict[str, Any]:
         known = {"path": self.path.name, "parameters": self.path.parameters()}
@@ -271,14 +275,21 @@ _TASKS: tuple[type[Task], ...] = (SpecimenTask, LayerTask, ConsolidationTask, Re
 KINDS: dict[str, type[Task]] = {kind.kind: kind for kind in _TASKS}
 
 
+def require_possible(task: Task) -> type[Engine]:
+    """The class of the engine of a task. Raises InputError if it cannot execute the task, or not on this computer."""
+    kind = require_engine(task.engine, task.scene, task.precision)
+    for path in _paths(task):
+        kind.require_path(path.for_scene(task.scene))
+    kind.require_here()
+    return kind
+
+
 def execute(task: Task, progress: Progress = silent) -> State | None:
     """Run a task in the process that its engine needs; return the resulting State, or None for runs.
 
     Raises InputError, PhysicsError or Interrupted, in either process.
     """
-    kind = require_engine(task.engine, task.scene, task.precision)
-    for path in _paths(task):
-        kind.require_path(path.for_scene(task.scene))
+    kind = require_possible(task)
     if kind.here():
         with one_blas_thread():
             return task.do(progress)

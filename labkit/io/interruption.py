@@ -25,15 +25,29 @@ class Signals:
 def stop_on_signals() -> Iterator[Signals]:
     """Context in which SIGINT, SIGTERM and SIGHUP only store their number in the Signals object.
 
-    Python lets only the main thread handle signals: in other threads, none are caught.
+    Python lets only the main thread handle signals: a thread shares the Signals that the main thread is catching, if
+    any, and otherwise none are caught.
     """
+    in_main = threading.current_thread() is threading.main_thread()
+    if not in_main and _CAUGHT:
+        yield _CAUGHT[-1]
+        return
     signals = Signals()
 
     def catch(number: int, frame: FrameType | None) -> None:
         signals.caught = number
 
     with handled((signal.SIGINT, *ending_signals()), catch):
-        yield signals
+        if in_main:
+            _CAUGHT.append(signals)
+        try:
+            yield signals
+        finally:
+            if in_main:
+                _CAUGHT.pop()
+
+
+_CAUGHT: list[Signals] = []  # by the main thread at present, from the outermost context inwards
 
 
 @contextlib.contextmanager

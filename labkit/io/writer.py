@@ -10,13 +10,17 @@ import gc
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for
+from typing import ClassVar
 
 LEAST_PAUSE = 5.0  # s between the starts of two writes
 SHARE = 0.05  # of the time may be spent on writing
 
 
 class Writer:
-    """Runs one function at a time in a thread of its own."""
+    """Runs one function at a time in a thread of its own, and only while no other Writer of the process does."""
+
+    _latest: ClassVar[Future[None] | None] = None  # of any Writer
 
     def __init__(self) -> None:
         """Starts no thread yet."""
@@ -27,10 +31,11 @@ class Writer:
 
     def start(self, write: Callable[[], None]) -> None:
         """Start to run a function; the previous one must have ended (`wait`)."""
+        self._wait_for_others()
         self._started = time.monotonic()
         self._collects = gc.isenabled()
         gc.disable()
-        self._running = self._executor.submit(self._timed, write)
+        self._running = Writer._latest = self._executor.submit(self._timed, write)
 
     def is_due(self) -> bool:
         """True if a write should start now: none is running, and the pause since the last one was long enough."""
@@ -39,7 +44,8 @@ class Writer:
         return time.monotonic() - self._started >= max(LEAST_PAUSE, self._took / SHARE)
 
     def wait(self) -> None:
-        """Wait for the running function. Raises the exception with which it ended."""
+        """Wait for the running function, of any Writer. Raises the exception with which that of this one ended."""
+        self._wait_for_others()
         running, self._running = self._running, None
         if running is None:
             return
@@ -48,6 +54,10 @@ class Writer:
         finally:
             if self._collects:
                 gc.enable()
+
+    def _wait_for_others(self) -> None:
+        if Writer._latest is not None and Writer._latest is not self._running:
+            wait_for([Writer._latest])
 
     def close(self) -> None:
         """Wait for the running function and end the thread. Raises the exception with which the function ended."""

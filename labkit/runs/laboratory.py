@@ -13,11 +13,12 @@ import dataclasses
 import os
 import tempfile
 import warnings
+from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
 from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import rate_warning, require_pressure
+from labkit.dem.limits import require_pressure
 from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
@@ -112,25 +113,11 @@ def run(
     Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
     Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
-    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
-    _require(path, Path, "path", "labkit.paths.ConstantVolume()")
-    known = [field.name for field in dataclasses.fields(Options)]
-    for name in recording:
-        if name not in known:
-            raise InputError("is not an argument of labkit.run", field=name, allowed=", ".join(known))
-    options = dataclasses.replace(options or Options(), **recording)
-    require_one_rate(path, options)
-    path = path.for_scene(state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
-    require_pressure(path, state.scene)
-    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
-    warning = rate_warning(path, state, options.inertial_number)
-    if warning is not None:
-        warnings.warn(warning, stacklevel=2)
-    shown = _shown(progress, path.name)
+    options = recording_options("labkit.run", options, recording)
     count = processors(engine, threads, ranks)
-    task = RunTask(
-        state=state, path=path, engine=engine, threads=count, precision=precision, output=str(file), options=options
-    )
+    task = run_task(state, path, engine=engine, threads=count, precision=precision, output=str(file), options=options)
+    warn_of_rate(task)
+    shown = _shown(progress, task.path.name)
     if file is not None:
         require_writable(file, "run")
         execute(task, shown)
@@ -148,6 +135,32 @@ def run(
         with Run.open(output).data as data:
             data.load().encoding.pop("source", None)  # the temporary file, about to be deleted
             return Run(data)
+
+
+def recording_options(function: str, options: Options | None, recording: Mapping[str, Any]) -> Options:
+    """The Options with some fields replaced, which are arguments of a function. Raises InputError for others."""
+    known = [field.name for field in dataclasses.fields(Options)]
+    for name in recording:
+        if name not in known:
+            raise InputError(f"is not an argument of {function}", field=name, allowed=", ".join(known))
+    return dataclasses.replace(options or Options(), **recording)
+
+
+def run_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
+    """The task that loads a specimen along a path; common: engine, threads, precision and output. Raises InputError."""
+    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
+    _require(path, Path, "path", "labkit.paths.ConstantVolume()")
+    require_one_rate(path, options)
+    path = path.for_scene(state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    require_pressure(path, state.scene)
+    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
+    return RunTask(state=state, path=path, options=options, **common)
+
+
+def warn_of_rate(task: RunTask) -> None:
+    """Warn the caller of a function of this package if the rate of a task is likely to be wrong."""
+    if task.warning is not None:
+        warnings.warn(task.warning, stacklevel=3)
 
 
 def _output(file: str | os.PathLike[str] | None) -> str | None:

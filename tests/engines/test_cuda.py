@@ -2,11 +2,11 @@
 
 import os
 
-import numba
 import numpy as np
 import pytest
 
 from labkit.dem.laws import LAWS
+from labkit.dem.laws.spring_dashpot import SpringDashpot
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe, make_specimen
 from labkit.dem.state import grains_in_cell, write_state
@@ -14,12 +14,7 @@ from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.io.schema import STATE
-
-with pytest.MonkeyPatch.context() as patch:  # at the first import of numba.cuda
-    patch.setenv("NUMBA_ENABLE_CUDASIM", "1")
-    patch.setattr(numba.config, "ENABLE_CUDASIM", True)
-    from labkit.engines.cuda.batch import LOST, Batch
-    from labkit.engines.cuda.engine import CudaEngine
+from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, memory
 
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
@@ -60,11 +55,6 @@ def require_equal(ours, others, stress, other_stress, tolerance):
         assert np.isclose(getattr(losses, name), value, rtol=10.0 * tolerance, atol=0.0), name
 
 
-def bits(state):
-    """Everything in a State that a simulation changes, as bytes."""
-    return [np.ascontiguousarray(getattr(state, name)).tobytes() for name in STATE] + [repr(state.ledger)]
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_after_one_step_the_forces_are_those_of_fused(law, small):
     state = sheared(small, Scene(law=law, friction=0.3))
@@ -76,6 +66,41 @@ def test_after_one_step_the_forces_are_those_of_fused(law, small):
     assert np.abs(end.tangential_force).max() > 0.0 and end.ledger.friction_loss > 0.0
     assert (end.step, end.time) == (state.step + 1, state.time + state.time_step)
     require_equal(end, fused.state(), ours.stress(), fused.stress(), 1e-12)
+
+
+@pytest.mark.parametrize("law", ["rolling_resistance", "spring_dashpot"])
+def test_in_mixed_precision_forces_are_those_of_fused_within_rounding(law, small):
+    """A run that goes through a checkpoint has the bits of one that is resumed from it."""
+    state = sheared(small, Scene(law=law, friction=0.3)).replace(scene=Scene(law=law, friction=0.25))
+    ours, fused = CudaEngine(state, precision="mixed"), FusedEngine(state, precision="mixed")
+    for engine in (ours, fused):
+        engine.advance(1, SHEAR)
+    end = ours.state()
+    require_equal(end, fused.state(), ours.stress(), fused.stress(), 1e-6)
+    assert end.precision == "mixed"
+    assert np.array_equal(end.tangential_force, end.tangential_force.astype(np.float32))
+    resumed = CudaEngine(ours.reload(), precision="mixed")
+    for engine in (ours, resumed):
+        engine.advance(1, SHEAR)
+    assert bits(ours.state()) == bits(resumed.state())
+
+
+SEEN, pair_of_law = set(), SpringDashpot.pair
+
+
+def watched(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
+    """`pair` of a law; notes the types of the numbers that it gets and returns."""
+    response = pair_of_law(contact, t, m, dt, constants, friction, rolling, dashpots, energy)
+    for value in (*contact, t, m, dt, constants, friction, rolling, dashpots, *response):
+        SEEN.update(map(type, value if isinstance(value, tuple) else (value,)))
+    return response
+
+
+def test_in_mixed_precision_all_arguments_of_a_law_are_single(small, monkeypatch):
+    """A single double would turn most of its arithmetic on the GPU into double precision."""
+    monkeypatch.setattr(SpringDashpot, "pair", staticmethod(watched))
+    CudaEngine(small, precision="mixed").advance(1, SHEAR)
+    assert SEEN == {np.float32}
 
 
 def test_without_friction_the_forces_are_those_of_fused(small):
@@ -156,6 +181,28 @@ def test_states_with_different_laws_are_refused(small):
     other = small.replace(scene=Scene(law="rolling_resistance"))
     with pytest.raises(InputError, match="state 1 of a batch has another contact law"):
         Batch([small, other])
+
+
+@pytest.mark.parametrize("precision", ["double", "mixed"])
+def test_the_memory_is_that_of_the_arrays(specimen, precision):
+    batch = Batch([specimen], precision)
+    arrays = [array for part in (batch._grains, batch._lists, batch._grid) for array in part]
+    actual = sum(array.size * array.dtype.itemsize for array in arrays)
+    ratio = memory.memory_of(specimen.number_of_grains, precision) / actual
+    assert 0.9 < ratio < 1.35  # the simulator has shorter slices, and fills up less
+
+
+def test_a_specimen_that_does_not_fit_is_refused_in_one_line(small, monkeypatch):
+    class Full:
+        free, total = 1e5, 1e9
+
+        def get_memory_info(self):
+            return self
+
+    monkeypatch.setattr(memory.cuda, "current_context", Full)
+    many = small.replace(radius=np.full(10**6, 85e-6), position=np.zeros((10**6, 3)))
+    with pytest.raises(InputError, match=r"^1,000,000 grains need about 2\.\d GB of the GPU's memory, of which 0\.0 "):
+        CudaEngine(many)
 
 
 def test_without_a_gpu_the_message_is_one_line(small, tmp_path, labkit_process):

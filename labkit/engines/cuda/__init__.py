@@ -8,8 +8,12 @@ motion.py    kernels that move cells and grains
 contacts.py  kernels of contact forces, with the contact law, and of Love's stress
 scalars.py   functions of numpy for one number
 build.py     compiles the kernels for one contact law
+servo.py     kernels of the servo
+memory.py    memory that States take
 batch.py     States that advance together
 engine.py    the engine: a batch of one State
+turns.py     threads that take turns
+pool.py      runs whose States are in one batch
 
 Each grain has a list of its neighbours and computes its own contacts, so each contact is computed twice, from the same
 numbers in the same order, and with the same bits. No sum depends on the order in which threads run: results are

@@ -20,12 +20,14 @@ from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, ENERGIES = range(5)
 
 HISTORY = 6  # rows of history: tangential force and rolling moment
+GRID_CELLS = 32  # most grid cells per grain
 
 
 class States(NamedTuple):
     """One row per state, n in all.
 
-    first, grains (n,): first grain and number of grains; left (n,): steps left to do; running (n,): 1 if the state
+    first, grains (n,): first grain and number of grains; left, until (n,): steps left to do, and to the next
+    correction of the velocity gradient; running (n,): 1 if the state
     takes part in the step; due (n,): 1 if it needs a search; time_step, skin, diameter, limit (n,): time step, s,
     Verlet skin and largest diameter, m, and square of the distance that a grain may move before a search, m2; cell,
     first_cell, back, drift (n, 3, 3): cell, m, that of the last search, the inverse of the deformation since, and the
@@ -36,6 +38,7 @@ class States(NamedTuple):
     first: Any
     grains: Any
     left: Any
+    until: Any
     running: Any
     due: Any
     time_step: Any
@@ -125,7 +128,7 @@ def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> Any:
 def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
     """States with these first grains and numbers of grains (n,); numbers: of a row of `law`."""
     n = len(first)
-    counters, scalars = (zeros(n, np.int32) for _ in range(3)), (zeros(n) for _ in range(4))
+    counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(4))
     matrices = (zeros((n, 3, 3)) for _ in range(7))
     of_host = cuda.to_device(first), cuda.to_device(grains)
     return States._make((*of_host, *counters, *scalars, *matrices, zeros((n, numbers))))
@@ -139,16 +142,17 @@ def new_grains(state: np.ndarray) -> Grains:
     return Grains._make((of_blocks, zeros(g, np.int32), *scalars, *vectors, zeros((ENERGIES, g))))
 
 
-def new_lists(n: int, grains: int) -> Lists:
-    """Lists of n states without room for neighbours."""
+def new_lists(n: int, grains: int, kind: type = np.float64) -> Lists:
+    """Lists of n states without room for neighbours; kind: type of stiffness and history."""
     of_states = zeros(n, np.int32), zeros((2, n), np.int64)
     of_grains = zeros((2, grains), np.int32), zeros((2, grains // SLICE), np.int64)
-    return Lists(*of_states, *of_grains, zeros(1, np.int32), zeros((3, 1), np.int16), zeros(1), zeros((HISTORY, 1)))
+    of_entries = zeros(1, np.int32), zeros((3, 1), np.int16), zeros(1, kind), zeros((HISTORY, 1), kind)
+    return Lists(*of_states, *of_grains, *of_entries)
 
 
 def new_grid(count: np.ndarray, grains: int) -> Grid:
     """Grids for states of `count` (n,) grains, as many grid cells as labkit.engines.kernel.neighbours may need."""
-    cells = 8 * (4 * count + 64) + 1
+    cells = GRID_CELLS * (count + 16) + 1
     n, c = len(count), int(cells.sum())
     return Grid(
         searching=zeros(n, np.int32),

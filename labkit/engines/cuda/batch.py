@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import labkit
+from labkit.dem.corrections import AHEAD, Corrections
 from labkit.dem.energy import kinetic_energy
 from labkit.dem.state import State
 from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, take, zeros
@@ -15,12 +16,13 @@ from labkit.engines.cuda.build import kernels_for, row_of, shape_of
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
 from labkit.engines.cuda.listing import Listing, contacts_of, entries, listing_of, spread
+from labkit.engines.cuda.memory import KINDS, SPARE, require_room
+from labkit.engines.cuda.servo import new_plans, put_plan
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
 from labkit.errors import InputError, PhysicsError
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
 CHUNK = 50  # most steps between two looks at whether a search is due
-SPARE = 1.25  # room for entries over those needed at the last search that did not fit
 
 LOST = "a grain is lost or its position became NaN: the time step is too large"
 
@@ -43,14 +45,18 @@ class Batch:
     others, and the results of a state have the same bits in any batch.
     """
 
-    def __init__(self, states: Sequence[State]) -> None:
-        """Load the states; compile the kernels at the first use of a contact law. Raises InputError."""
+    def __init__(self, states: Sequence[State], precision: str = "double") -> None:
+        """Load the states; compile the kernels at the first use of a contact law. Raises InputError.
+
+        precision: `double`, or `mixed`, with forces and history of contacts in single precision.
+        """
         require_device()
         if not states:
             raise InputError("a batch needs at least one State")
-        n = len(states)
+        require_room([state.number_of_grains for state in states], precision)
+        n, self._precision = len(states), precision
         law, features = states[0].scene.contact_law, states[0].scene.contact_law.features(states[0].scene)
-        self._law, self._shape, self._kernels = type(law), shape_of(features), kernels_for(law, features)
+        self._law, self._shape, self._kernels = type(law), shape_of(features), kernels_for(law, features, precision)
         self._count = np.array([state.number_of_grains for state in states])
         padded = -(-self._count // BLOCK) * BLOCK
         self._first = np.cumsum(padded) - padded
@@ -58,8 +64,10 @@ class Batch:
         self._room = np.zeros(n, int)
         self._states = new_states(self._first, self._count, len(row_of(features)))
         self._grains = new_grains(np.repeat(np.arange(n), padded // BLOCK))
-        self._lists = new_lists(n, int(padded.sum()))
+        self._lists = new_lists(n, int(padded.sum()), KINDS[precision])
         self._grid = new_grid(self._count, int(padded.sum()))
+        self._plans, self._rows = new_plans(n, AHEAD), AHEAD
+        self._left, self._interval, self._controlled = np.zeros(n, np.int32), np.ones(n, int), np.zeros(n, bool)
         self._sums, self._totals = zeros((self._blocks, STRESSES)), zeros((n, STRESSES))
         self._start = list(states)
         self._order = [np.zeros(0, int)] * n
@@ -81,40 +89,78 @@ class Batch:
     def __len__(self) -> int:
         return len(self._start)
 
+    def takes(self, i: int, state: State) -> bool:
+        """True if a State can replace the i-th one: as many grains, the contact law and features of the batch."""
+        law = state.scene.contact_law
+        same = type(law) is self._law and shape_of(law.features(state.scene)) == self._shape
+        return same and state.number_of_grains == self._count[i]
+
     def load(self, i: int, state: State) -> None:
         """Replace the i-th state by one of as many grains. Raises InputError."""
-        if state.number_of_grains != self._count[i]:
-            raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many")
+        if not self.takes(i, state):
+            raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many, of the same law")
         self._put(i, state)
-        self.failures[i] = None
+        self.failures[i], self._left[i] = None, 0
         self._search(np.arange(len(self)) == i, moving=0.0)
 
     def advance(self, steps: int | np.ndarray, velocity_gradient: np.ndarray) -> None:
         """Advance each state by a number of steps, the same for all or (n,), with the gradients (n, 3, 3), 1/s."""
-        going = np.array([failure is None for failure in self.failures])
-        steps = left = np.where(going, steps, 0).astype(np.int32)
-        due = np.zeros(len(self), np.int32)
-        self._states.left.copy_to_device(left)
-        self._states.wanted.copy_to_device(np.ascontiguousarray(velocity_gradient, float))
-        k, s, g = self._kernels, self._states, self._grains
-        while left.any() or due.any():
+        for i, count in enumerate(np.broadcast_to(steps, len(self))):
+            if count > 0 and self.failures[i] is None:
+                self.begin(i, Corrections.constant(int(count), velocity_gradient[i]))
+        while self.going.any():
+            self.run()
+
+    @property
+    def going(self) -> np.ndarray:
+        """True (n,) for states that have begun steps that are not done."""
+        return self._left > 0
+
+    def begin(self, i: int, corrections: Corrections) -> None:
+        """Give the i-th state, which has none left, the steps that `run` makes, with the corrections of the servo."""
+        if len(corrections.steps) > self._rows:
+            raise InputError(f"has {len(corrections.steps)} rows", field="corrections", allowed=f"at most {self._rows}")
+        put_plan(self._plans, i, corrections)
+        self._left[i], self._interval[i] = corrections.total, corrections.steps.max()
+        self._controlled[i] = corrections.servo is not None
+        for array, value in ((self._states.left, corrections.total), (self._states.until, 0)):
+            array[i : i + 1].copy_to_device(np.array([value], np.int32))
+        start = self._start[i]
+        time = start.time + corrections.total * start.time_step
+        self._start[i] = start.replace(step=start.step + corrections.total, time=time)
+
+    def run(self) -> None:
+        """Make steps, without a look at the device between launches, until a state has none left, or fails."""
+        before = self.going
+        while (self.going == before).all() and before.any():
+            self._launch(int(self._interval[before].min()), bool(self._controlled[before].any()))
+            due = self._states.due.copy_to_host() == 1
             if due.any():
-                self._search(due == 1)
-            for _ in range(min(int(left.max()), CHUNK)):
-                k.start_step[-(-len(self) // SLICE), SLICE](s)
+                self._search(due)
+            self._left = self._states.left.copy_to_host()
+
+    def _launch(self, interval: int, controlled: bool) -> None:
+        """Launch the kernels of steps in groups of `interval`, each after a correction of the velocity gradients."""
+        k, s, g = self._kernels, self._states, self._grains
+        of_states = -(-len(self) // SLICE)
+        for _ in range(min(-(-int(self._left.max()) // interval), max(1, CHUNK // interval))):
+            if controlled:
+                self._sum_stresses(every=0)
+            k.correct[of_states, SLICE](s, self._plans, self._totals)
+            for _ in range(min(interval, CHUNK)):
+                k.start_step[of_states, SLICE](s)
                 k.move[self._blocks, BLOCK](s, g)
                 k.forces[self._blocks, BLOCK](s, g, self._lists, 1.0)
-            left, due = s.left.copy_to_host(), s.due.copy_to_host()
-        for i, done in enumerate(steps):
-            start = self._start[i]
-            time = start.time + int(done) * start.time_step
-            self._start[i] = start.replace(step=start.step + int(done), time=time)
+
+    def _sum_stresses(self, every: int) -> None:
+        """Sum branch (x) force of all states, or of those whose servo needs it."""
+        k, s = self._kernels, self._states
+        k.stress_of_blocks[self._blocks, BLOCK](s, self._grains, self._lists, self._plans, self._sums, every)
+        k.stress_of_states[len(self), BLOCK](s, self._plans, self._sums, self._totals, every)
 
     def stress(self) -> np.ndarray:
         """Love's stress of each state, (n, 3, 3), Pa, compression positive."""
-        k = self._kernels
-        k.stress_of_blocks[self._blocks, BLOCK](self._states, self._grains, self._lists, self._sums)
-        k.stress_of_states[len(self), BLOCK](self._states, self._sums, self._totals)
+        self._sum_stresses(every=1)
         volume = np.linalg.det(self._states.cell.copy_to_host())
         return -self._totals.copy_to_host().reshape(-1, 3, 3) / volume[:, None, None]
 
@@ -139,7 +185,7 @@ class Batch:
             velocity_gradient=self._states.used.copy_to_host()[i],
             engine="cuda",
             engine_version=labkit.__version__,
-            precision="double",
+            precision=self._precision,
             ledger=ledger,
         )
 
@@ -156,9 +202,9 @@ class Batch:
 
     def _put(self, i: int, state: State) -> None:
         """Copy a State to the device, without its neighbour list. Raises InputError."""
-        scene, law = state.scene, state.scene.contact_law
-        features = law.features(scene)
-        if type(law) is not self._law or shape_of(features) != self._shape:
+        scene = state.scene
+        features = scene.contact_law.features(scene)
+        if not self.takes(i, state):
             raise InputError(
                 f"state {i} of a batch has another contact law or other features, such as friction or rolling "
                 "resistance: put states with the same ones in a batch"
@@ -177,7 +223,14 @@ class Batch:
         put(g.energies, first, np.zeros((ENERGIES, len(order))))
         before, dt = state.velocity_gradient, state.time_step
         drift = before @ np.linalg.solve(np.eye(3) + dt * before, state.cell)
-        rows = (s.time_step, dt), (s.skin, skin), (s.diameter, diameter), (s.law, row_of(features)), (s.due, 0)
+        rows = (
+            (s.time_step, dt),
+            (s.skin, skin),
+            (s.diameter, diameter),
+            (s.law, row_of(features)),
+            (s.due, 0),
+            (s.left, 0),
+        )
         for array, value in (*rows, (s.cell, state.cell), (s.used, before), (s.drift, drift)):
             array[i : i + 1].copy_to_device(np.ascontiguousarray(np.asarray(value, array.dtype)[None]))
         self._put_contacts(i, state)
@@ -206,16 +259,16 @@ class Batch:
         room = np.where(small, -(-(SPARE * needed).astype(int) // SLICE) * SLICE, self._room)
         first = np.cumsum(room) - room
         region = np.stack([first, first + room.sum()])
-        old_region, s = self._lists.region.copy_to_host(), range(len(self))
-        changed: dict[str, Any] = {"region": cuda.to_device(region)}
+        old_region = self._lists.region.copy_to_host()
         for name in ("partner", "shift", "stiffness", "history"):
             old = getattr(self._lists, name).copy_to_host()
+            self._lists = self._lists._replace(**{name: None})  # frees the memory on the device
             new = np.zeros((*old.shape[:-1], 2 * int(room.sum()) + 1), old.dtype)
-            for i in s:
+            for i in range(len(self)):
                 source, target = old_region[self._side[i], i], region[self._side[i], i]
                 new[..., target : target + self._room[i]] = old[..., source : source + self._room[i]]
-            changed[name] = cuda.to_device(new)
-        self._lists, self._room = self._lists._replace(**changed), room
+            self._lists = self._lists._replace(**{name: cuda.to_device(new)})
+        self._lists, self._room = self._lists._replace(region=cuda.to_device(region)), room
 
     def _search(self, which: np.ndarray, moving: float = 1.0) -> None:
         """Find the neighbours of the states `which` (n,), and compute their forces; moving: see contacts.forces."""
@@ -266,7 +319,7 @@ class Batch:
         if not which.any():
             return
         for i in np.flatnonzero(which):
-            self.failures[i] = LOST
+            self.failures[i], self._left[i] = LOST, 0
         for array in (self._states.left, self._states.due):
             array.copy_to_device(np.where(which, 0, array.copy_to_host()).astype(np.int32))
 
@@ -279,7 +332,9 @@ class Batch:
         at, room = int(lists.region.copy_to_host()[side, i]), int(self._room[i])
         partner, shift, history = (take(a, at, room)[..., slot] for a in (lists.partner, lists.shift, lists.history))
         is_first = partner >= 0
-        return Listing(grain, slot, np.where(is_first, partner, ~partner) - first, is_first, shift.T, history.T)
+        return Listing(
+            grain, slot, np.where(is_first, partner, ~partner) - first, is_first, shift.T, history.T.astype(float)
+        )
 
     def _put_stiffness(self, i: int) -> None:
         """Set the stiffness kn of each pair of neighbours of the i-th state."""

@@ -13,19 +13,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from labkit.dem.laws import vectors
 from labkit.dem.laws.base import ContactLaw, Features
-from labkit.engines.cuda import contacts, motion, scalars, search
-from labkit.engines.cuda.device import kernel
+from labkit.engines.cuda import contacts, motion, scalars, search, servo
+from labkit.engines.cuda.device import device_function, kernel
 from labkit.engines.kernel.compiling import Version, with_globals
 from labkit.errors import InputError
 
 READ = ("constants", "friction", "rolling", "dashpots", "damping")  # Features with numbers, in the order of a row
 
-VERSION = Version("cuda")
+VERSION, SINGLE = Version("cuda"), Version("cuda_single", single=True)
 
 
 class Kernels(NamedTuple):
-    """The compiled kernels of search.py, motion.py and contacts.py."""
+    """The compiled kernels of search.py, servo.py, motion.py and contacts.py."""
 
     clear: Any
     place: Any
@@ -34,6 +35,7 @@ class Kernels(NamedTuple):
     count: Any
     arrange: Any
     fill: Any
+    correct: Any
     start_step: Any
     move: Any
     forces: Any
@@ -54,34 +56,45 @@ def row_of(features: Features) -> np.ndarray:
 
 
 @functools.cache
-def kernels_of(pair: Callable[..., Any], spring: Callable[..., Any], shape: tuple[int | None, ...]) -> Kernels:
+def kernels_of(
+    pair: Callable[..., Any], spring: Callable[..., Any], shape: tuple[int | None, ...], single: bool
+) -> Kernels:
     """The Kernels of a contact law with these functions, for features of this shape. Compiled at their first call.
 
-    Raises InputError for features that are too long.
+    single: True for mixed precision, in which `pair` is compiled in single precision. Raises InputError for features
+    that are too long.
     """
-    readers, first = {}, 0
+    readers: dict[str, Any] = {}
+    first = 0
     for name, length in zip(READ, shape, strict=True):
-        readers[f"{name}_of"] = reader(name, length, first)
+        kind = np.float32 if single and name != "damping" else np.float64
+        readers[f"{name}_of"] = reader(name, length, first, kind)
         first += 0 if length is None else length or 1
     names = {"pair": pair, "spring": with_globals(spring, {"np": scalars}, VERSION), **readers}
+    if single:
+        known: dict[Any, Any] = {}
+        known[vectors.inverse_root] = device_function(vectors.inverse_root_single, known, SINGLE)
+        for name, function in (("pair", pair), ("length_and_inverse", vectors.length_and_inverse)):
+            names[name] = device_function(function, known, SINGLE)
+        names |= {"overlap_of": contacts.overlap_single, "rounded": contacts.rounded_single, "KIND": np.float32}
     modules = {"start_step": motion, "move": motion, "forces": contacts}
-    modules |= {"stress_of_blocks": contacts, "stress_of_states": contacts}
+    modules |= {"correct": servo, "stress_of_blocks": contacts, "stress_of_states": contacts}
     return Kernels(*(kernel(getattr(modules.get(n, search), n), names, VERSION) for n in Kernels._fields))
 
 
-def kernels_for(law: ContactLaw, features: Features) -> Kernels:
+def kernels_for(law: ContactLaw, features: Features, precision: str = "double") -> Kernels:
     """The Kernels of a contact law for the features of a scene."""
-    return kernels_of(law.pair, law.spring, shape_of(features))
+    return kernels_of(law.pair, law.spring, shape_of(features), precision == "mixed")
 
 
-def reader(name: str, length: int | None, first: int) -> Callable[[Any, int], Any]:
-    """A function of (law, s) that reads a feature from the row s of `law`, from its column `first` on."""
+def reader(name: str, length: int | None, first: int, kind: type) -> Callable[[Any, int], Any]:
+    """A function of (law, s) that reads a feature from the row s of `law`, from its column `first` on, as `kind`."""
     if length not in READERS:
         raise InputError(f"a contact law has {length} numbers in `{name}` of its features: the engine cuda takes four")
-    return with_globals(READERS[length], {"FIRST": first}, VERSION)
+    return with_globals(READERS[length], {"FIRST": first, "KIND": kind}, VERSION)
 
 
-FIRST = 0  # replaced in each reader
+FIRST, KIND = 0, np.float64  # replaced in each reader
 
 
 def absent(law: Any, s: int) -> None:
@@ -91,27 +104,27 @@ def absent(law: Any, s: int) -> None:
 
 def number(law: Any, s: int) -> float:
     """Read a number."""
-    return law[s, FIRST]
+    return KIND(law[s, FIRST])
 
 
 def one(law: Any, s: int) -> tuple[float, ...]:
     """Read a tuple of one number."""
-    return (law[s, FIRST],)
+    return (KIND(law[s, FIRST]),)
 
 
 def two(law: Any, s: int) -> tuple[float, ...]:
     """Read a tuple of two numbers."""
-    return law[s, FIRST], law[s, FIRST + 1]
+    return KIND(law[s, FIRST]), KIND(law[s, FIRST + 1])
 
 
 def three(law: Any, s: int) -> tuple[float, ...]:
     """Read a tuple of three numbers."""
-    return law[s, FIRST], law[s, FIRST + 1], law[s, FIRST + 2]
+    return KIND(law[s, FIRST]), KIND(law[s, FIRST + 1]), KIND(law[s, FIRST + 2])
 
 
 def four(law: Any, s: int) -> tuple[float, ...]:
     """Read a tuple of four numbers."""
-    return law[s, FIRST], law[s, FIRST + 1], law[s, FIRST + 2], law[s, FIRST + 3]
+    return KIND(law[s, FIRST]), KIND(law[s, FIRST + 1]), KIND(law[s, FIRST + 2]), KIND(law[s, FIRST + 3])
 
 
 READERS: dict[int | None, Callable[[Any, int], Any]] = {None: absent, 0: number, 1: one, 2: two, 3: three, 4: four}

@@ -25,11 +25,38 @@ from labkit.engines.cuda.arrays import (
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
 from labkit.engines.cuda.motion import product, put, vector
+from labkit.engines.cuda.servo import Plans, asks
 
 pair, spring = ContactLaw.pair, ContactLaw.spring
 constants_of = friction_of = rolling_of = dashpots_of = absent
+KIND: Any = np.float64  # type of the numbers of a contact; in mixed precision np.float32
 
 STRESSES = 9  # components of the stress
+
+
+def rounded(v: Vector) -> Vector:
+    """A vector in the precision of contacts, here double."""
+    return v
+
+
+def rounded_single(v: Vector) -> Any:
+    """A vector in single precision."""
+    return np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
+
+
+def double(v: Vector) -> Vector:
+    """A vector in double precision, in which all sums are."""
+    return np.float64(v[0]), np.float64(v[1]), np.float64(v[2])
+
+
+def overlap_of(radii: float, squared: float, distance: float) -> float:
+    """Overlap of a contact, m, from the sum of the radii, and the branch: its square and its length."""
+    return radii - distance
+
+
+def overlap_single(radii: float, squared: float, distance: float) -> Any:
+    """The same as (R^2 - d^2)/(R + |d|), with the numerator in double precision: accurate to single precision."""
+    return np.float32(radii * radii - squared) / (np.float32(radii) + distance)
 
 
 def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
@@ -54,26 +81,33 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
         one, two = (g, b) if is_first else (~b, g)
         periods = (sign * lists.shift[0, at], sign * lists.shift[1, at], sign * lists.shift[2, at])
         d = minus(plus(vector(grains.position, two), product(states.cell, s, periods)), vector(grains.position, one))
-        distance, inverse = length_and_inverse(dot(d, d))
-        radius_a, radius_b = grains.radius[one], grains.radius[two]
-        overlap = radius_a + radius_b - distance
+        near = rounded(d)
+        distance, inverse = length_and_inverse(dot(near, near))
+        overlap = overlap_of(grains.radius[one] + grains.radius[two], dot(d, d), distance)
         t, m = vector(lists.history, at), (lists.history[3, at], lists.history[4, at], lists.history[5, at])
         if overlap < 0.0 and dot(t, t) == 0.0 and dot(m, m) == 0.0:
             continue  # the law gives zeros
         drift = product(states.drift, s, periods)
-        v = minus(plus(vector(grains.velocity, two), drift), vector(grains.velocity, one))
-        spin_a, spin_b = vector(grains.spin, one), vector(grains.spin, two)
         contact = Contact(
-            lists.stiffness[at], radius_a, radius_b, overlap, inverse, d, times(inverse, d), v, spin_a, spin_b
+            lists.stiffness[at],
+            KIND(grains.radius[one]),
+            KIND(grains.radius[two]),
+            overlap,
+            inverse,
+            near,
+            times(inverse, near),
+            rounded(minus(plus(vector(grains.velocity, two), drift), vector(grains.velocity, one))),
+            rounded(vector(grains.spin, one)),
+            rounded(vector(grains.spin, two)),
         )
-        response = pair(contact, t, m, dt, constants, friction, rolling, dashpots, True)
+        response = pair(contact, t, m, KIND(dt), constants, friction, rolling, dashpots, True)
+        push = double(response.force)
         put(lists.history, at, response.tangential_force)
         lists.history[3, at], lists.history[4, at], lists.history[5, at] = response.rolling_moment
-        force = plus(force, times(sign, response.force))
-        turn = response.torque_a if is_first else response.torque_b
-        torque = plus(torque, turn)
+        force = plus(force, times(sign, push))
+        torque = plus(torque, double(response.torque_a if is_first else response.torque_b))
         counted = 1.0 if is_first else 0.0  # energies belong to the first grain
-        cell_work += counted * dt * dot(response.force, product(states.used, s, d))
+        cell_work += counted * dt * dot(push, product(states.used, s, d))
         friction_loss += counted * response.friction_loss
         rolling_loss += counted * response.rolling_loss
         dashpot_loss += counted * response.dashpot_loss
@@ -102,13 +136,16 @@ def sum_of_block(rows: Any, t: int) -> float:
     return total
 
 
-def stress_of_blocks(states: States, grains: Grains, lists: Lists, sums: Any) -> None:
+def stress_of_blocks(states: States, grains: Grains, lists: Lists, plans: Plans, sums: Any, every: int) -> None:
     """Sum branch (x) force over the contacts of the grains of each block, into sums (block, STRESSES), N m.
 
-    The dashpot forces are excluded, as in records. One thread per grain.
+    The dashpot forces are excluded, as in records. every: 1 for all states, 0 for those whose servo needs the stress.
+    One thread per grain.
     """
     g, t, s = cuda.grid(1), cuda.threadIdx.x, grains.state[cuda.blockIdx.x]
     rows = cuda.shared.array((BLOCK, STRESSES), np.float64)
+    if every == 0 and not asks(states, plans, s):
+        return
     for k in range(STRESSES):
         rows[t, k] = 0.0
     side = lists.side[s]
@@ -119,8 +156,8 @@ def stress_of_blocks(states: States, grains: Grains, lists: Lists, sums: Any) ->
             d = branch(states, grains, lists, s, g, at)
             distance = math.sqrt(dot(d, d))
             overlap = grains.radius[g] + grains.radius[lists.partner[at]] - distance
-            share = -spring(lists.stiffness[at], overlap) / distance if overlap >= 0.0 else 0.0
-            f = plus(times(share, d), vector(lists.history, at))
+            share = -spring(np.float64(lists.stiffness[at]), overlap) / distance if overlap >= 0.0 else 0.0
+            f = plus(times(share, d), double(vector(lists.history, at)))
             for k in range(3):
                 for j in range(3):
                     rows[t, 3 * k + j] += d[k] * f[j]
@@ -129,10 +166,12 @@ def stress_of_blocks(states: States, grains: Grains, lists: Lists, sums: Any) ->
         sums[cuda.blockIdx.x, t] = total
 
 
-def stress_of_states(states: States, sums: Any, totals: Any) -> None:
+def stress_of_states(states: States, plans: Plans, sums: Any, totals: Any, every: int) -> None:
     """Sum sums (block, STRESSES) over the blocks of each state into totals (n, STRESSES). One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     rows = cuda.shared.array((BLOCK, STRESSES), np.float64)
+    if every == 0 and not asks(states, plans, s):
+        return
     first, last = states.first[s] // BLOCK, (states.first[s] + states.grains[s] + BLOCK - 1) // BLOCK
     for k in range(STRESSES):
         rows[t, k] = 0.0

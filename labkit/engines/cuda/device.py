@@ -5,6 +5,7 @@ from __future__ import annotations
 import dis
 import importlib
 import inspect
+import math
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -20,8 +21,10 @@ SIMULATED = (
     cuda is not None and "simulator" in cuda.jit.__module__
 )  # kernels run as plain Python, to test without a GPU
 
-SLICE = 32  # consecutive grains whose neighbour lists are interleaved: a warp
-BLOCK = SLICE if SIMULATED else 128  # threads per block, a multiple of SLICE; each thread of the simulator costs time
+SLICE = 8 if SIMULATED else 32  # consecutive grains whose neighbour lists are interleaved: a warp
+BLOCK = (
+    2 * SLICE if SIMULATED else 128
+)  # threads per block, a multiple of SLICE; each thread of the simulator costs time
 
 warnings.filterwarnings("ignore", message="Grid size")  # kernels with a thread per state use little of the GPU
 
@@ -35,15 +38,26 @@ def require_device() -> None:
         )
 
 
+def bandwidth() -> float:
+    """Peak bandwidth of the memory of the device, bytes per second; NaN if the driver does not say."""
+    if SIMULATED:
+        return math.nan
+    device = cuda.get_current_device()
+    clock, width = (getattr(device, name, math.nan) for name in ("MEMORY_CLOCK_RATE", "GLOBAL_MEMORY_BUS_WIDTH"))
+    return 2.0 * clock * 1e3 * width / 8.0  # kHz, two transfers per cycle, bits
+
+
 def device_function(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> Any:
     """Compile a plain Python function for the device, together with the plain Python functions that it calls.
 
     known: functions compiled so far, function -> compiled; extended in place.
     """
-    if SIMULATED and "cuda" not in function.__code__.co_names:
+    plain = SIMULATED and "cuda" not in function.__code__.co_names
+    if plain and not version.single:
         return function
     if function not in known:
-        known[function] = cuda.jit(with_globals(function, callees(function, known, version), version), device=True)
+        fresh = with_globals(function, callees(function, known, version), version)
+        known[function] = fresh if plain else cuda.jit(fresh, device=True)
     return known[function]
 
 

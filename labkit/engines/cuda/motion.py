@@ -43,18 +43,20 @@ def column(matrices: Any, s: int, k: int) -> Vector:
 
 
 def start_step(states: States) -> None:
-    """Start a step of each state that has steps left and needs no search: move its cell. One thread per state.
+    """Start a step of each state that has steps left and needs neither a search nor a correction: move its cell.
 
+    One thread per state.
     A grain may have a neighbour that is not in its list if it has moved farther, in the cell of the last search, than
     half of the skin less the largest diameter times |F^-1 - 1|, with F the deformation of the cell since then.
     """
     s = cuda.grid(1)
     if s >= len(states.left):
         return
-    states.running[s] = 1 if states.left[s] > 0 and states.due[s] == 0 else 0
+    states.running[s] = 1 if states.left[s] > 0 and states.due[s] == 0 and states.until[s] > 0 else 0
     if states.running[s] == 0:
         return
     states.left[s] -= 1
+    states.until[s] -= 1
     for i in range(3):
         for j in range(3):
             states.previous[s, i, j] = states.used[s, i, j]

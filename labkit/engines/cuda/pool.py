@@ -1,0 +1,176 @@
+"""Runs that share a batch: each has an engine of its own, whose State is one of a Batch.
+
+The runs take turns (turns.py). Once all of them wait for time steps, the batch advances all their States until the
+steps of one are done, which then continues; the others keep the steps that they have left.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+import labkit
+from labkit.dem.corrections import Corrections
+from labkit.dem.engine import Engine, Start
+from labkit.dem.state import State
+from labkit.engines.cuda.batch import Batch
+from labkit.engines.cuda.turns import Turn
+from labkit.errors import PhysicsError
+
+Work = Callable[[Start], None]
+
+
+@dataclasses.dataclass
+class Begin:
+    """What a work waits for that starts its first engine: a place in the batch."""
+
+    state: State
+
+
+@dataclasses.dataclass
+class Steps:
+    """What a work waits for: time steps of the State at a place in the batch."""
+
+    place: int
+    corrections: Corrections
+
+
+class Pool:
+    """Works whose States are in one Batch. All calls of the device are made by the thread that calls `execute`."""
+
+    def __init__(self, works: Sequence[Work], precision: str) -> None:
+        """Starts nothing yet."""
+        self._precision = precision
+        self._batch: Batch | None = None
+        self._places: dict[Turn, int] = {}
+        self._stresses: np.ndarray | None = None  # of all States, once they have been computed
+        self._turns = [self._turn(work) for work in works]
+
+    @property
+    def batch(self) -> Batch:
+        """The Batch, once it is there."""
+        assert self._batch is not None, "no work has started an engine"
+        return self._batch
+
+    def execute(self) -> list[Exception | None]:
+        """Do all works; return for each the exception that ended it, or None."""
+        try:
+            self._proceed(self._turns)
+            self._place()
+            while waiting := [turn for turn in self._turns if not turn.ended]:
+                self._proceed(self._advance(waiting))
+        except BaseException as error:  # of the device: every work ends with it, and closes its files
+            for turn in self._turns:
+                while not turn.ended:
+                    turn.proceed(error=error)
+            if not isinstance(error, Exception):
+                raise
+        return [turn.failure for turn in self._turns]
+
+    def _turn(self, work: Work) -> Turn:
+        return Turn(lambda turn: work(self._start(turn)))
+
+    def _start(self, turn: Turn) -> Start:
+        """The Start of a work: its first engine takes a place in the batch, every later one the same place."""
+
+        def make(state: State, threads: int) -> Engine:
+            if turn in self._places:
+                turn.ask(lambda: self.load(self._places[turn], state))
+            else:
+                turn.ask(Begin(state))
+            member = Member(self, turn, self._places[turn])
+            member.require_going()
+            return member
+
+        return Start("cuda", 1, make, self._precision)
+
+    def _proceed(self, turns: Sequence[Turn]) -> None:
+        """Let works continue until each waits for a place or for steps, or ends."""
+        for turn in turns:
+            turn.proceed()
+            while callable(turn.wanted):
+                try:
+                    answer = turn.wanted()
+                except Exception as error:
+                    turn.proceed(error=error)
+                else:
+                    turn.proceed(answer)
+
+    def _place(self) -> None:
+        """Make the batch of the States with which works begin, and let these works continue."""
+        waiting = [turn for turn in self._turns if not turn.ended]
+        if waiting:
+            self._batch = Batch([turn.wanted.state for turn in waiting], self._precision)
+            self._places = {turn: place for place, turn in enumerate(waiting)}
+            self._proceed(waiting)
+
+    def _advance(self, waiting: Sequence[Turn]) -> list[Turn]:
+        """Advance the States of works; return the works whose steps are done, or whose State failed."""
+        for turn in waiting:
+            if not self.batch.going[turn.wanted.place]:
+                self.batch.begin(turn.wanted.place, turn.wanted.corrections)
+        self._stresses = None
+        self.batch.run()
+        return [turn for turn in waiting if not self.batch.going[turn.wanted.place]]
+
+    def stress(self, place: int) -> np.ndarray:
+        """Love's stress of one State, (3, 3), Pa; those of all States are computed together."""
+        if self._stresses is None:
+            self._stresses = self.batch.stress()
+        return self._stresses[place].copy()
+
+    def load(self, place: int, state: State) -> None:
+        """Replace the State at a place."""
+        self._stresses = None
+        self.batch.load(place, state)
+
+    def stop_grains(self, place: int) -> None:
+        """Set the velocities of the State at a place to zero."""
+        self._stresses = None
+        self.batch.stop_grains(place)
+
+
+class Member(Engine):
+    """The engine of one work: the State at a place in the batch of a Pool."""
+
+    name = "cuda"
+    follows = True
+    version = labkit.__version__
+
+    def __init__(self, pool: Pool, turn: Turn, place: int) -> None:
+        """The State is in the batch already."""
+        self._pool, self._turn, self._place = pool, turn, place
+
+    def _do(self, call: Callable[[], Any]) -> Any:
+        """Return the result of a call, made by the thread of the device."""
+        return self._turn.ask(call)
+
+    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
+        if steps > 0:
+            self.follow(Corrections.constant(steps, velocity_gradient))
+
+    def follow(self, corrections: Corrections) -> None:
+        self._turn.ask(Steps(self._place, corrections))
+        self.require_going()
+
+    def stress(self) -> np.ndarray:
+        return self._do(lambda: self._pool.stress(self._place))
+
+    def state(self) -> State:
+        return self._do(lambda: self._pool.batch.state(self._place))
+
+    def load(self, state: State) -> None:
+        self._do(lambda: self._pool.load(self._place, state))
+        self.require_going()
+
+    def stop_grains(self) -> None:
+        self._do(lambda: self._pool.stop_grains(self._place))
+
+    def require_going(self) -> None:
+        """Raise PhysicsError if the State failed."""
+        failure = self._pool.batch.failures[self._place]
+        if failure is not None:
+            raise PhysicsError(failure)

@@ -1,0 +1,86 @@
+"""The servo on the device, in the simulator, against that of the host."""
+
+import numpy as np
+import pytest
+
+from labkit.dem.control import Control
+from labkit.dem.corrections import Planner
+from labkit.dem.leg import Leg
+from labkit.dem.paths import PATHS, ConstantVolume
+from labkit.dem.scene import Scene
+from labkit.dem.servo import STANDARD, cell_stiffness, velocity_gradient
+from labkit.engines.fused import FusedEngine
+from tests.engines.simulated_gpu import CudaEngine, lattice
+
+RATE = 20.0
+INTERVALS = (5, 5, 2)  # steps
+
+
+class Isochoric(ConstantVolume):
+    """Axial compression at constant volume that also holds a difference of two stresses, by rates without a volume."""
+
+    name = "isochoric_of_test"
+
+    def control(self):
+        return Control([[1.0, -1.0, 0.0]], [[1.0], [-1.0], [0.0]], [1e5])
+
+
+@pytest.fixture(scope="module")
+def moving():
+    """Eight grains that move, and the mean stress, Pa."""
+    engine = FusedEngine(lattice(2, 1, Scene(law="spring_dashpot", friction=0.3)))
+    engine.advance(10, np.diag([1.0, 2.0, -3.0]) * RATE)
+    state = engine.state()
+    return state, float(np.trace(engine.stress())) / 3.0
+
+
+@pytest.mark.parametrize("kind", ["cp", "simple_shear", "stress_rotation", "isochoric"])
+def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, moving):
+    state, pressure = moving
+    pressure *= 1.0001  # rates within their limits
+    if kind == "isochoric":
+        path = Isochoric(rate=RATE)
+    else:
+        path = PATHS[kind](rate=RATE, **({"pressure": pressure} if kind == "cp" else {}))
+    path = path.for_scene(state.scene).starting_at(pressure)
+    leg = path.leg(0, 1.0, pressure * np.eye(3)) if kind != "isochoric" else Leg(path, 1.0)
+    control, dt = leg.control(), state.time_step
+    stiffness = cell_stiffness(state.snapshot(), control.components)
+
+    host, gradient, done = FusedEngine(state), state.velocity_gradient, 0
+    planner = Planner(leg, control, dt)
+    for steps in INTERVALS:
+        travelled = leg.axial_rate * dt * done
+        planner.add(steps, travelled)
+        gradient = velocity_gradient(
+            leg, leg.sign, dt, host.stress(), stiffness, gradient, STANDARD, travelled, control
+        )
+        host.advance(steps, gradient)
+        done += steps
+    device = CudaEngine(state)
+    device.follow(planner.corrections(stiffness, STANDARD, anew=False))
+
+    ours, expected = device.state(), host.state()
+    assert ours.step == state.step + sum(INTERVALS)
+    largest = np.abs(expected.velocity_gradient).max()
+    assert np.abs(ours.velocity_gradient - expected.velocity_gradient).max() < 1e-9 * largest
+    prescribed = velocity_gradient(ConstantVolume(rate=RATE).for_scene(state.scene), 1.0, dt)
+    assert np.abs(expected.velocity_gradient - prescribed).max() > 1e-3 * largest  # the servo does something
+    assert np.abs(ours.cell - expected.cell).max() < 1e-13 * expected.cell.max()
+    assert np.abs(ours.velocity - expected.velocity).max() < 1e-9 * np.abs(expected.velocity).max()
+
+
+def test_a_servo_that_starts_anew_forgets_the_rates_so_far(moving):
+    """The first rates are a quarter of those that the stress asks for, and nothing of those before."""
+    state, pressure = moving
+    path = PATHS["cp"](rate=RATE, pressure=1.0001 * pressure).for_scene(state.scene)
+    leg = path.leg(0, 1.0, pressure * np.eye(3))
+    stiffness = cell_stiffness(state.snapshot())
+    planner = Planner(leg, leg.control(), state.time_step)
+    planner.add(1, 0.0)
+    device = CudaEngine(state)
+    device.follow(planner.corrections(stiffness, STANDARD, anew=True))
+    arguments = leg, leg.sign, state.time_step, FusedEngine(state).stress(), stiffness
+    expected = velocity_gradient(*arguments, np.zeros((3, 3)))
+    assert np.allclose(device.state().velocity_gradient, expected, rtol=1e-9)
+    assert not np.allclose(expected, velocity_gradient(*arguments, state.velocity_gradient), rtol=1e-3)
