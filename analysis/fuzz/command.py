@@ -85,11 +85,15 @@ def _kills(folder: Path, engine: str, number: int, seed: int, command: str) -> i
     """Kill commands and write how often, and what was lost; 1 if anything was."""
     _import()
     counts: dict[str, collections.Counter[str]] = {}
-    for chain in kills.chains(engine, number, seed):
-        known = counts.setdefault(chain.job.kind, collections.Counter())
-        known.update(chains=1, kills=chain.kills, wrong=int(bool(chain.problems)))
-        for problem in chain.problems:
-            print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
+    with Log(folder / f"unfinished_kills_{engine}.txt", seed) as log:
+        before = [kills.Chain.from_json(text) for text in log.of("chain")]
+        for done, chain in enumerate(kills.chains(engine, number, seed, before)):
+            if done >= len(before):
+                log.add("chain", chain.to_json())
+            known = counts.setdefault(chain.job.kind, collections.Counter())
+            known.update(chains=1, kills=chain.kills, wrong=int(bool(chain.problems)))
+            for problem in chain.problems:
+                print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
     columns = ["command", "chains", "kills", "wrong"]
     rows: list[list[object]] = [[kind, *(known[name] for name in columns[1:])] for kind, known in counts.items()]
     write_table(folder / f"kills_{engine}.csv", columns, rows, command)
