@@ -187,8 +187,11 @@ def _prepare(folder: Path, engine: str) -> None:
         lk.write_state(folder / file, state)
     state, path = lk.read_state(folder / SPECIMEN), lk.paths.ConstantVolume(strain=0.002)
     lk.run(state, path, progress=False, snapshots=2, precision="mixed")
-    lk.run(state, path, file=folder / "r.run.nc", progress=False, snapshots=12)
+    lk.run(state, path, file=folder / "r.run.nc", progress=False, record_strain=1e-4, snapshots=12)
     (folder / "camp.yaml").write_text(CAMPAIGN)
+    for job in jobs(engine):
+        if job.kind == "model":
+            _wait(_start(job, _place(folder, "compiled")), LIMIT)
 
 
 def _undisturbed(folder: Path, job: Job, number: int) -> Undisturbed:

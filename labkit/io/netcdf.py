@@ -229,7 +229,7 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
 def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
     """Context with an open netCDF4.Dataset, which gets its seal on success.
 
-    HDF5 may crash the interpreter where the last thing that it writes fails. Therefore the disk space is allocated first
+    HDF5 may crash the interpreter where the last thing that it writes fails. So the disk space is allocated first
     (HDF5 cuts off what it does not need), and everything is on the disk before the file is closed: closing writes only
     the first 48 bytes once more. (A netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
     """
