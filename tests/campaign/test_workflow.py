@@ -1,16 +1,18 @@
 """A tiny campaign carried out by Snakemake: resumed, changed, interrupted, killed, with a run that fails."""
 
 import os
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import netCDF4
 import pytest
 
-from labkit.campaign.workflow import PROCESS, PROFILES
+from labkit.campaign.workflow import PROCESS, PROFILES, SNAKEFILE
 from labkit.cli import main
 from labkit.io.extras import install_command
 from tests.conftest import PATIENCE
@@ -228,6 +230,19 @@ def test_a_folder_with_files_that_no_campaign_has_written_is_refused(name, tmp_p
     said = f"labkit: mine/{name} is not from a campaign, and could be replaced: choose another --folder\n"
     assert capsys.readouterr().err == said
     assert sorted(tmp_path.rglob("*")) == before and own.read_text() == '{"ingredients": []}'
+
+
+def test_the_path_of_python_is_quoted_for_the_shell(place, tmp_path):
+    environment = tmp_path / "an $(touch hit) environment"
+    environment.symlink_to(sys.prefix)
+    python = environment / "bin" / Path(sys.executable).name
+    for file in (place / "tiny/figures").iterdir():
+        file.unlink()
+    words = ["--dry-run", "--printshellcmds", "--nolock", "--rerun-triggers", "mtime", "--cores", "1"]
+    command = [python, "-m", "snakemake", "--snakefile", SNAKEFILE, *words]
+    done = subprocess.run(command, cwd=place / "tiny", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert f"exec {shlex.quote(str(python))} -m labkit.cli.job figure cv" in done.stdout + done.stderr
 
 
 def test_a_job_of_a_killed_campaign_does_not_start(place):
