@@ -182,8 +182,7 @@ def chains(engine: str, kills: int, seed: int, known: Sequence[Chain] = ()) -> I
 
 def _prepare(folder: Path, engine: str) -> None:
     """Specimens and a complete run, which also load the compiled code."""
-    used = {words.split()[0] for _, words, _ in RUNS[engine]}
-    for file in used:
+    for file in GRAINS.keys() & {word for job in jobs(engine) for word in job.words}:
         state = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=GRAINS[file]), lk.Scene(), progress=False)
         lk.write_state(folder / file, state)
     state, path = lk.read_state(folder / SPECIMEN), lk.paths.ConstantVolume(strain=0.002)
