@@ -17,8 +17,8 @@ from pathlib import Path
 
 import labkit as lk
 from analysis.fuzz import extremes, kills
-from analysis.fuzz.cases import GOOD, SPARED, Case, campaign_cases, file_cases, in_child, in_children, option_cases
-from analysis.fuzz.inputs import OLD, READERS, make_inputs
+from analysis.fuzz.cases import GOOD, Case, campaign_cases, file_cases, in_child, in_children, option_cases
+from analysis.fuzz.inputs import READERS, make_inputs
 from analysis.markdown import table
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
@@ -147,7 +147,7 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
         "campaigns": campaign_cases(seed),
     }
     wanted = {name: getattr(options, name) or 0 for name in CLASSES}
-    wanted["files"] = wanted["files"] * (len(READERS) - len(OLD)) + wanted["files"] // SPARED * len(OLD)
+    wanted["files"] *= len(READERS)
     if any(wanted.values()):
         for name, together in CLASSES.items():
             if name == "options":

@@ -26,7 +26,7 @@ def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     for row in rows:
         kinds[row["class"].split(":")[0]] += int(row["cases"])
     assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 10
-    assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 1
+    assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 10
     sealed = [row for row in rows if row["class"].startswith(("state:", "run:", "checkpoint:"))]
     assert sum(int(row["refused"]) for row in sealed) == 30
     assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "counts.csv.provenance.json"]
