@@ -38,11 +38,12 @@ class Case:
     what: Callable[[], bytes]
 
 
-def file_cases(files: Path, expected: dict[str, str], seed: int) -> Iterator[Case]:
-    """Damaged files of each kind in turn, without end."""
+def file_cases(files: Path, expected: dict[str, str], seed: int, kinds: Sequence[str]) -> Iterator[Case]:
+    """Damaged files of these kinds (keys of READERS) in turn, without end."""
     contents = {name: (files / name).read_bytes() for name, _ in READERS.values()}
     for number in range(seed, sys.maxsize):
-        for read, (name, _) in READERS.items():
+        for read in kinds:
+            name = READERS[read][0]
             damages = list(DAMAGES_OF_TEXT if name in TEXTS else DAMAGES)
             damage = damages[number % len(damages)]
             made = functools.partial(damaged, contents[name], damage, number)

@@ -33,6 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of `./lab fuzz`."""
     parser.add_argument("--minutes", type=positive_int, default=5, metavar="N", help="time to take (default: 5)")
     parser.add_argument("--files", type=positive_int, metavar="N", help="damaged files of each kind, not the time")
+    parser.add_argument("--kinds", default="", metavar="TEXT", help="only files of kinds whose name contains this")
     parser.add_argument("--options", type=positive_int, metavar="N", help="number of command lines")
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")
     parser.add_argument("--extremes", action="store_true", help="run scenes far outside the usual instead")
@@ -141,13 +142,18 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
     make_inputs(folder)
     expected = {read: function(folder / name) for read, (name, function) in READERS.items()}
     gc.freeze()
+    kinds = [read for read in READERS if options.kinds in read]
+    if not kinds:
+        raise lk.InputError(
+            "is in no kind of file", field="kinds", value=options.kinds, allowed=f"part of {', '.join(READERS)}"
+        )
     classes = {
-        "files": file_cases(folder, expected, seed),
+        "files": file_cases(folder, expected, seed, kinds),
         "options": option_cases(folder, seed),
         "campaigns": campaign_cases(seed),
     }
     wanted = {name: getattr(options, name) or 0 for name in CLASSES}
-    wanted["files"] *= len(READERS)
+    wanted["files"] *= len(kinds)
     if any(wanted.values()):
         for name, together in CLASSES.items():
             if name == "options":

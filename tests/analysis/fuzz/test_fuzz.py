@@ -18,7 +18,15 @@ from analysis.fuzz.damage import DAMAGES, damaged
 
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     options = argparse.Namespace(
-        minutes=1, files=10, options=15, campaigns=5, seed=7, output=str(tmp_path), extremes=False, kills=None
+        minutes=1,
+        files=10,
+        kinds="",
+        options=15,
+        campaigns=5,
+        seed=7,
+        output=str(tmp_path),
+        extremes=False,
+        kills=None,
     )
     assert main(options, "./lab fuzz") == 0, capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "counts.csv").open()))
