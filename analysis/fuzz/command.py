@@ -17,8 +17,8 @@ from pathlib import Path
 
 import labkit as lk
 from analysis.fuzz import extremes, kills
-from analysis.fuzz.cases import GOOD, SPARED, Case, campaign_cases, file_cases, in_child, in_children, option_cases
-from analysis.fuzz.inputs import OLD, READERS, make_inputs
+from analysis.fuzz.cases import GOOD, Case, campaign_cases, file_cases, in_child, in_children, option_cases
+from analysis.fuzz.inputs import READERS, make_inputs
 from analysis.markdown import table
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
@@ -33,6 +33,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of `./lab fuzz`."""
     parser.add_argument("--minutes", type=positive_int, default=5, metavar="N", help="time to take (default: 5)")
     parser.add_argument("--files", type=positive_int, metavar="N", help="damaged files of each kind, not the time")
+    parser.add_argument("--kinds", default="", metavar="TEXT", help="only files of kinds whose name contains this")
     parser.add_argument("--options", type=positive_int, metavar="N", help="number of command lines")
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")
     parser.add_argument("--extremes", action="store_true", help="run scenes far outside the usual instead")
@@ -85,11 +86,15 @@ def _kills(folder: Path, engine: str, number: int, seed: int, command: str) -> i
     """Kill commands and write how often, and what was lost; 1 if anything was."""
     _import()
     counts: dict[str, collections.Counter[str]] = {}
-    for chain in kills.chains(engine, number, seed):
-        known = counts.setdefault(chain.job.kind, collections.Counter())
-        known.update(chains=1, kills=chain.kills, wrong=int(bool(chain.problems)))
-        for problem in chain.problems:
-            print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
+    with Log(folder / f"unfinished_kills_{engine}.txt", seed) as log:
+        before = [kills.Chain.from_json(text) for text in log.of("chain")]
+        for done, chain in enumerate(kills.chains(engine, number, seed, before)):
+            if done >= len(before):
+                log.add("chain", chain.to_json())
+            known = counts.setdefault(chain.job.kind, collections.Counter())
+            known.update(chains=1, kills=chain.kills, wrong=int(bool(chain.problems)))
+            for problem in chain.problems:
+                print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
     columns = ["command", "chains", "kills", "wrong"]
     rows: list[list[object]] = [[kind, *(known[name] for name in columns[1:])] for kind, known in counts.items()]
     write_table(folder / f"kills_{engine}.csv", columns, rows, command)
@@ -137,13 +142,18 @@ def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) ->
     make_inputs(folder)
     expected = {read: function(folder / name) for read, (name, function) in READERS.items()}
     gc.freeze()
+    kinds = [read for read in READERS if options.kinds in read]
+    if not kinds:
+        raise lk.InputError(
+            "is in no kind of file", field="kinds", value=options.kinds, allowed=f"part of {', '.join(READERS)}"
+        )
     classes = {
-        "files": file_cases(folder, expected, seed),
+        "files": file_cases(folder, expected, seed, kinds),
         "options": option_cases(folder, seed),
         "campaigns": campaign_cases(seed),
     }
     wanted = {name: getattr(options, name) or 0 for name in CLASSES}
-    wanted["files"] = wanted["files"] * (len(READERS) - len(OLD)) + wanted["files"] // SPARED * len(OLD)
+    wanted["files"] *= len(kinds)
     if any(wanted.values()):
         for name, together in CLASSES.items():
             if name == "options":

@@ -33,13 +33,18 @@ def copied_names(files: Sequence[Path]) -> list[str]:
 
 def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
     """Writes the campaign file with this text and the files that it uses to the folder, unless they are up to date."""
-    names = copied_names(campaign.use)
-    texts = dict(zip(names, map(read_text, campaign.use), strict=True))
     if campaign.use:
         (folder / FOLDER).mkdir(exist_ok=True)
-    for name, content in {**texts, CAMPAIGN: with_use(text, names)}.items():
-        if not (folder / name).exists() or read_text(folder / name) != content:
-            write_text(folder / name, content)
+    for name, content in to_write(campaign, text, folder).items():
+        write_text(folder / name, content)
+
+
+def to_write(campaign: Campaign, text: str, folder: Path) -> dict[str, str]:
+    """Copies that are missing in the folder or not up to date: name -> content."""
+    names = copied_names(campaign.use)
+    copies = dict(zip(names, map(read_text, campaign.use), strict=True)) | {CAMPAIGN: with_use(text, names)}
+    missing = (name for name in copies if not (folder / name).exists() or read_text(folder / name) != copies[name])
+    return {name: copies[name] for name in missing}
 
 
 def with_use(text: str, names: Sequence[str]) -> str:

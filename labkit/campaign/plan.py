@@ -15,7 +15,7 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from labkit.dem.scene import Scene
 from labkit.dem.schedule import Options
 from labkit.dem.specimen import Recipe
 from labkit.engines import ENGINES
-from labkit.errors import option_name
+from labkit.errors import InputError, option_name
 from labkit.extensions import is_labkits
 from labkit.io.hashes import file_sha256
 from labkit.parameters import Parameter, with_unit
@@ -193,6 +193,29 @@ def deciding(arguments: list[str], engine: str) -> list[str]:
     The number of threads is left out for the fused engine, whose results are bit-identical for any number of threads.
     """
     return [one for one in arguments if engine != "fused" or not one.startswith("--threads=")]
+
+
+def require_campaign_folder(folder: Path, others: Sequence[str] = ()) -> None:
+    """Raises InputError if a folder holds files that a campaign replaces or deletes, and that none has written.
+
+    others: names of further files that the campaign writes there.
+    """
+    recipes = list((folder / RECIPES).glob("*.json"))
+    foreign = [file for file in recipes if not _is_recipe(file)]
+    if not recipes:
+        within = (file for name in FOLDERS for file in (folder / name).rglob("*") if file.is_file())
+        named = (folder / name for name in (REPORT, OVERVIEW, *others))
+        foreign = [*(file for file in named if file.exists()), *within]
+    if foreign:
+        raise InputError(f"{foreign[0]} is not from a campaign, and could be replaced: choose another --folder")
+
+
+def _is_recipe(file: Path) -> bool:
+    try:
+        recipe = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(recipe, dict) and {"command", "digest"} <= recipe.keys()
 
 
 def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:

@@ -13,8 +13,8 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from labkit.campaign.own_files import copy_campaign
-from labkit.campaign.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, write_recipes
+from labkit.campaign.own_files import copy_campaign, to_write
+from labkit.campaign.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
 from labkit.dem.engine import Progress, silent
 from labkit.engines import die_with_parent
 from labkit.errors import InputError, Interrupted
@@ -46,9 +46,11 @@ def run_workflow(
     """Brings the campaign described by the text up to date in its folder; returns Snakemake's exit code.
 
     profile: None for this computer, `slurm`, or the folder of a Snakemake profile. Raises InputError if another
-    process is running a campaign in the folder, Interrupted after Ctrl-C.
+    process is running a campaign in the folder, or if it holds files that no campaign has written; Interrupted after
+    Ctrl-C.
     """
     require_snakemake(profile)
+    require_campaign_folder(folder, list(to_write(plan.campaign, text, folder)))
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
         write_recipes(plan, folder)

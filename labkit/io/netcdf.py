@@ -208,11 +208,9 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
     its file name if the disk is full or fails.
     """
     with whole_file(path) as temporary, failure_named(path):
-        _reserve(temporary, size)
-        with netCDF4.Dataset(temporary, "w") as dataset:
+        with _on_disk(temporary, "w", size) as dataset:
             yield dataset
             set_hashes(dataset)
-        close_with_seal(temporary)
 
 
 @contextlib.contextmanager
@@ -223,20 +221,26 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
     """
     with whole_file(path) as temporary, failure_named(path):
         copy_unsealed(path, temporary)
-        _reserve(temporary, os.path.getsize(temporary) + more)
-        with netCDF4.Dataset(temporary, "a") as dataset:
+        with _on_disk(temporary, "a", os.path.getsize(temporary) + more) as dataset:
             yield dataset
-        close_with_seal(temporary)
 
 
-def _reserve(file: Path, size: int) -> None:
-    """Allocate the disk space of a file; HDF5 cuts off what it does not need.
+@contextlib.contextmanager
+def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
+    """Context with an open netCDF4.Dataset, which gets its seal on success.
 
-    A full disk then shows here: where it shows in HDF5, the interpreter may crash when it closes the file.
+    HDF5 may crash the interpreter where the last thing that it writes fails. So the disk space is allocated first
+    (HDF5 cuts off what it does not need), and everything is on the disk before the file is closed: closing writes only
+    the first 48 bytes once more. (A netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
     """
-    if size:
-        with open(file, "ab") as handle:
+    with open(file, "ab") as handle:
+        if size:
             os.posix_fallocate(handle.fileno(), 0, size)
+        with netCDF4.Dataset(file, mode) as dataset:
+            yield dataset
+            dataset.sync()
+            os.fsync(handle.fileno())
+    close_with_seal(file)
 
 
 def finish(file: Path) -> None:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import labkit
+from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.hashes import Name, file_sha256, seal_is_right
 from labkit.io.netcdf import attribute_of, data_verdict, labkit_kind
@@ -120,7 +121,7 @@ def of_file(file: Name) -> dict[str, Any] | None:
     """Provenance of a file as a dictionary, or None if it has none."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
-        return json.loads(beside.read_text())
+        return _read(beside)
     if file.suffix.lower() == ".png":
         from PIL import Image
 
@@ -131,6 +132,22 @@ def of_file(file: Name) -> dict[str, Any] | None:
     else:
         text = attribute_of(file, "provenance")
     return json.loads(text) if text else None
+
+
+def _read(beside: Path) -> dict[str, Any]:
+    try:
+        known = json.loads(beside.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        known = None
+    if not isinstance(known, dict):
+        raise InputError(f"{beside} is damaged: restore a copy, or delete it")
+    return known
+
+
+def has_changed(file: Name) -> bool:
+    """True if a file differs from the hash in the provenance beside it. Raises InputError if that is damaged."""
+    beside = Path(f"{file}{BESIDE}")
+    return beside.exists() and _read(beside).get("sha256") not in (None, file_sha256(file))
 
 
 def check(file: Name) -> list[tuple[str, str]]:

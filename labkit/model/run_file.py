@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from labkit.dem.scene import Scene
 from labkit.errors import InputError
 from labkit.io.conventions import describe
 from labkit.io.netcdf import create_variables, new_netcdf
-from labkit.io.provenance import provenance
+from labkit.io.provenance import has_changed, provenance
 from labkit.io.schema import CONTACTS, GRAINS, RECORD
 from labkit.model.driver import Result
 from labkit.model.parameters import Model
@@ -119,14 +120,20 @@ def model_of(run: xr.Dataset) -> Model | None:
 
 
 def read_model(file: str | None) -> Model:
-    """Model from a JSON file written by labkit calibrate; Table 2 if no file is given. Raises InputError."""
+    """Model from a JSON file written by labkit calibrate; Table 2 if no file is given. Raises InputError.
+
+    Says if the file has changed since: parameters may be edited, but damage should not go unnoticed.
+    """
     if file is None:
         return Model()
     try:
-        return Model.from_json(Path(file).read_text())
+        model = Model.from_json(Path(file).read_text())
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file written by labkit calibrate"
         ) from None
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
+    if has_changed(file):
+        print(f"labkit: {file} has changed since labkit wrote it", file=sys.stderr, flush=True)
+    return model

@@ -1,16 +1,19 @@
 """A tiny campaign carried out by Snakemake: resumed, changed, interrupted, killed, with a run that fails."""
 
 import os
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import netCDF4
 import pytest
 
-from labkit.campaign.workflow import PROFILES
+from labkit.campaign.workflow import PROCESS, PROFILES, SNAKEFILE
+from labkit.cli import main
 from labkit.io.extras import install_command
 from tests.conftest import PATIENCE
 
@@ -162,9 +165,9 @@ def test_a_killed_campaign_repeats_no_finished_run_and_goes_on_with_the_others(f
 LONGER = TINY.replace("500 kPa, strain: 0.01", "500 kPa, strain: 0.4")
 
 
-@pytest.mark.parametrize("send", [os.killpg, os.kill], ids=["terminal", "process"])
-def test_ctrl_c_ends_a_campaign_with_checkpoints_and_the_same_command_resumes_it(send, place, labkit_command):
-    """From a terminal the signal reaches the process group; `kill -INT` reaches only the first process."""
+@pytest.mark.parametrize("send, number", [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)])
+def test_a_signal_ends_a_campaign_with_checkpoints_and_the_same_command_resumes_it(send, number, place, labkit_command):
+    """From a terminal the signal reaches the process group; `kill` reaches only the first process."""
     before = files(place / "tiny")
     (place / "tiny.yaml").write_text(LONGER)
     command = [sys.executable, "-m", "labkit.cli", "campaign", "tiny.yaml", "--cores", "1"]
@@ -174,9 +177,9 @@ def test_ctrl_c_ends_a_campaign_with_checkpoints_and_the_same_command_resumes_it
     while not list(unfinished.glob("*.run.nc")):
         assert first.poll() is None and time.monotonic() < end, "no run was started"
         time.sleep(0.01)
-    send(first.pid, signal.SIGINT)
+    send(first.pid, number)
     _, stderr = first.communicate(timeout=PATIENCE)
-    assert first.returncode == 130 and "Traceback" not in stderr
+    assert first.returncode == 128 + number and "Traceback" not in stderr
     assert stderr.splitlines()[-1] == "labkit: interrupted; repeat the same command to resume (tiny)"
     assert working_in(place) == []
     (checkpoint,) = unfinished.glob("*.run.nc")
@@ -213,6 +216,45 @@ def test_a_second_campaign_in_the_same_folder_is_refused(finished, labkit_comman
         done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=finished)
     lock.unlink(missing_ok=True)
     assert done.returncode == 2 and "another campaign is running in tiny" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["report.md", "campaign.yaml", "recipes/soup.json", "runs/cv.run.nc"])
+def test_a_folder_with_files_that_no_campaign_has_written_is_refused(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.yaml").write_text(TINY)
+    own = tmp_path / "mine" / name
+    own.parent.mkdir(parents=True)
+    own.write_text('{"ingredients": []}')
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["campaign", "tiny.yaml", "--folder", "mine"]) == 2
+    said = f"labkit: mine/{name} is not from a campaign, and could be replaced: choose another --folder\n"
+    assert capsys.readouterr().err == said
+    assert sorted(tmp_path.rglob("*")) == before and own.read_text() == '{"ingredients": []}'
+
+
+def test_the_path_of_python_is_quoted_for_the_shell(place, tmp_path):
+    environment = tmp_path / "an $(touch hit) environment"
+    environment.symlink_to(sys.prefix)
+    python = environment / "bin" / Path(sys.executable).name
+    for file in (place / "tiny/figures").iterdir():
+        file.unlink()
+    words = ["--dry-run", "--printshellcmds", "--nolock", "--rerun-triggers", "mtime", "--cores", "1"]
+    command = [python, "-m", "snakemake", "--snakefile", SNAKEFILE, *words]
+    done = subprocess.run(command, cwd=place / "tiny", capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert f"exec {shlex.quote(str(python))} -m labkit.cli.job figure cv" in done.stdout + done.stderr
+
+
+def test_a_job_of_a_killed_campaign_does_not_start(place):
+    """A job that was still importing when the campaign was killed would write on, and hold the lock of its file."""
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    (place / "tiny/runs/cv.run.nc").unlink()
+    command = [sys.executable, "-m", "labkit.cli.job", "run", "cv"]
+    environment = {**os.environ, PROCESS: str(ended.pid)}
+    done = subprocess.run(command, cwd=place / "tiny", env=environment, capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr == "labkit: the campaign was killed\n"
+    assert not (place / "tiny/runs/cv.run.nc").exists() and not list((place / "tiny/unfinished").iterdir())
 
 
 def test_an_invalid_file_starts_nothing(tmp_path, labkit_command):

@@ -23,6 +23,7 @@ from labkit.model.run_file import write_result
 
 DISK = ctypes.CDLL(None)
 BEFORE = b"what was there before"
+AFTER = ("the seal", "fsync")  # calls after the file is closed
 NOT_REACHED, DONE, REPORTED, OTHER = 10, 11, 12, 13
 KINDS = {"disk full": errno.ENOSPC, "input/output error": errno.EIO, "short write": 0}
 
@@ -70,8 +71,10 @@ def fail_at_each(write, folder: Path, name: str, number: int, before: bytes) -> 
         left = [other for other in folder.iterdir() if other != file and other.suffix == ".tmp"]
         if code == DONE and read_back(name, file):
             continue  # a failed call without consequence
-        if code < 0:
+        if code < 0 and number == errno.EIO and n == calls - len(AFTER):
             crashes += 1
+        elif code < 0:
+            problems.append(f"call {n} of {calls}: signal {-code}")
         elif code != REPORTED:
             problems.append(f"call {n} of {calls}: " + ("another error" if code == OTHER else f"exit code {code}"))
         elif left:

@@ -1,7 +1,8 @@
 /* A file layer that fails at the n-th call, for LD_PRELOAD: write, pwrite, posix_fallocate and fsync of regular files.
  *
  * arm(n, kind): the n-th call from now on fails. kind: an errno, such as ENOSPC or EIO; 0 for a short write, of half of
- * the bytes, after which the disk is full. calls(): number of calls since then. */
+ * the bytes, after which the disk is full. A full disk lets bytes be written again that the file has already.
+ * calls(): number of calls since then. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -42,6 +43,8 @@ ssize_t write(int fd, const void *data, size_t size) {
 ssize_t pwrite(int fd, const void *data, size_t size, off_t at) {
     static ssize_t (*real)(int, const void *, size_t, off_t);
     if (!real) real = dlsym(RTLD_NEXT, "pwrite");
+    struct stat info;
+    if (error_number != EIO && fstat(fd, &info) == 0 && at + (off_t)size <= info.st_size) return real(fd, data, size, at);
     int how = fails(fd);
     return how == 1 ? -1 : real(fd, data, how == 2 ? size / 2 : size, at);
 }

@@ -8,11 +8,12 @@ import pytest
 
 import labkit
 from labkit.cli import main
+from labkit.io.provenance import write_with_provenance
 from labkit.io.schema import RECORD
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.parameters import Model
-from labkit.model.run_file import as_run, model_of, records
+from labkit.model.run_file import as_run, model_of, read_model, records
 from labkit.model.state import isotropic_state
 
 START = ("--void-ratio", 0.67, "--pressure", 0.5e6)
@@ -130,3 +131,19 @@ def test_inherent_anisotropy_starts_isotropic_at_the_pressure(tmp_path):
     np.testing.assert_allclose(run["stress"][0], 0.5e6 * np.eye(3), atol=1.0)
     assert abs(float(run["contact_anisotropy"][0, 0, 2])) > 0.2
     np.testing.assert_allclose(run["stress"].values[:, 0, 0], 0.5e6, rtol=1e-4)
+
+
+def test_parameters_that_have_changed_are_used_with_one_line(tmp_path, capfd):
+    file = tmp_path / "model.json"
+    write_with_provenance(file, Model().to_json())
+    read_model(file)
+    assert capfd.readouterr().err == ""
+    values = Model().to_json().replace('"c_cZ": 5.57', '"c_cZ": 5.58')
+    file.write_text(values)
+    assert read_model(file).parameters.c_cZ == 5.58
+    assert capfd.readouterr().err == f"labkit: {file} has changed since labkit wrote it\n"
+    beside = tmp_path / "model.json.provenance.json"
+    for damaged in ("{", "[]", "[" * 100_000):
+        beside.write_text(damaged)
+        with pytest.raises(labkit.InputError, match=r"provenance\.json is damaged: restore a copy"):
+            read_model(file)

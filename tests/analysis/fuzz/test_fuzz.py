@@ -18,7 +18,15 @@ from analysis.fuzz.damage import DAMAGES, damaged
 
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     options = argparse.Namespace(
-        minutes=1, files=10, options=15, campaigns=5, seed=7, output=str(tmp_path), extremes=False, kills=None
+        minutes=1,
+        files=10,
+        kinds="",
+        options=15,
+        campaigns=5,
+        seed=7,
+        output=str(tmp_path),
+        extremes=False,
+        kills=None,
     )
     assert main(options, "./lab fuzz") == 0, capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "counts.csv").open()))
@@ -26,7 +34,7 @@ def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     for row in rows:
         kinds[row["class"].split(":")[0]] += int(row["cases"])
     assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 10
-    assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 1
+    assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 10
     sealed = [row for row in rows if row["class"].startswith(("state:", "run:", "checkpoint:"))]
     assert sum(int(row["refused"]) for row in sealed) == 30
     assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "counts.csv.provenance.json"]
