@@ -55,7 +55,9 @@ class Answers:
     )
 
     def __post_init__(self) -> None:
-        """Check every parameter."""
+        """Check every parameter; a box may also be a number or a sequence of numbers."""
+        if not isinstance(self.box, str | None):
+            object.__setattr__(self, "box", ",".join(map(str, np.ravel(self.box))))
         check_parameters(self)
         self.cell()
         for value, units, field in (
@@ -173,4 +175,4 @@ def _number(text: str, field: str) -> float:
 def _require(value: object, field: str, problem: str, allowed: str) -> None:
     """Raises InputError with the question if the value is unknown."""
     if value is None:
-        raise InputError(f"{problem}: give {option_name(field)}, {allowed}")
+        raise InputError(f"{problem}: give {option_name(field)} (in Python {field}=), {allowed}")

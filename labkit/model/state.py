@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from labkit.dem.loading import StressPath
 from labkit.errors import InputError
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot
@@ -13,6 +14,7 @@ from labkit.micro.tensors import require_symmetric, symmetric, to_six, to_tensor
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.model.equations import compression_coordination_number
 from labkit.model.parameters import TABLE_2, Model
+from labkit.parameters import parameters_of
 from labkit.sff.c0 import c0_stress, symmetric_product
 
 
@@ -95,16 +97,17 @@ def state_of(snapshot: Snapshot) -> ModelState:
 
 
 def isotropic_state(
-    model: Model, void_ratio: float, pressure: float, Z: float | None = None, Lam: float | None = None
+    model: Model, void_ratio: float, pressure: float | str, Z: float | None = None, Lam: float | None = None
 ) -> ModelState:
     """Isotropic initial state: e, p, Z and Lambda satisfy C0 with A = F = F^t = 0, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
 
-    `pressure`, Pa. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings
-    any isotropically compressed specimen, and Lambda follows from p. If one of them is given, the other follows. Beyond
-    e_cmax, Z^com is determined by the option beyond_e_cmax. Raises InputError.
+    `pressure`: Pa, or text with a unit. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to
+    which Eq. 31 brings any isotropically compressed specimen, and Lambda follows from p. If one of them is given, the
+    other follows. Beyond e_cmax, Z^com is determined by the option beyond_e_cmax. Raises InputError.
     """
     if not (np.isfinite(void_ratio) and 0.0 < void_ratio):
         raise InputError(field="void_ratio", value=void_ratio, allowed="a positive number, e.g. 0.67")
+    pressure = parameters_of(StressPath)["pressure"].read(pressure) if isinstance(pressure, str) else pressure
     if not (np.isfinite(pressure) and pressure > 0.0):
         raise InputError(field="pressure", value=pressure, allowed="a positive number in Pa, e.g. 0.5e6")
     require_density(model, void_ratio)

@@ -18,7 +18,7 @@ from pathlib import Path as File
 from typing import Any
 
 from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import require_pressure
+from labkit.dem.limits import exceeded_by, require_pressure
 from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
@@ -61,7 +61,7 @@ def make_specimen(
         precision=precision,
         output=_output(file),
     )
-    return _state(execute(task, _shown(progress, "specimen")))
+    return _checked(_state(execute(task, _shown(progress, "specimen"))))
 
 
 def consolidate(
@@ -186,3 +186,10 @@ def _require(value: object, kind: type, field: str, example: str) -> None:
 def _state(made: State | None) -> State:
     assert made is not None
     return made
+
+
+def _checked(specimen: State) -> State:
+    """The specimen, after a warning for every limit that it exceeds."""
+    for limit in exceeded_by(specimen):
+        warnings.warn(f"{limit} in the specimen: give a larger void ratio", stacklevel=3)
+    return specimen

@@ -108,6 +108,15 @@ def test_a_restart_of_mercury_with_lees_edwards_boundaries(tmp_path):
     assert snapshot.contacts.normal[0] == pytest.approx([0.0, 1.0, 0.0])
 
 
+def test_a_box_may_be_text_or_numbers(table):
+    file, known = table
+    expected = read(file, **{**known, "box": "10,10,10"}).cell
+    for box in (10, 10.0, (10, 10, 10), np.array([10.0, 10.0, 10.0]), 10.0 * np.eye(3)):
+        assert np.array_equal(read(file, **{**known, "box": box}).cell, expected)
+    with pytest.raises(lk.InputError, match="box '10,wide' is not a box: give 1, 3 or 9 numbers"):
+        read(file, **{**known, "box": (10, "wide")})
+
+
 def test_what_a_file_does_not_say_is_asked_for(table):
     file, known = table
     for missing in known:

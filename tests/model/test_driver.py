@@ -265,3 +265,9 @@ def test_a_strain_driven_piece_and_its_pieces_agree(model):
     for _ in range(7):
         y = integrator.advance(Problem(model, control), y, 0.2 / 7)
     np.testing.assert_allclose(y, whole, rtol=1e-7, atol=1e-10)
+
+
+def test_a_pressure_may_have_a_unit():
+    assert isotropic_state(Model(), 0.67, "300 kPa").Lam == isotropic_state(Model(), 0.67, 3e5).Lam
+    with pytest.raises(InputError, match="unknown unit 'bar'"):
+        isotropic_state(Model(), 0.67, "3 bar")

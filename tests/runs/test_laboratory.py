@@ -272,3 +272,9 @@ def test_all_public_names_exist():
         assert getattr(lk, name) is not None
     with pytest.raises(AttributeError, match="module 'labkit' has no attribute 'rum'"):
         _ = lk.rum
+
+
+def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():
+    with pytest.warns(UserWarning, match=r"mean overlap 0\.0\d+ is above 0\.02 in the specimen") as warned:
+        lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=200), progress=False)
+    assert {warning.filename for warning in warned} == {__file__}
