@@ -75,9 +75,13 @@ def likely_speed(engine: str) -> Speed:
 
 
 def cache_file() -> Path:
-    """File that stores the measured speeds, in $XDG_CACHE_HOME/labkit or ~/.cache/labkit."""
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(cache) / "labkit" / "speed.json"
+    """File that stores the measured speeds, in $XDG_CACHE_HOME/labkit or ~/.cache/labkit.
+
+    Without a home folder, as for an unknown user of a container, it is in the folder for temporary files.
+    """
+    home = os.path.expanduser("~")
+    default = tempfile.gettempdir() if home == "~" else os.path.join(home, ".cache")
+    return Path(os.environ.get("XDG_CACHE_HOME") or default) / "labkit" / "speed.json"
 
 
 def computer() -> str:

@@ -1,8 +1,10 @@
 """The cost model and the tables for yade-batch."""
 
 import os
+import pwd
 import re
 import subprocess
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from labkit.campaign.cost import announcement, cost_of, expected_seconds, rough_time, task_seconds
 from labkit.campaign.file import campaign_file, read_campaign
 from labkit.campaign.plan import plan_of
-from labkit.campaign.speeds import TYPICAL
+from labkit.campaign.speeds import TYPICAL, cache_file
 from labkit.dem.paths import ConstantVolume
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import Recipe
@@ -97,6 +99,16 @@ def test_tables_need_yade(tmp_path, labkit_command):
 def typical(monkeypatch, tmp_path):
     """No speeds measured on this computer."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "nowhere"))
+
+
+def test_speeds_have_a_file_where_the_user_has_no_home(monkeypatch):
+    def unknown(number):
+        raise KeyError(number)
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    assert cache_file() == Path(tempfile.gettempdir()) / "labkit" / "speed.json"
 
 
 def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen_file):

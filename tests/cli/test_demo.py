@@ -1,0 +1,21 @@
+"""`labkit demo` on real engines, with a specimen that is already there."""
+
+import shutil
+
+import pandas
+
+from labkit.cli import demo, main
+
+
+def test_the_demo_compares_the_engines(specimen_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demo, "STRAIN", 4e-3)
+    monkeypatch.setattr(demo, "YADE_STRAIN", 2e-3)
+    monkeypatch.setattr(demo, "COMPARED", (2e-3,))
+    folder = tmp_path / "my demo"
+    folder.mkdir()
+    shutil.copyfile(specimen_file, folder / "demo.state.nc")
+    assert main(["demo", "-o", str(folder)]) == 0
+    table = pandas.read_csv(folder / "demo.engines.csv", index_col="quantity", comment="#")
+    assert abs(table.loc["q/p at 0.2 %", "difference (%)"]) < 1e-6  # rounding: chaos needs more strain
+    assert (table.loc["time steps per second", ["fused", "yade"]] > 0.0).all()
+    assert "Ctrl-C leaves it out" in capsys.readouterr().out
