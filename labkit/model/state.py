@@ -101,7 +101,7 @@ def isotropic_state(
 ) -> ModelState:
     """Isotropic initial state: e, p, Z and Lambda satisfy C0 with A = F = F^t = 0, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
 
-    `pressure`: Pa, or text with a unit. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to
+    pressure: Pa, or text with a unit. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to
     which Eq. 31 brings any isotropically compressed specimen, and Lambda follows from p. If one of them is given, the
     other follows. Beyond e_cmax, Z^com is determined by the option beyond_e_cmax. Raises InputError.
     """
