@@ -210,7 +210,8 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
     with whole_file(path) as temporary, failure_named(path):
         with _on_disk(temporary, "w", size) as dataset:
             yield dataset
-            set_hashes(dataset)
+            if "seal" not in dataset.ncattrs():
+                set_hashes(dataset)
 
 
 @contextlib.contextmanager
@@ -254,6 +255,8 @@ def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
     """Write the attributes with hashes, last before a file is closed; `complete`: False for a run that goes on."""
     if complete:
         dataset.data_sha256 = data_sha256(dataset)
+    elif "data_sha256" in dataset.ncattrs():
+        del dataset.data_sha256
     dataset.seal = NOTE
 
 

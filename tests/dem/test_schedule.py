@@ -12,6 +12,7 @@ import pytest
 import labkit as lk
 from labkit.dem.paths import make_path
 from labkit.dem.schedule import Options, Schedule
+from labkit.io.provenance import check
 from labkit.io.schema import CONTACTS, RECORD
 
 REVERSALS = (0.0063, -0.0041, 0.0058)  # not multiples of the record interval
@@ -147,6 +148,7 @@ def test_an_interrupted_cyclic_run_resumes_to_the_same_bits(stops, state, tmp_pa
 
     with pytest.raises(Stop):
         lk.run(state, path, file=tmp_path / "r.run.nc", progress=progress, **options)
+    assert {verdict for _, verdict in check(tmp_path / "r.run.nc")} == {"same"}
     lk.run(state, path, file=tmp_path / "r.run.nc", progress=False, **options)
     assert_identical(tmp_path / "whole.run.nc", tmp_path / "r.run.nc")
 
