@@ -33,7 +33,7 @@ from labkit.engines.lammps.restart import Histories, histories, put_histories
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.cells import widths
 
-SKIN = 0.05  # of the mean diameter
+SKIN = 0.1  # of the mean diameter; half of it is kept for grains that spring apart between two looks
 PLACES = {
     "x": (0, 0),
     "y": (1, 1),
@@ -43,7 +43,7 @@ PLACES = {
     "xy": (0, 1),
 }  # of the cell in `fix deform`
 MOST_STEPS = 50  # in which the cell moves linearly
-MOST_ROOM = 100  # steps between two looks at how far the grains have moved
+MOST_ROOM = 20  # steps between two looks at how far the grains have moved
 LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
 
 SETTINGS = """\
@@ -96,10 +96,10 @@ class Domain:
         self.searched = self.cell.copy(), self.array("x")[: len(self.own())].copy()
 
     def room(self, gradient: np.ndarray) -> int:
-        """Number of steps until neighbours must be searched, while the cell deforms with the gradient (3, 3), 1/s.
+        """Number of steps after which to ask again, 0 to search neighbours; the gradient (3, 3), 1/s, deforms the cell.
 
-        Two grains approach by their motion relative to the mean field, and as the mean field brings them together. Half
-        of the remaining skin is used, because grains may become faster. Raises PhysicsError if the skin is used up.
+        Two grains approach by their motion relative to the mean field, and as the mean field brings them together.
+        Raises PhysicsError if the skin is used up.
         """
         cell, before = self.searched
         n, stretch = len(before), self.cell @ np.linalg.inv(cell)
@@ -112,6 +112,8 @@ class Domain:
         left = skin - 2.0 * moved - squeezed * (diameter + skin)
         if left < 0.0:
             raise PhysicsError("the grains move so fast that contacts may be missed: reduce the rate or the time step")
+        if left < 0.5 * skin:
+            return 0
         per_step = self.time_step * (2.0 * speed + np.linalg.norm(gradient, 2) * (diameter + skin))
         return int(min(0.5 * left / per_step, MOST_ROOM)) if per_step > 0.0 else MOST_ROOM
 
