@@ -19,10 +19,8 @@ ESTIMATE = re.compile(r"grains, .* steps, about ")  # the line with the expected
 KILLS = int(os.environ.get("LABKIT_KILLS", "1"))
 PATHS = {
     "cv": ["--strain", "0.01"],
-    "cr": ["--pressure", "0.5e6", "--strain", "0.008"],
     "cp": ["--pressure", "0.5e6", "--strain", "0.008"],
     "isoc": ["--strain", "0.004"],
-    "isod": ["--pressure", "0.1e6", "--rate", "5"],
     "cyclic_cp": ["--pressure", "0.5e6", "--reversals", "0.004,-0.002,0.002"],
 }
 
@@ -77,7 +75,7 @@ def undisturbed(tmp_path_factory, tiny):
     return make
 
 
-@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize("name", ["cv", "isoc", "cyclic_cp"])  # one of each kind
 def test_a_killed_run_ends_with_bit_identical_records(name, tiny, undisturbed, tmp_path):
     reference, seconds = undisturbed(name)
     file = tmp_path / "r.run.nc"
