@@ -8,11 +8,11 @@ receive what the formulas of labkit.engines.kernel.motion add to their velocity:
 moves linearly between its exact values (1 + L dt)^k H at the ends of the intervals. LAMMPS stretches it about its
 centre, which therefore is the origin: grains that follow the mean field then stay in the cell and on their rank.
 
-LAMMPS does not search neighbours by itself here. When it does, the results change by more than rounding (in a CV test
-of 996 grains q drops by 1 % for some hundred steps), and differ between one and two ranks: grains change their places
-in memory, and where the two grains of a contact exchange roles, LAMMPS negates the history of the contact, although the
-rolling spring must keep its sign. The engine loads its own State instead, as soon as `room` says that a contact could
-be missed.
+LAMMPS does not search neighbours by itself here. When it does in a sheared cell, the results change by more than
+rounding (in a CV test of 996 grains q drops by 1 % for some hundred steps), and one and two ranks differ. The cause has
+not been isolated. LAMMPS negates the history of a contact when its grains exchange roles, and that of rolling must not
+be; but a specimen that drifts without shear shows no difference. The engine loads its own State instead, as soon as
+`room` says that a contact could be missed.
 """
 
 from __future__ import annotations
