@@ -48,13 +48,14 @@ def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path) ->
 
 def finished(campaign: str | Path) -> list[Path]:
     """Files of the finished runs of the campaign in a folder. Raises InputError if there are none."""
-    files = [file for file in sorted((Path(campaign) / RUNS).glob("*.run.nc")) if _ended(file)]
+    files = [file for file in sorted((Path(campaign) / RUNS).glob("*.run.nc")) if ended(file)]
     if not files:
         raise InputError(f"{campaign} contains no finished runs: give a folder in which the campaign was run")
     return files
 
 
-def _ended(file: Path) -> bool:
+def ended(file: Path) -> bool:
+    """True if the run in a file is finished."""
     with open_netcdf(file, "run", verify=False) as dataset:
         return bool(dataset.getncattr("complete")) or bool(getattr(dataset, "ended_because", ""))
 

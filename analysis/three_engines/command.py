@@ -7,7 +7,7 @@ from pathlib import Path
 
 from analysis.places import results_folder
 from analysis.three_engines.compare import differences, figure, held, values
-from analysis.three_engines.runs import simulate
+from analysis.three_engines.runs import finished, simulate
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
 from labkit.io import make_folder, reporter, write_with_provenance
@@ -35,11 +35,12 @@ def main(options: argparse.Namespace, command: str) -> int:
     folder, output = Path(make_folder(options.folder, "folder")), Path(make_folder(options.output, "--output"))
     if not options.as_is:
         simulate(folder, options.grains, options.seeds, reporter("three-engines"))
-    measured = values(folder)
-    if measured.empty:
+    tests = finished(folder)
+    if not tests:
         raise InputError(f"{folder} contains no finished tests: leave out --as-is")
+    measured = values(folder, tests)
     compared = differences(measured)
-    for name, table in (("values", measured), ("differences", compared), ("held", held(folder))):
+    for name, table in (("values", measured), ("differences", compared), ("held", held(folder, tests))):
         text = table.to_csv(index=False, float_format="%.6g")
         write_with_provenance(output / f"{name}.csv", text, command=command)
     plots.save(figure(compared), output / "differences.png", command=command)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.statistics import cluster_mean
-from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test, finished
+from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
 from labkit.visuals import WIDTH, colors_for, new_figure
 
 END = 0.08  # axial strain from which on the end of a test is averaged
@@ -47,11 +47,9 @@ def quantities(file: Path) -> dict[str, float]:
     return {"peak": float((q / p).max()), **{name: float(values[end].mean()) for name, values in curves.items()}}
 
 
-def values(folder: Path) -> pandas.DataFrame:
-    """One row per finished test: number of grains, path, seed, engine, law and its quantities."""
-    return pandas.DataFrame(
-        [{**dataclasses.asdict(test), **quantities(test.file(folder))} for test in finished(folder)]
-    )
+def values(folder: Path, tests: Sequence[Test]) -> pandas.DataFrame:
+    """One row per test: number of grains, path, seed, engine, law and its quantities."""
+    return pandas.DataFrame([{**dataclasses.asdict(test), **quantities(test.file(folder))} for test in tests])
 
 
 def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
@@ -92,9 +90,9 @@ def _varies(name: str, path: str) -> bool:
     return not (name == "e" and path == "cv") and not (name == "p_MPa" and path != "cv")
 
 
-def held(folder: Path) -> pandas.DataFrame:
+def held(folder: Path, tests: Sequence[Test]) -> pandas.DataFrame:
     """One row per test: RMS error of the held stress, or the largest drift of the volume."""
-    return pandas.DataFrame([{**dataclasses.asdict(test), **_held(test, folder)} for test in finished(folder)])
+    return pandas.DataFrame([{**dataclasses.asdict(test), **_held(test, folder)} for test in tests])
 
 
 def _held(test: Test, folder: Path) -> Mapping[str, float]:

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import labkit as lk
+from analysis.campaigns import ended
 from labkit.dem import Progress
 
 CLASSES, VOID_RATIO = 16, 0.67
@@ -56,7 +57,7 @@ def finished(folder: Path) -> list[Test]:
     found = []
     for file in folder.glob("n*/*.run.nc"):
         name = re.fullmatch(r"(\w+)-s(\d+)-(\w+)-(\w+)\.run\.nc", file.name)
-        if name and file.parent.name[1:].isdigit() and lk.open_run(file).attrs["complete"]:
+        if name and file.parent.name[1:].isdigit() and ended(file):
             found.append(Test(int(file.parent.name[1:]), name[1], int(name[2]), name[3], name[4]))
     return sorted(found, key=lambda test: (test.grains, test.seed, test.law, test.engine, list(PATHS).index(test.path)))
 
