@@ -12,23 +12,15 @@ import pytest
 
 from analysis.fuzz import extremes, kills
 from analysis.fuzz.cases import Case, in_child, in_children
-from analysis.fuzz.command import Log, main
+from analysis.fuzz.command import Log, add_options, main
 from analysis.fuzz.damage import DAMAGES, damaged
 
 
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
-    options = argparse.Namespace(
-        minutes=1,
-        files=10,
-        kinds="",
-        options=15,
-        campaigns=5,
-        seed=7,
-        output=str(tmp_path),
-        extremes=False,
-        kills=None,
-    )
-    assert main(options, "./lab fuzz") == 0, capsys.readouterr().out
+    parser = argparse.ArgumentParser()
+    add_options(parser)
+    words = "--files 10 --options 15 --campaigns 5 --seed 7 -o".split()
+    assert main(parser.parse_args([*words, str(tmp_path)]), "./lab fuzz") == 0, capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "counts.csv").open()))
     kinds = collections.Counter({row["class"].split(":")[0]: 0 for row in rows})
     for row in rows:
