@@ -44,7 +44,7 @@ class Batch:
 
 def batched(job: Job) -> bool:
     """True if a job is a run on an engine that advances runs together."""
-    return job.kind == "run" and ENGINES[job.item.engine].batches
+    return job.kind == "run" and on_gpu(job)
 
 
 def on_gpu(job: Job) -> bool:

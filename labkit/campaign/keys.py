@@ -45,14 +45,14 @@ GPU_MEMORY = Parameter(
     "gpu_memory",
     None,
     "memory of the GPU for the runs of a batch (default: asked from the GPU of this computer)",
-    "GB",
-    float,
-    -math.inf,
-    1e6,
-    0.0,
-    None,
-    True,
-    True,
+    unit="GB",
+    kind=float,
+    low=-math.inf,
+    high=1e6,
+    above=0.0,
+    choices=None,
+    optional=True,
+    option=True,
 )
 
 

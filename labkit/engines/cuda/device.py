@@ -22,9 +22,8 @@ SIMULATED = (
 )  # kernels run as plain Python, to test without a GPU
 
 SLICE = 8 if SIMULATED else 32  # consecutive grains whose neighbour lists are interleaved: a warp
-BLOCK = (
-    2 * SLICE if SIMULATED else 128
-)  # threads per block, a multiple of SLICE; each thread of the simulator costs time
+# Threads per block, a multiple of SLICE; each thread of the simulator costs time
+BLOCK = 2 * SLICE if SIMULATED else 128
 
 warnings.filterwarnings("ignore", message="Grid size")  # kernels with a thread per state use little of the GPU
 

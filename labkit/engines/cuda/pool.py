@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -144,10 +143,6 @@ class Member(Engine):
         """The State is in the batch already."""
         self._pool, self._turn, self._place = pool, turn, place
 
-    def _do(self, call: Callable[[], Any]) -> Any:
-        """Return the result of a call, made by the thread of the device."""
-        return self._turn.ask(call)
-
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         if steps > 0:
             self.follow(Corrections.constant(steps, velocity_gradient))
@@ -157,17 +152,17 @@ class Member(Engine):
         self.require_going()
 
     def stress(self) -> np.ndarray:
-        return self._do(lambda: self._pool.stress(self._place))
+        return self._turn.ask(lambda: self._pool.stress(self._place))
 
     def state(self) -> State:
-        return self._do(lambda: self._pool.batch.state(self._place))
+        return self._turn.ask(lambda: self._pool.batch.state(self._place))
 
     def load(self, state: State) -> None:
-        self._do(lambda: self._pool.load(self._place, state))
+        self._turn.ask(lambda: self._pool.load(self._place, state))
         self.require_going()
 
     def stop_grains(self) -> None:
-        self._do(lambda: self._pool.stop_grains(self._place))
+        self._turn.ask(lambda: self._pool.stop_grains(self._place))
 
     def require_going(self) -> None:
         """Raise PhysicsError if the State failed."""
