@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 
@@ -38,6 +39,20 @@ class InputError(ValueError):
 
     def __str__(self) -> str:
         return self.said()
+
+
+def nearest(name: object, known: Iterable[str]) -> str | None:
+    """The name that was probably meant by a misspelled one, whatever its case; None if none is similar."""
+    names = {one.lower(): one for one in known}
+    close = difflib.get_close_matches(str(name)[:100].lower(), names, 1)
+    return names[close[0]] if close else None
+
+
+def instead_of(known: Iterable[str], name: object = None) -> str:
+    """The names to give instead of an unknown one, worded for an error message; the most similar one comes first."""
+    names = tuple(known)
+    close = None if name is None else nearest(name, names)
+    return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"
 
 
 def shown(value: Any) -> str:

@@ -25,7 +25,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 
 VARIABLE = "LABKIT_USE"
 GROUP = "labkit.extensions"
@@ -84,13 +84,17 @@ class Registry(Mapping[str, Any]):
             return self[name]
         except KeyError:
             raise InputError(
-                "is unknown", field=field or self.kind, value=name, allowed=self.allowed, quoted=True
+                "is unknown", field=field or self.kind, value=name, allowed=self.instead_of(name), quoted=True
             ) from None
 
     @property
     def allowed(self) -> str:
         """The valid names, worded for an error message."""
-        return f"one of {', '.join(self)}, or load the file that registers it (--use FILE, labkit.use)"
+        return self.instead_of(None)
+
+    def instead_of(self, name: object) -> str:
+        """The valid names, the most similar one first, worded for an error message."""
+        return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use)"
 
     def name(self, name: str) -> str:
         """Current name of an entry, given its current or a former name."""

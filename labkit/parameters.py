@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from labkit.errors import InputError, shown
+from labkit.errors import InputError, instead_of, shown
 
 UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their factors
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
@@ -59,7 +59,7 @@ class Parameter:
     def allowed(self) -> str:
         """The allowed values, worded for an error message."""
         if self.choices is not None:
-            return getattr(self.choices, "allowed", None) or f"one of {', '.join(self.choices)}"
+            return self._named_like(None)
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.kind is tuple:
             return "numbers separated by commas"
@@ -129,9 +129,14 @@ class Parameter:
             raise self.error(value, allowed="True or False")
         return value
 
+    def _named_like(self, value: Any) -> str:
+        """The choices, the most similar one first, worded for an error message."""
+        worded = getattr(self.choices, "instead_of", None)  # a Registry mentions --use
+        return worded(value) if worded else instead_of(self.choices, value)
+
     def _choice(self, value: Any) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
-            raise self.error(value, "is unknown", quoted=True)
+            raise self.error(value, "is unknown", self._named_like(value), quoted=True)
         current_name = getattr(self.choices, "name", str)  # a Registry also accepts former names
         return current_name(value)
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard, TypeVar
 
-from labkit.errors import InputError
+from labkit.errors import InputError, nearest
 from labkit.io.extras import install_command
 from labkit.parameters import Parameter
 
@@ -297,5 +296,5 @@ def similar(name: str, known: Collection[str]) -> str:
     """A suggestion for a misspelled name, to append to the message."""
     if not 0 < len(known) <= MOST_SIMILAR:
         return ""
-    close = difflib.get_close_matches(name, known, 1)
-    return f": did you mean {close[0]!r}?" if close else f": use {', '.join(known)}"
+    close = nearest(name, known)
+    return f": did you mean {close!r}?" if close else f": use {', '.join(known)}"

@@ -13,7 +13,8 @@ from labkit.dem.engine import PRECISIONS
 from labkit.dem.paths import Path
 from labkit.dem.settings import SETTINGS
 from labkit.engines import ENGINES, processors
-from labkit.errors import InputError, option_name
+from labkit.errors import InputError, instead_of, option_name
+from labkit.extensions import Registry
 from labkit.parameters import Parameter, help_of, parameters_of
 
 
@@ -102,7 +103,7 @@ def one_of(choices: Collection[str]) -> Callable[[str], str]:
 
     def read(text: str) -> str:
         if text not in choices:
-            allowed = getattr(choices, "allowed", None) or f"one of {', '.join(choices)}"
+            allowed = choices.instead_of(text) if isinstance(choices, Registry) else instead_of(choices, text)
             raise argparse.ArgumentTypeError(f"{text!r} is unknown: give {allowed}")
         return text
 

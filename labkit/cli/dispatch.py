@@ -71,10 +71,7 @@ def call(argv: list[str]) -> int:
     for file in files_to_use(argv):
         extensions.use(file)
     command = find(argv[0]) if argv else None
-    options, unknown = parser_for(command, argv).parse_known_args(argv)
-    if unknown:
-        name = "labkit" if command is None else f"labkit {command.name}"
-        raise InputError(f"{unknown[0]} is not an option of {name} (see {name} --help)")
+    options = parser_for(command, argv).parse_args(argv)
     if command is None:  # --help, --version and unknown commands were handled by the parser
         raise InputError("a command is missing: give one (see labkit --help)")
     if options.trust:

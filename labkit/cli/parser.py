@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
-from labkit.errors import InputError, option_name
+from labkit.errors import InputError, instead_of, nearest, option_name
 
 POSITIONAL = ("path", "specimen", "figure", "file", "test")
 Options = argparse.ArgumentParser | argparse._ArgumentGroup  # anything to which options can be added
@@ -41,7 +41,20 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raises InputError with the message and the command that prints the help."""
         message = re.sub(r"^argument (\S+): ", r"\1: ", message)
+        unknown = re.fullmatch(r"(\S+): invalid choice: '(.*)' \(choose from (.*)\)", message)
+        if unknown:
+            choices = re.findall(r"[\w-]+", unknown[3])
+            message = f"{unknown[1]} {unknown[2]!r} is unknown: give {instead_of(choices, unknown[2])}"
         raise InputError(f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(self, args=None, namespace=None):
+        """As argparse's, but raises InputError for an argument that is not known."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            close = nearest(unknown[0].partition("=")[0], self._option_string_actions)
+            hint = "" if close is None else f": did you mean {close}?"
+            raise InputError(f"{unknown[0]} is not an option of {self.prog}{hint} (see {self.prog} --help)")
+        return options, unknown
 
     def shorten_usage(self) -> None:
         """Replaces the list of all options in the usage line by `[options]`."""

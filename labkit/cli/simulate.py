@@ -29,6 +29,7 @@ from labkit.cli.parser import Options as OptionGroup
 from labkit.cli.parser import Parser, listed, summary_of
 from labkit.cli.registry import command
 from labkit.dem.consolidation import pressure_error
+from labkit.dem.endings import met_conditions
 from labkit.dem.limits import exceeded_by, exceeded_in, require_pressure
 from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import PATHS, Path, make_path
@@ -266,9 +267,11 @@ def run(options: argparse.Namespace, history: str, announced: bool = False) -> N
     output = str(task.output)
     finished = _finished(output)
     execute(task, reporter(task.path.name) if finished or not announced else announcing(task, task.path.name))
-    print(f"{output}: " + ("was already complete, nothing to do" if finished else "complete"))
     with open_netcdf(output, "run") as dataset:
         reason = getattr(dataset, "ended_because", "")
+        records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
+    met = met_conditions(task.path, task.options.stop_when, records)
+    print(f"{output}: " + ", ".join(("was already complete, nothing to do" if finished else "complete", *met)))
     if reason:
         print(f"{output}: ended: {reason}")
     for limit in exceeded_in(output):

@@ -1,4 +1,4 @@
-"""Errors of a run that cannot be completed, or must not be started."""
+"""How a run ends: at which conditions, and the errors of a run that cannot be completed or must not be started."""
 
 from __future__ import annotations
 
@@ -8,8 +8,32 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.conditions import Condition
+from labkit.dem.conditions import Condition, condition
+from labkit.dem.loading import Path
 from labkit.errors import InputError, PhysicsError
+
+
+MOST_LISTED = 5  # steps
+
+
+def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]) -> tuple[str, ...]:
+    """The conditions that ended steps of a complete run and the run itself, one clause each.
+
+    records: variable -> its values at all records, (time, ...).
+    """
+    found, conditions = [], path.conditions()
+    if any(conditions) and "path_step" in records:
+        step, share = (np.asarray(records[name]) for name in ("path_step", "path_step_progress"))
+        for number, until in enumerate(conditions, start=1):
+            reached = share[step == number]
+            if until and len(reached) and reached[-1] < 1.0 - 1e-9:
+                found.append(f"step {number} ended when {until}")
+    if len(found) > MOST_LISTED:
+        found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
+    if stop_when is not None:
+        first, last = ({name: values[at] for name, values in records.items()} for at in (0, -1))
+        found += ["it ended when " + stop_when] * condition(stop_when).holds(last, first)
+    return tuple(found)
 
 
 def unfinished(reason: str, file: File) -> PhysicsError:

@@ -199,6 +199,10 @@ class Path(abc.ABC):
         """Number of legs, the pieces of the path between reversals."""
         return len(self.turning_points())
 
+    def conditions(self) -> tuple[str | None, ...]:
+        """The condition that ends each leg early, if any; see Leg.stops."""
+        return ()
+
     def leg_ends(self, stress: np.ndarray, leg: int) -> bool:
         """True if leg number `leg`, from 0, ends at this stress (3, 3), Pa: the path reverses there, or ends."""
         return False

@@ -7,14 +7,13 @@ record and on all records of a run, in which every array has the additional firs
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from labkit.dem.recorded import record_table
-from labkit.errors import InputError
+from labkit.errors import InputError, nearest
 from labkit.io.schema import Variable
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.tensors import symmetric
@@ -233,6 +232,6 @@ def _suggestion(name: str) -> str:
     """Names to use instead of an unknown one."""
     scalars = [v.name for v in record_table().values() if len(v.dimensions) == 1]
     every = [*QUANTITIES, *(alias for alias in ALIASES if alias not in ("A", "F", "Ft", "sigma", "eps")), *scalars]
-    close = difflib.get_close_matches(name, every, 1)
-    start = f"{close[0]!r}, or another of" if close else "one of"
+    close = nearest(name, every)
+    start = "one of" if close is None else f"{close!r}, or another of"
     return f"{start} {', '.join(QUANTITIES)}, a recorded variable such as void_ratio, or a component such as stress_xz"

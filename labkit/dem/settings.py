@@ -9,7 +9,7 @@ import dataclasses
 
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import SIDE
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +36,6 @@ SETTINGS = {
 def settings(name: str) -> Settings:
     """The Settings of that name. Raises InputError for an unknown name."""
     if name not in SETTINGS:
-        allowed = f"one of {', '.join(SETTINGS)}"
+        allowed = instead_of(SETTINGS, name)
         raise InputError("are unknown", field="settings", value=name, allowed=allowed, quoted=True)
     return SETTINGS[name]

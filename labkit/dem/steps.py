@@ -121,6 +121,9 @@ class Steps(Path):
     def recorded(self) -> Mapping[str, Variable]:
         return PROGRESS
 
+    def conditions(self) -> tuple[str | None, ...]:
+        return tuple(self.step(number).until for number in range(self.legs()))
+
     def leg(
         self, number: int, sign: float, stress: np.ndarray, first: int = 0, steps: int = 0, step_strain: float = 0.0
     ) -> Leg:

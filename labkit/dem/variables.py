@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from labkit.dem.step import Step, components_of
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 
 SHEAR = ("xz", "yz", "xy")
 _X, _Y, _Z = (np.diag(row) for row in np.eye(3))
@@ -117,12 +117,12 @@ def increments(
     name that `variables` does not have, and for a variable whose stress and strain are both given.
     """
     if variables not in VARIABLES:
-        raise InputError("is unknown", field="variables", value=variables, allowed=f"one of {', '.join(VARIABLES)}")
+        raise InputError("is unknown", field="variables", value=variables, allowed=instead_of(VARIABLES, variables))
     known, stress, strain = VARIABLES[variables], dict(stress or {}), dict(strain or {})
     for field, given, names in (("stress", stress, known.stress), ("strain", strain, known.strain)):
         for name in given:
             if name not in names:
-                allowed = f"one of {', '.join(names)}, the {field} variables of {variables}"
+                allowed = f"{instead_of(names, name)}, the {field} variables of {variables}"
                 raise InputError("is unknown", field=field, value=name, allowed=allowed, quoted=True)
     changes = []
     for s, e in zip(known.stress, known.strain, strict=True):

@@ -7,7 +7,6 @@ increment are read and have no effect here.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import itertools
 from collections.abc import Callable, Sequence
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from labkit.dem.step import Step, components_of
 from labkit.dem.variables import mixed_step
-from labkit.errors import InputError
+from labkit.errors import InputError, nearest
 from labkit.incremental import exit_condition, imported, restrictions
 from labkit.incremental.conventions import STRESS_UNITS, SYSTEMS, rotated, system
 from labkit.incremental.source import Line, Source, separated, shortened
@@ -302,6 +301,6 @@ def _unknown(name: str) -> str:
         return f"{shortened(name)} is not a keyword: a step begins with one, e.g. *TriaxialE1"
     if name.lower() == "*repetition":
         return "*Repetition within *Repetition is not supported: write the inner steps out"
-    close = difflib.get_close_matches(name, NAMES, 1)
-    hint = f"did you mean {close[0]}?" if close else f"use one of {', '.join(NAMES)}, *Repetition, *End"
+    close = nearest(name, NAMES)
+    hint = f"did you mean {close}?" if close else f"use one of {', '.join(NAMES)}, *Repetition, *End"
     return f"{shortened(name)} is not a keyword of the Incremental Driver: {hint}"

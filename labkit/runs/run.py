@@ -11,6 +11,7 @@ from typing import Any
 
 import xarray
 
+from labkit.dem.endings import met_conditions
 from labkit.dem.limits import RECORDED, Exceeded, exceeded
 from labkit.dem.paths import Path
 from labkit.dem.scene import Scene
@@ -63,6 +64,15 @@ class Run:
     def ended_because(self) -> str:
         """Why the test ended before the aim of its path, or could not be completed; empty if it reached its aim."""
         return str(self.data.attrs.get("ended_because", ""))
+
+    @property
+    def met_conditions(self) -> tuple[str, ...]:
+        """The conditions that ended steps of the path or the run, e.g. `it ended when q/p > 0.5`; empty if none did."""
+        if not self.complete or self.path is None:
+            return ()
+        options = json.loads(self.data.attrs["path_parameters"])
+        records = {str(name): values.values for name, values in self.data.items() if values.dims[:1] == ("time",)}
+        return met_conditions(self.path, options.get("stop_when"), records)
 
     @property
     def exceeded(self) -> tuple[Exceeded, ...]:
@@ -132,7 +142,7 @@ class Run:
         ratio, pressure = data.lab.stress_ratio().values, data.lab.mean_stress().values / 1e3
         rows = {
             "path": f"{data.attrs['path']} on {self.engine}",
-            "complete": "yes" if self.complete else "no",
+            "complete": ", ".join(("yes" if self.complete else "no", *self.met_conditions)),
             "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
             "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
@@ -144,7 +154,7 @@ class Run:
         return table("Run", rows | ({"ended because": self.ended_because} if self.ended_because else {}))
 
     def __repr__(self) -> str:
-        state = "complete" if self.complete else "not complete"
+        state = ", ".join(("complete" if self.complete else "not complete", *self.met_conditions))
         where = "in memory" if self.file is None else str(self.file)
         return (
             f"Run({self.data.attrs['path']} on {self.engine}, {state}, {self.data.sizes['time']} records, "

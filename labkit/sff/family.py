@@ -24,7 +24,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 from labkit.micro.fabric import Series, series_of
 from labkit.micro.normalised import Vectors, vectors_of_contacts, vectors_of_sides
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
@@ -172,7 +172,7 @@ def stress(form: str, snapshot: Snapshot, group: np.ndarray | None = None) -> np
     equal intervals of the diameter. Raises InputError if the form is unknown.
     """
     if form not in FORMS:
-        raise InputError(f"the form {form!r} is unknown: use one of {', '.join(FORMS)}")
+        raise InputError(f"the form {form!r} is unknown: use {instead_of(FORMS, form)}")
     if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
         return np.zeros((3, 3))
     if not form.endswith("_groups"):

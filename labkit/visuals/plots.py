@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from labkit.dem.paths import PATHS, travelled
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance, write_provenance
 from labkit.visuals.frame import (
@@ -133,7 +133,7 @@ def records(
             "is not recorded" if variable else "is missing",
             field="variable",
             value=variable,
-            allowed=f"one of {', '.join(names)}",
+            allowed=instead_of(names, variable),
         )
     values = run[variable]
     components = _components(values.values)

@@ -83,6 +83,7 @@ def test_a_run_ends_at_the_record_that_meets_its_condition(tmp_path):
     ratio = run.data.lab.stress_ratio().values
     assert run.complete and ratio[-1] > 0.2 and (ratio[:-1] <= 0.2).all() and len(ratio) < 20
     assert int(run.data["record"][-1]) == len(ratio) - 1  # with contacts
+    assert run.met_conditions == ("it ended when q/p > 0.2",) and "q/p > 0.2" in repr(run)
     with pytest.raises(InputError, match=r"stop_when is q/p > 0\.2 in the file, not set here"):
         lk.run(state, path, file=file, snapshots=2, progress=False)
 
