@@ -104,7 +104,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     invalid = int((~np.isfinite(run["stress"].values)).any(axis=(1, 2)).sum())
     yield Finding("records with a stress that is not finite", invalid, "0", invalid == 0, True)
     if judged.any():
-        name = f"C0 against Love, largest of {judged.sum()} records, p > 50 kPa"
+        name = f"C0 against Love, Frobenius norm, largest of {judged.sum()} records, p > 50 kPa"
         yield Finding(name, worst, f"< {SFF_TOLERANCE}", worst < SFF_TOLERANCE, True)
         yield from _apart(run, judged)
     else:
