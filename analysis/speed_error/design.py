@@ -81,11 +81,12 @@ class Case:
 class Design:
     """All cases of a study, and the names of its additional measurements (analysis.speed_error.measures).
 
-    Each path has one case of the factor BASELINE and one of the factor PRESET with the level "reference".
+    timed_steps: time steps over which presets are timed. Each path has one case of the factor BASELINE and one of the factor PRESET with the level "reference".
     """
 
     cases: tuple[Case, ...]
     measures: tuple[str, ...]
+    timed_steps: int = 5000
 
     def baseline(self, path: str = "cp") -> Case:
         """The case with which the others of a path are compared."""
@@ -247,7 +248,7 @@ def small() -> Design:
         case = preset(name, seeds, 150 if name == "quick" else 300)
         case = dataclasses.replace(case, rate=10.0 * case.rate, strain=0.06)
         cases += [case, dataclasses.replace(case, path="cv")]
-    return Design(tuple(cases), ("settings", "collisions", "sff_family"))
+    return Design(tuple(cases), ("settings", "collisions", "sff_family"), timed_steps=500)
 
 
 DESIGNS = {"full": full, "small": small}

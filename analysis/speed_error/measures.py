@@ -44,7 +44,7 @@ LAMMPS_COLUMNS = [
     "steps",
 ]
 MODEL_STRAIN, MODEL_ROUNDS = 0.6, 10
-SETTINGS_STEPS, SETTINGS_ROUNDS = 5000, 3
+SETTINGS_ROUNDS = 3
 
 Times = dict[float | None, list[float]]  # Verlet skin -> seconds of each round
 Positions = dict[float | None, np.ndarray]  # Verlet skin -> positions at the end
@@ -77,7 +77,7 @@ def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame
     for _turn in range(SETTINGS_ROUNDS + 1):  # the first turn compiles
         for case in cases:
             state = case.state(read_state(make(work, case, case.seeds[0])))
-            path = case.loading(case.rate * state.scene.time_step * SETTINGS_STEPS)
+            path = case.loading(case.rate * state.scene.time_step * design.timed_steps)
             run = lk.run(state, path, progress=False, record_strain=case.record_strain, snapshots=0, servo=case.servo)
             seconds[case].append(run.wall_time / run.steps)
     rows = []
