@@ -18,7 +18,7 @@ from labkit.model.driver import drive
 from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, Integrator, Scipy
 from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
-from labkit.visuals import plots
+from labkit.visuals import model_figures, plots
 
 RECORD = 0.01  # axial strain between records, at which the error is evaluated
 STEPS = (1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
@@ -46,7 +46,7 @@ def measure_all(folder: File) -> str:
     results = {title: work(model, path, start) for title, (path, start) in tests(model).items()}
     text = table(results) + "\n\n" + one_path(model) + "\n\n" + text_of(measure(model)) + "\n"
     write_text(folder / "model_speed.txt", text)
-    plots.save(plots.work_precision(results), folder / "model_speed.png")
+    plots.save(model_figures.work_precision(results), folder / "model_speed.png")
     return text
 
 

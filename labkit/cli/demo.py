@@ -84,10 +84,14 @@ def _comparison(fused: Path, yade: Path, file: Path) -> str:
     from labkit.io.provenance import write_with_provenance
     from labkit.runs.run import Run
 
-    table = pandas.DataFrame({"fused": _column(Run.open(fused)), "yade": _column(Run.open(yade))})
+    runs = Run.open(fused), Run.open(yade)
+    table = pandas.DataFrame({run.engine: _column(run) for run in runs})
     table["difference (%)"] = 100.0 * (table["fused"] / table["yade"] - 1.0)
     write_with_provenance(file, table.to_csv(index_label="quantity", float_format="%.5g"), [fused, yade])
-    return table.to_string(float_format="{:.4g}".format)
+    fast, slow = (run.steps / run.wall_time for run in runs)
+    speed = f"time steps per second: {fast:.0f} and {slow:.0f} (2 threads), a ratio of {fast / slow:.0f}"
+    text = table.to_string(float_format="{:.4g}".format, formatters={"difference (%)": "{:.2f}".format})
+    return f"{text}\n{speed}"
 
 
 def _column(run: Run) -> dict[str, float]:
@@ -101,5 +105,4 @@ def _column(run: Run) -> dict[str, float]:
         "Lambda": data["mean_normalised_force"],
     }
     nearest = {at: int(abs(data["axial_strain"].values - at).argmin()) for at in COMPARED}
-    values = {f"{name} at {100 * at:g} %": float(x[k]) for name, x in quantities.items() for at, k in nearest.items()}
-    return {**values, "time steps per second": run.steps / run.wall_time}
+    return {f"{name} at {100 * at:g} %": float(x[k]) for name, x in quantities.items() for at, k in nearest.items()}

@@ -164,7 +164,7 @@ def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
     from labkit.io.provenance import write_with_provenance
     from labkit.model.calibration import fit
     from labkit.model.observation import observe, require_usable
-    from labkit.visuals import plots
+    from labkit.visuals import model_figures, plots
 
     opened = open_runs(options.run)
     runs, left_out = require_usable(opened)
@@ -185,7 +185,7 @@ def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
     if options.csv:
         write_with_provenance(options.csv, result.table.to_csv(index=False, float_format="%.6g"), files)
     if options.figure:
-        plots.save(plots.calibration(observations, result.predicted), options.figure)
+        plots.save(model_figures.calibration(observations, result.predicted), options.figure)
     for file in outputs:
         print(f"written: {file}")
 

@@ -19,7 +19,9 @@ from labkit.dem.engine import Engine, Progress, Start, silent
 from labkit.dem.paths import IsotropicCompression
 from labkit.dem.scene import Scene
 from labkit.dem.specimen import (
+    FIRST,
     RELEASE_TIME_STEP,
+    SECOND,
     STEP1,
     STEP2,
     Recipe,
@@ -53,9 +55,9 @@ def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress 
     state = engine.state()
     require_stable(state)
     if recipe.pressure is None:
-        settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, "step 1: " + text))
+        settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, f"{FIRST}: {text}"))
         engine.load(opened(_with_scene(engine.state(), scene, start)))
-        settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, "step 2: " + text))
+        settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, f"{SECOND}: {text}"))
         made = engine.reload().at_rest()
     else:
         soft_state = consolidate(state, recipe.pressure, start, lambda f, text: progress(0.5 + 0.3 * f, text))

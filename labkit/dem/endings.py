@@ -12,7 +12,6 @@ from labkit.dem.conditions import Condition, condition
 from labkit.dem.loading import Path
 from labkit.errors import InputError, PhysicsError
 
-
 MOST_LISTED = 5  # steps
 
 

@@ -22,6 +22,7 @@ from labkit.parameters import check_parameters, parameter
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # m, of the cube in the paper
+FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -197,9 +198,9 @@ def relax(inserted: State, scene: Scene, start: Start, progress: Progress = sile
     released = engine.state().replace(time_step=inserted.scene.time_step)
     require_stable(released)
     engine.load(opened(released))
-    settle(engine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, "step 1: " + text))
+    settle(engine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, f"{FIRST}: {text}"))
     engine.load(opened(engine.state().at_rest().replace(scene=scene)))
-    settle(engine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, "step 2: " + text))
+    settle(engine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, f"{SECOND}: {text}"))
     return engine.reload().at_rest()
 
 
@@ -243,6 +244,7 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced force {unbalanced:.2g}")
         if unbalanced < target.unbalanced_force:
             if energy < target.energy_ratio:
+                progress(1.0, f"unbalanced force {unbalanced:.2g}")
                 return
             engine.stop_grains()  # rattlers would keep moving; the load-bearing grains must stay at rest without them
     pressure = mean_stress(love_stress(snapshot))

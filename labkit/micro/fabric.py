@@ -28,6 +28,13 @@ class Statistics:
     normal_force_anisotropy: np.ndarray
     mobilisation: np.ndarray
 
+    def __str__(self) -> str:
+        tensors = self.contact_anisotropy, self.normal_force_anisotropy, self.mobilisation
+        rows = ["".join(f"{'':4}" + "".join(f"{x:8.4f}" for x in one[i]) for one in tensors) for i in range(3)]
+        names = "".join(f"{name:>14}{'':14}" for name in ("A", "F", "F^t")).rstrip()
+        scalars = f"Z = {self.coordination_number:.4g}, Lambda = {self.mean_normalised_force:.4g}"
+        return "\n".join([scalars, names, *rows])
+
 
 @dataclasses.dataclass(frozen=True)
 class Series:

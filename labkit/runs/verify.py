@@ -33,13 +33,15 @@ VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
 HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
+SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # what a value is multiplied by
 
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
     """One line of the report; `decides` is True for a check, whose failure fails the run, False for a limit.
 
-    Without a limit the value is for information.
+    Without a limit the value is for information. limit: `< 0.02`, or a range, in the unit of the value; shown_in: the
+    unit in which the line shows both, % or MPa instead of a fraction or Pa.
     """
 
     name: str
@@ -47,14 +49,19 @@ class Finding:
     limit: str
     holds: bool
     decides: bool
+    shown_in: str = ""
 
     def __str__(self) -> str:
         verdict = ("-" if np.isnan(self.value) else "ok") if self.holds else ("FAILED" if self.decides else "outside")
         if np.isnan(self.value) and not self.limit:
             return f"{self.name}: {verdict}" if verdict != "-" else self.name
         if not self.limit:
-            return f"{self.name:<52} {self.value:>11.4g}"
-        return f"{self.name:<52} {self.value:>11.4g}   {self.limit:<22} {verdict}"
+            return f"{self.name:<58} {self._shown(self.value)}".rstrip()
+        limit = f"< {self._shown(float(self.limit[2:]), 0).strip()}" if self.limit.startswith("< ") else self.limit
+        return f"{self.name:<58} {self._shown(self.value)}   {limit:<16} {verdict}"
+
+    def _shown(self, value: float, width: int = 10) -> str:
+        return f"{value * SHOWN_IN[self.shown_in]:>{width}.4g} {self.shown_in:<3}"
 
 
 def require_contacts(runs: Mapping[str, xarray.Dataset]) -> None:
@@ -88,7 +95,7 @@ def findings(run: xarray.Dataset) -> list[Finding]:
 def findings_csv(found: Mapping[str, Sequence[Finding]]) -> str:
     """Findings of several runs as CSV text; `found`: name of the run -> list of Finding."""
     rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in found.items() for finding in lines]
-    return pandas.DataFrame(rows).to_csv(index=False, float_format="%.5g")
+    return pandas.DataFrame(rows).drop(columns="shown_in").to_csv(index=False, float_format="%.5g")
 
 
 def _checks(run: xarray.Dataset) -> Iterator[Finding]:
@@ -104,8 +111,8 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     invalid = int((~np.isfinite(run["stress"].values)).any(axis=(1, 2)).sum())
     yield Finding("records with a stress that is not finite", invalid, "0", invalid == 0, True)
     if judged.any():
-        name = f"C0 against Love, Frobenius norm, largest of {judged.sum()} records, p > 50 kPa"
-        yield Finding(name, worst, f"< {SFF_TOLERANCE}", worst < SFF_TOLERANCE, True)
+        name = "C0 against Love, Frobenius norm, largest (p > 50 kPa)"
+        yield _below(name, worst, SFF_TOLERANCE, "%")
         yield from _apart(run, judged)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
@@ -128,8 +135,8 @@ def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
         values = error.values[judged & np.isfinite(error.values)]
         if len(values):
             label = f"C0 in {SFF_NAMES[str(name)]}"
-            yield Finding(f"{label}, mean relative error", float(values.mean()), "", True, False)
-            yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), "", True, False)
+            yield Finding(f"{label}, mean relative error", float(values.mean()), "", True, False, "%")
+            yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), "", True, False, "%")
 
 
 def _ended(run: xarray.Dataset) -> Iterator[Finding]:
@@ -188,8 +195,8 @@ def _held_stress(run: xarray.Dataset, held: Held, travelled: np.ndarray) -> Iter
     if not error.size:
         yield Finding(f"held: {held.name}, not checked below {HELD_AFTER:.1%} strain", np.nan, "", True, False)
     else:
-        yield _below(f"held: {held.name}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS)
-        yield _below(f"held: {held.name}, largest error", np.abs(error).max(), HELD_WORST)
+        yield _below(f"held: {held.name}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS, "%")
+        yield _below(f"held: {held.name}, largest error", np.abs(error).max(), HELD_WORST, "%")
 
 
 def _followed(run: xarray.Dataset, path: Path) -> Iterator[Finding]:
@@ -199,8 +206,8 @@ def _followed(run: xarray.Dataset, path: Path) -> Iterator[Finding]:
     names = ("stress", *path.recorded())
     for name, error in path.stress_errors({one: run[one].values for one in names}).items():
         relative = (error / pressure)[np.isfinite(error)]
-        yield _below(f"prescribed: {name}, error RMS", np.sqrt(np.mean(relative**2)), HELD_RMS)
-        yield _below(f"prescribed: {name}, largest error", np.abs(relative).max(), HELD_WORST)
+        yield _below(f"prescribed: {name}, error RMS", np.sqrt(np.mean(relative**2)), HELD_RMS, "%")
+        yield _below(f"prescribed: {name}, largest error", np.abs(relative).max(), HELD_WORST, "%")
 
 
 def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
@@ -209,8 +216,8 @@ def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
     return to_six(symmetric(tensor.values)) @ np.transpose(held.measure)
 
 
-def _below(name: str, value: float, limit: float) -> Finding:
-    return Finding(name, float(value), f"< {limit:g}", bool(value < limit), True)
+def _below(name: str, value: float, limit: float, shown_in: str = "") -> Finding:
+    return Finding(name, float(value), f"< {limit:g}", bool(value < limit), True, shown_in)
 
 
 def _difference(found: np.ndarray, stored: np.ndarray) -> float:
@@ -223,21 +230,22 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     scene = run.lab.scene
     radius = run["radius"].values
     most = {
-        "highest mean stress p, Pa": (run.lab.mean_stress().values, pressure_limit(scene)),
-        "largest mean overlap, delta/D": (run["overlap_ratio"].values, OVERLAP_LIMIT),
-        "largest inertial number": (run["inertial_number"].values, INERTIAL_LIMIT),
+        "highest mean stress p": (run.lab.mean_stress().values, pressure_limit(scene), "MPa"),
+        "largest mean overlap, delta/D": (run["overlap_ratio"].values, OVERLAP_LIMIT, "%"),
+        "largest inertial number": (run["inertial_number"].values, INERTIAL_LIMIT, ""),
     }
     if _known(run, "drift_velocity"):
-        most["momentum: drift, fraction of the kinetic energy"] = drift_share(run), DRIFT_LIMIT
+        most["momentum: mean motion, share of the kinetic energy"] = drift_share(run), DRIFT_LIMIT, "%"
     if _known(run, "energy_balance_error"):
-        most["energy balance, error relative to the work"] = np.abs(_balance_error(run)), BALANCE_LIMIT
-    for name, (values, limit) in most.items():
+        most["energy balance, error relative to the work"] = np.abs(_balance_error(run)), BALANCE_LIMIT, "%"
+    for name, (values, limit, shown_in) in most.items():
         value = _largest(values)
-        yield Finding(name, value, f"< {limit:g}", value < limit, False)
+        yield Finding(name, value, f"< {limit:g}", value < limit, False, shown_in)
     low, high = GRAINS_LIMIT
     expected = grain_volume(radius) / mean_grain_volume(scene)
     cube = len(radius) * 64e-9 / float(run["volume"][0])
-    yield Finding(f"grains per cube of 4 mm (here {len(radius)})", cube, f"{low} to {high}", low <= cube <= high, False)
+    name = f"grains per cube of 4 mm, as in the paper (here {len(radius)})"
+    yield Finding(name, cube, f"{low} to {high}", low <= cube <= high, False)
     yield Finding(
         "grains / (solid volume / mean grain volume)",
         len(radius) / expected,

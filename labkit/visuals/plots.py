@@ -1,11 +1,11 @@
-"""Figures of runs: stresses, records, critical states, calibration. Stress in MPa, strain in %."""
+"""Figures of runs: stresses, records, critical states. Stress in MPa, strain in %."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -38,7 +38,6 @@ __all__ = [
     "DPI",
     "FORMATS",
     "WIDTH",
-    "calibration",
     "columns_of",
     "curves",
     "diagram",
@@ -50,7 +49,6 @@ __all__ = [
     "sff_against_love",
     "styles_of",
     "test",
-    "work_precision",
 ]
 
 Runs = Mapping[str, xarray.Dataset]
@@ -63,33 +61,52 @@ MODEL_STYLES: dict[str, tuple[str, Literal["-", "--"]]] = {"C0 (model)": ("stres
 def sff_against_love(runs: Runs) -> Figure:
     """q and p against the strain of the path, and q against p, of runs opened with labkit.open_run; a Figure.
 
-    `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed.
+    `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs,
+    the third panel shows the error of C0 instead of q against p.
     A prediction of the constitutive model has only C0.
     """
     figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
     panels = figure.subplots(1, 3)
-    labels = []
+    labels, constant = [], all(map(_keeps_p, runs.values()))
     for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
         strain_label, strain = as_axis(run.lab.strain())
         labels.append(strain_label)
         for name, style in styles_of(run).values():
             p, q = run.lab.mean_stress(name).values / 1e6, run.lab.q(name).values / 1e6
-            for axes, x, y in zip(panels, (strain, strain, p), (q, p, q), strict=True):
-                axes.plot(x, y, style, color=color, label=label if style == "-" else None)
+            panels[0].plot(strain, q, style, color=color, label=label if style == "-" else None)
+            panels[1].plot(strain, p, style, color=color)
+            if not constant:
+                panels[2].plot(p, q, style, color=color)
+        if constant:
+            panels[2].plot(strain, 100.0 * run.lab.sff_error().values, color=color)
     for axes in panels:
         axes.set_xlabel(common_label(labels))
-        include_zero(axes, "y")
         axes.grid(alpha=0.25)
     panels[0].set(ylabel="deviatoric stress q (MPa)")
     panels[1].set(ylabel="mean stress p (MPa)")
-    panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
-    include_zero(panels[2], "x")
+    include_zero(panels[0], "y")
+    include_zero(panels[2], "y")
+    if constant:
+        low, high = panels[1].get_ylim()
+        panels[1].set_ylim(0.9 * low, 1.1 * high)  # wider than the noise of the servo
+        panels[2].set(ylabel="error of C0, Frobenius norm (%)")
+    else:
+        include_zero(panels[1], "y")
+        panels[2].set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)")
+        include_zero(panels[2], "x")
     styles = STYLES if any(map(_has_grains, runs.values())) else MODEL_STYLES
-    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, (_, style) in styles.items()]
-    runs_and_styles = panels[0].get_legend_handles_labels()[0] + lines
+    gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
+    lines = [Line2D([], [], color=gray, linestyle=style, label=who) for who, (_, style) in styles.items()]
+    runs_and_styles = panels[0].get_legend_handles_labels()[0] * (len(runs) > 1) + lines
     columns = columns_of(runs, 5)
     figure.legend(handles=runs_and_styles, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
     return figure
+
+
+def _keeps_p(run: xarray.Dataset) -> bool:
+    """True for a run with grains whose mean stress is constant."""
+    p = run.lab.mean_stress().values
+    return _has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
 
 
 def _has_grains(run: xarray.Dataset) -> bool:
@@ -266,58 +283,6 @@ def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
             axes.grid(alpha=0.25)
         panels[0].set_title(title, loc="left", fontsize=10)
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
-    return figure
-
-
-STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
-
-
-def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
-    """The five statistics of runs and of the fitted model against the accumulated strain; a Figure.
-
-    `observations`: from labkit.model.observation; `predicted`: name of the run -> (n, 5). Runs are solid, the model is
-    dotted.
-    """
-    figure = new_figure(WIDTH, 6.0)
-    panels = figure.subplots(2, 3).ravel()
-    for color, o in zip(colors_for(len(observations)), observations, strict=True):
-        steps = np.linalg.norm(o.strain_step, axis=1)
-        accumulated = 100 * np.concatenate([[0.0], np.cumsum(steps)])
-        for k, axes in enumerate(panels[:5]):
-            axes.plot(accumulated, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
-            axes.plot(accumulated, predicted[o.name][:, k], ":", color=color, lw=1.8)
-    for label, axes in zip(STATISTICS, panels[:5], strict=True):
-        axes.set(xlabel="accumulated strain |eps| (%)", ylabel=label)
-        axes.grid(alpha=0.25)
-    panels[5].axis("off")
-    styles: dict[str, Literal["-", ":"]] = {"run": "-", "model": ":"}
-    lines = [Line2D([], [], color="0.3", linestyle=style, label=who) for who, style in styles.items()]
-    handles = panels[0].get_legend_handles_labels()[0] + lines
-    panels[5].legend(handles=handles, loc="center", frameon=False, fontsize=8, ncols=1 + len(handles) // 14)
-    return figure
-
-
-def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float, float | None]]]]) -> Figure:
-    """Computing time against error of integrators; a Figure.
-
-    `panels`: title -> (label -> list of (setting, seconds, error)). Settings at which an integrator failed have no
-    error and are not drawn.
-    """
-    figure = new_figure(WIDTH * 1.3, 4.6)
-    grid = figure.subplots(1, len(panels), squeeze=False)
-    colors = matplotlib.color_sequences["tab20"]
-    for axes, (title, results) in zip(grid[0], panels.items(), strict=True):
-        for number, (label, points) in enumerate(results.items()):
-            kept = np.array([(error, 1e3 * seconds) for _, seconds, error in points if error])
-            color, marker = colors[number % 20], "osD^v<>*PXhp"[number % 12]
-            if len(kept):
-                axes.loglog(*kept.T, marker=marker, ms=4, lw=1.2, color=color, label=label)
-        axes.set(xlabel="relative error of the stress", ylabel="time (ms)", title=title)
-        axes.title.set_fontsize(10)
-        axes.invert_xaxis()
-        axes.grid(alpha=0.25)
-    handles = {h.get_label(): h for axes in grid[0] for h in axes.get_legend_handles_labels()[0]}
-    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     return figure
 
 

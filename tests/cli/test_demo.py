@@ -17,5 +17,5 @@ def test_the_demo_compares_the_engines(specimen_file, tmp_path, monkeypatch, cap
     assert main(["demo", "-o", str(folder)]) == 0
     table = pandas.read_csv(folder / "demo.engines.csv", index_col="quantity", comment="#")
     assert abs(table.loc["q/p at 0.2 %", "difference (%)"]) < 1e-6  # rounding: chaos needs more strain
-    assert (table.loc["time steps per second", ["fused", "yade"]] > 0.0).all()
-    assert "Ctrl-C leaves it out" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "Ctrl-C leaves it out" in said and "time steps per second: " in said

@@ -60,13 +60,13 @@ def test_importing_the_figures_leaves_the_backend_alone():
 
 
 def test_a_constant_mean_stress_lies_inside_the_frame(run):
-    """As in a CP test: p must neither hide under the frame nor fill the panel with its noise."""
+    """As in a CP test: p must neither hide under the frame nor fill the panel with its noise; C0's error is shown."""
     p = xr.DataArray(mean_stress(run["stress"].values), dims="time")
     constant = run.assign({name: run[name] / p * 5e5 for name in ("stress", "stress_sff")})
-    _, pressure, path = plots.sff_against_love({"cp": constant}).axes
+    _, pressure, error = plots.sff_against_love({"cp": constant}).axes
     low, high = pressure.get_ylim()
-    assert low == 0.0 and high > 0.52
-    assert path.get_xlim()[0] <= 0.0 and path.get_xlim()[1] > 0.52
+    assert low < 0.46 and high > 0.54
+    np.testing.assert_allclose(error.lines[0].get_ydata(), 100.0 * constant.lab.sff_error().values)
 
 
 def test_zero_and_a_margin_are_included_on_both_sides():
@@ -119,4 +119,4 @@ def test_a_prediction_of_the_model_has_no_stress_of_love(run):
     model = run.copy()
     model.attrs = {**run.attrs, "engine": "model"}
     texts = [text.get_text() for text in plots.sff_against_love({"m": model}).legends[0].get_texts()]
-    assert texts == ["m", "C0 (model)"]
+    assert texts == ["C0 (model)"]
