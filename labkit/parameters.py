@@ -25,7 +25,7 @@ UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their fa
     "1": {"%": 0.01},
 }
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
-SUSPECT_PRESSURE = 100.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
+SUSPECT_PRESSURE = 1000.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 

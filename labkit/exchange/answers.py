@@ -85,21 +85,29 @@ class Answers:
         return cell
 
     def applied(self, packing: Packing) -> Packing:
-        """The packing with these answers, in m, N and radii. Raises InputError for the first question left open."""
+        """The packing with these answers, in m, N and radii. Raises InputError for the questions left open."""
         cell = self.cell()
         cell = packing.cell if cell is None else cell
         if packing.size is None and self.diameter is not None:
             sizes = np.full(len(packing), _number(self.diameter, "diameter"))
             packing = dataclasses.replace(packing, size=sizes, size_is=DIAMETER)
         contacts = packing.contacts
-        _require(cell, "box", "the file has no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file")
-        _require(packing.size, "diameter", "the file gives no grain sizes", "the diameter of the grains")
         size_is = packing.size_is or self.size
-        _require(size_is, "size", "the file does not say whether sizes are radii or diameters", "radius or diameter")
         metre = packing.length_unit
         if self.length_unit is not None:
             metre = unit_of(self.length_unit, LENGTHS, "length_unit")
-        _require(metre, "length_unit", "the file has no length unit", f"one of {', '.join(LENGTHS)}, or e.g. '0.17 mm'")
+        units = f"one of {', '.join(LENGTHS)}, or e.g. '0.17 mm'"
+        _require(
+            (cell, "box", "no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file"),
+            (packing.size, "diameter", "no grain sizes", "the diameter of the grains"),
+            (
+                packing.size is None or size_is,
+                "size",
+                "no word on whether sizes are radii or diameters",
+                "radius or diameter",
+            ),
+            (metre, "length_unit", "no length unit", units),
+        )
         assert packing.size is not None and cell is not None and metre is not None
         radius = packing.size * metre * (0.5 if size_is == DIAMETER else 1.0)
         if contacts is not None:
@@ -107,7 +115,7 @@ class Answers:
             if self.force_unit is not None:
                 newton = unit_of(self.force_unit, FORCES, "force_unit")
             if contacts.has_forces:
-                _require(newton, "force_unit", "the file has no force unit", f"one of {', '.join(FORCES)}")
+                _require((newton, "force_unit", "no force unit", f"one of {', '.join(FORCES)}"))
             contacts = self._contacts(contacts, newton or 1.0, metre)
         return dataclasses.replace(
             packing,
@@ -126,13 +134,11 @@ class Answers:
         normal, tangential, force = contacts.normal_force, contacts.tangential_force, contacts.force
         if normal is not None:
             positive = contacts.positive or self.force_sign
-            _require(
-                positive, "force_sign", "the file does not say which normal force is positive", "compression or tension"
-            )
+            _require((positive, "force_sign", "no word on which normal force is positive", "compression or tension"))
             normal = normal * newton * (1.0 if positive == COMPRESSION else -1.0)
         acts_on = contacts.acts_on or self.force_on
         if tangential is not None or force is not None:
-            _require(acts_on, "force_on", "the file does not say on which grain the forces act", "first or second")
+            _require((acts_on, "force_on", "no word on which grain the forces act on", "first or second"))
         sign = newton * (1.0 if acts_on == FIRST else -1.0)
         return dataclasses.replace(
             contacts,
@@ -172,7 +178,12 @@ def _number(text: str, field: str) -> float:
     return value
 
 
-def _require(value: object, field: str, problem: str, allowed: str) -> None:
-    """Raises InputError with the question if the value is unknown."""
-    if value is None:
-        raise InputError(f"{problem}: give {option_name(field)} (in Python {field}=), {allowed}")
+def _require(*questions: tuple[object, str, str, str]) -> None:
+    """Raises InputError with all questions (value, field, what is missing, allowed) whose value is unknown."""
+    missing = [
+        f"{what}: give {option_name(field)} (in Python {field}=), {allowed}"
+        for value, field, what, allowed in questions
+        if value is None
+    ]
+    if missing:
+        raise InputError(f"the file has {'; '.join(missing)}")

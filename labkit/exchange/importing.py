@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -256,6 +257,8 @@ def import_state(
     """
     found = read(file, contacts, format, **answers)
     require_sane(found.findings, accept)
+    for finding in found.findings:
+        warnings.warn(str(finding), stacklevel=2)
     state = found.state(scene or Scene())
     inputs = [name for name in (file, contacts) if name is not None]
     return state.replace(provenance=provenance(None, inputs), engine="import")

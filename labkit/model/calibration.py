@@ -92,9 +92,12 @@ class Fit:
     warnings: list[str]
     predicted: dict[str, np.ndarray]
 
+    def __str__(self) -> str:
+        return self.report()
+
     def report(self) -> str:
         """The whole calibration report as text."""
-        shown = self.table.drop(columns=["low", "high"])
+        shown = self.table.drop(columns=["standard_error"])
         pairs = _strongest(self.correlation, 8)
         lines = [
             shown.to_string(index=False, float_format="%.4g"),
@@ -109,6 +112,13 @@ class Fit:
         return "\n".join(lines).rstrip()
 
 
+FEW_RUNS = 6
+ENOUGH = (
+    "even intervals that look narrow may be wrong; give shear tests at several void ratios and pressures, isotropic "
+    "compression and dilation, with some thousand grains each"
+)
+
+
 def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     """Fit the parameters of the model to runs; returns a Fit.
 
@@ -118,6 +128,8 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     usable, left_out = require_usable({name: getattr(run, "data", run) for name, run in runs.items()})
     result = fit([observe(name, run) for name, run in usable.items()], model)
     warnings = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
+    if len(usable) < FEW_RUNS:
+        warnings.append(f"{len(usable)} runs: {ENOUGH}")
     return dataclasses.replace(result, warnings=[*warnings, *result.warnings])
 
 

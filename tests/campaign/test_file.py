@@ -147,7 +147,7 @@ BROKEN = {
     "specimen unknown": (run("path: cv, specimen: dense"), [(5, "no specimen 'dense'")]),
     "pressure without a unit": (
         run("path: cp, specimen: a, pressure: 0.5"),
-        [(5, "pressure 0.5 has no unit, and is less than 100 Pa: give 0.5 MPa or kPa")],
+        [(5, "pressure 0.5 has no unit, and is less than 1000 Pa: give 0.5 MPa or kPa")],
     ),
     "pressure in bar": (
         run("path: cp, specimen: a, pressure: 5 bar"),

@@ -154,7 +154,7 @@ def test_invalid_keys_of_a_user_defined_path_are_reported_with_their_lines(tmp_p
     )
     write(tmp_path, FILE.partition("  own:")[0] + runs)
     assert errors(labkit_command, tmp_path) == [
-        "  line 9: run one: axial 40 has no unit, and is less than 100 Pa: "
+        "  line 9: run one: axial 40 has no unit, and is less than 1000 Pa: "
         "give 40 MPa or kPa, or 40 Pa if that is meant",
         "  line 10: run two: share 2 is not valid: give 0 to 1",
         "  line 12: run three: 'axal' is unknown: did you mean 'axial'?",

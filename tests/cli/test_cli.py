@@ -84,7 +84,7 @@ BAD = {
     "side and grains": (f"{SPECIMEN} 0.67 --side 2mm", "--side 0.002 and a number of grains are both given"),
     "pressure without a unit": (
         "run cr s.state.nc --pressure 0.5 -o new.run.nc",
-        "--pressure 0.5 has no unit, and is less than 100 Pa: give 0.5 MPa or kPa, or 0.5 Pa if that is meant",
+        "--pressure 0.5 has no unit, and is less than 1000 Pa: give 0.5 MPa or kPa, or 0.5 Pa if that is meant",
     ),
     "unknown unit": (
         "run cr s.state.nc --pressure 5bar -o new.run.nc",

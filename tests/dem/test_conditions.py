@@ -51,7 +51,7 @@ def test_a_comparison_with_nan_is_not_met():
         ("q > \0", "give comparisons"),
         ("q > 5 kN", "give comparisons"),
         ("q > 1" + " " * 300, "is longer than"),
-        ("q > 0.3", "0.3 has no unit, and is less than 100 Pa: write 0.3 MPa or kPa"),
+        ("q > 0.3", "0.3 has no unit, and is less than 1000 Pa: write 0.3 MPa or kPa"),
         ("p > 5 %", "a quantity in Pa cannot be compared"),
         ("p + e > 5 kPa", "a quantity in Pa cannot be compared"),
         ("q/p > 100 kPa", "a quantity in 1 cannot be compared"),

@@ -42,8 +42,8 @@ def refused(kind, **values):
         (" 5E+5 Pa ", 0.5e6),
         ("1e-3 GPa", 1e6),
         (500e3, 0.5e6),
-        (100, 100.0),
-        ("100", 100.0),
+        (1000, 1000.0),
+        ("1000", 1000.0),
         ("50 Pa", 50.0),
         (".5 MPa", 0.5e6),
         (np.float32(1e5), 1e5),
@@ -90,13 +90,13 @@ def test_a_bare_number_is_refused_where_a_unit_is_required():
     assert parameters_of(ConstantMeanStress)["strain"].read("0.05", unit_needed=True) == 0.05
 
 
-@pytest.mark.parametrize("value", [0.5, "0.5", 99.9, 5, "5e-1", np.float64(0.3), 1e-300])
+@pytest.mark.parametrize("value", [0.5, "0.5", 999.9, 300, "5e-1", np.float64(0.3), 1e-300])
 @pytest.mark.parametrize("name", ["cr", "cp", "cyclic_cp", "isoc", "isod"])
-def test_a_bare_pressure_below_100_pa_is_refused(name, value):
+def test_a_bare_pressure_below_1_kpa_is_refused(name, value):
     error = refused(PATHS[name], pressure=value)
     number = f"{float(value):g}"
     assert str(error) == (
-        f"pressure {number} has no unit, and is less than 100 Pa: "
+        f"pressure {number} has no unit, and is less than 1000 Pa: "
         f"give {number} MPa or kPa, or {number} Pa if that is meant"
     )
     assert error.field == "pressure" and float(error.value) == float(value)

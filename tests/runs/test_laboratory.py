@@ -203,7 +203,7 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         ),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="no/such/new.nc"), None, "no/such is not a directory"),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="text.nc"), None, "text.nc is not a labkit file"),
-        (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "has no unit, and is less than 100 Pa"),
+        (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "has no unit, and is less than 1000 Pa"),
         (lambda: lk.consolidate(state, None, file="new.nc"), "pressure", "is missing"),
         (lambda: lk.consolidate(state, "4 MPa", file="new.nc"), "pressure", "give at most 3e.06 Pa"),
         (lambda: lk.run(state, cp(pressure=4e6), file="new.nc"), "pressure", "give at most 3e.06 Pa"),
