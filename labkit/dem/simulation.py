@@ -163,7 +163,7 @@ class _Loop:
         """Set the variables of the servo from an instant of the run."""
         state = instant.brief
         self.gradient = state.velocity_gradient
-        self.stiffness = instant.stiffness(self.control.components) if self.control else None
+        self.stiffness = self.engine.beside(instant.stiffness, self.control.components) if self.control else None
         if self.options.inertial_number is not None:
             grains = 2.0 * float(state.radius.mean()), state.scene.density, float(mean_stress(instant.stress()))
             self.pace = pace(self.options.inertial_number, self.leg, self.travelled, *grains)
@@ -283,8 +283,8 @@ class _Loop:
         self.engine.follow(planner.corrections(self.stiffness, self.options.servo, anew))
 
     def record(self, instant: Instant, last: bool, turned: bool = False) -> bool:
+        values = self.engine.beside(instant.measure, self.first["cell"] @ self.position.lattice)
         state = instant.brief
-        values = instant.measure(self.first["cell"] @ self.position.lattice)
         values |= self.leg.progress(self.travelled)
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.path.axial_rate * self.time_step * self.place
