@@ -8,7 +8,6 @@ the State of a record does not need their turn: it is done in other threads, for
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Any
@@ -21,6 +20,7 @@ from labkit.dem.engine import Engine, Result, Start
 from labkit.dem.instant import Instant
 from labkit.dem.recorded import recorded
 from labkit.dem.state import State
+from labkit.engines.batches import MOST_THREADS
 from labkit.engines.cuda.batch import Batch
 from labkit.engines.cuda.device import SIMULATED
 from labkit.engines.cuda.taken import TakenInstant
@@ -58,7 +58,7 @@ class Pool:
     def __init__(self, works: Sequence[Work], precision: str) -> None:
         """Starts nothing yet."""
         self._precision = precision
-        self.threads = ThreadPoolExecutor(min(len(works), len(os.sched_getaffinity(0))))
+        self.threads = ThreadPoolExecutor(max(1, min(len(works), MOST_THREADS)))
         self._batch: Batch | None = None
         self._places: dict[Turn, int] = {}
         self._stresses: np.ndarray | None = None  # of all States, once they have been computed
