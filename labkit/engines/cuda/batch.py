@@ -21,7 +21,7 @@ from labkit.engines.cuda.reading import Reader
 from labkit.engines.cuda.servo import new_plans, put_plan
 from labkit.engines.cuda.taken import ON_DEVICE, Taken
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
 CHUNK = 50  # most steps between two looks at whether a search is due

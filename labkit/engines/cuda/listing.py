@@ -81,9 +81,7 @@ def listed(arrays: Mapping[str, np.ndarray], first: int) -> Listing:
     return Listing(grain, slot, partner, is_first, shift, history)
 
 
-def neighbours(
-    arrays: Mapping[str, np.ndarray], first: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def neighbours(arrays: Mapping[str, np.ndarray], first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """grain, slot, is_first and partner of a Listing, from count, slice_first and partner of one State."""
     grain, slot = entries(arrays["count"][0], arrays["slice_first"][0])
     partner = arrays["partner"][0, slot]
