@@ -17,7 +17,7 @@ from pathlib import Path
 from labkit.campaign.items import Run
 from labkit.campaign.plan import Job, Plan
 from labkit.engines import ENGINES
-from labkit.engines.batches import execute_together, packed
+from labkit.engines.batches import MOST_THREADS, execute_together, packed
 from labkit.engines.tasks import RunTask
 from labkit.errors import InputError, Interrupted, PhysicsError, sentence
 
@@ -35,6 +35,11 @@ class Batch:
     name: str
     jobs: tuple[Job, ...]
     memory: float
+
+    @property
+    def threads(self) -> int:
+        """Threads that compute the records of its runs."""
+        return min(len(self.jobs), MOST_THREADS)
 
     @property
     def mark(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 from collections.abc import Callable, Hashable, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from labkit.dem.state import State
 PRECISIONS = ("double", "mixed")  # of all engines
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)
+
+Result = TypeVar("Result")
 
 
 class Engine(abc.ABC):
@@ -101,6 +103,13 @@ class Engine(abc.ABC):
     def instant(self) -> Instant:
         """This instant, for a record; by default from the State."""
         return Instant(self.state())
+
+    def beside(self, work: Callable[..., Result], *arguments: Any) -> Result:
+        """The result of work that does not use the engine; in a batch, other States may advance meanwhile.
+
+        The work may run in another thread, at the same time as that of other runs: it must use no files.
+        """
+        return work(*arguments)
 
     @abc.abstractmethod
     def load(self, state: State) -> None:

@@ -17,7 +17,8 @@ from labkit.micro.stress import love_stress
 class Instant:
     """One instant, from a State. An engine whose grains are on several ranks has its own subclass.
 
-    `brief` is the State, of which such an engine may leave out the grains and the contacts.
+    `brief` is the State, of which such an engine may leave out the grains and the contacts, and an engine on a GPU may
+    do so until a method of the Instant has needed them.
     """
 
     def __init__(self, brief: State) -> None:

@@ -60,13 +60,15 @@ class Ratcheting:
     power: float = 0.0
     time: float = 0.0
 
-    def add(self, state: State, number: int) -> float:
-        """Add the record `number`, which replaces an earlier one; returns the energy created up to it, J."""
-        power = ratcheting_power(state)
+    def add(self, number: int, time: float, power: float) -> float:
+        """Add the record `number`, which replaces an earlier one; returns the energy created up to it, J.
+
+        time, s; power: ratcheting_power, W.
+        """
         before = self.work[-1] if self.work else 0.0
         del self.work[number:]
-        self.work.append(before + 0.5 * (self.power + power) * (state.time - self.time) if number else 0.0)
-        self.power, self.time = power, state.time
+        self.work.append(before + 0.5 * (self.power + power) * (time - self.time) if number else 0.0)
+        self.power, self.time = power, time
         return self.work[-1]
 
     def copied(self) -> Ratcheting:

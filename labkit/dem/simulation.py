@@ -21,7 +21,7 @@ from labkit.dem.instant import Instant
 from labkit.dem.interim import interim_of
 from labkit.dem.pace import TRAVELLED, pace, steps_at
 from labkit.dem.paths import Path
-from labkit.dem.ratcheting import Ratcheting
+from labkit.dem.ratcheting import Ratcheting, ratcheting_power
 from labkit.dem.reach import Lag, errors, is_at_limit, require_way, unreachable
 from labkit.dem.recorder import Recorder, StoredRun
 from labkit.dem.schedule import Options, Schedule
@@ -163,7 +163,7 @@ class _Loop:
         """Set the variables of the servo from an instant of the run."""
         state = instant.brief
         self.gradient = state.velocity_gradient
-        self.stiffness = instant.stiffness(self.control.components) if self.control else None
+        self.stiffness = self.engine.beside(instant.stiffness, self.control.components) if self.control else None
         if self.options.inertial_number is not None:
             grains = 2.0 * float(state.radius.mean()), state.scene.density, float(mean_stress(instant.stress()))
             self.pace = pace(self.options.inertial_number, self.leg, self.travelled, *grains)
@@ -283,8 +283,8 @@ class _Loop:
         self.engine.follow(planner.corrections(self.stiffness, self.options.servo, anew))
 
     def record(self, instant: Instant, last: bool, turned: bool = False) -> bool:
+        values = self.engine.beside(instant.measure, self.first["cell"] @ self.position.lattice)
         state = instant.brief
-        values = instant.measure(self.first["cell"] @ self.position.lattice)
         values |= self.leg.progress(self.travelled)
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.path.axial_rate * self.time_step * self.place
@@ -295,7 +295,7 @@ class _Loop:
         last = last or self.path.ends(values) or (ended and self.number + 1 == self.path.legs())
         last = last or (self.stop_when is not None and self.stop_when.holds(values, self.first))
         require_sane(values, state.step)
-        self.ratcheting.add(state, self.recorder.records)
+        self.ratcheting.add(self.recorder.records, state.time, self.engine.beside(ratcheting_power, state))
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
         if self.stopped and self.schedule.is_close_to_record(self.planned):

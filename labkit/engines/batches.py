@@ -11,6 +11,8 @@ from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import stop_on_signals
 
+MOST_THREADS = 8  # that compute records of a batch; one record of 14,000 grains takes one of them tens of milliseconds
+
 
 def packed(keys: Sequence[Hashable], sizes: Sequence[float], room: float) -> list[list[int]]:
     """Batches of items, by their numbers: those of a batch have equal keys, and sizes that add up to `room` at most.

@@ -12,6 +12,8 @@ from pathlib import Path
 import netCDF4
 import pytest
 
+from labkit.campaign.file import read_campaign
+from labkit.campaign.plan import plan_of, write_recipes
 from labkit.campaign.workflow import PROCESS, PROFILES, SNAKEFILE
 from labkit.cli import main
 from labkit.io.extras import install_command
@@ -255,6 +257,43 @@ def test_a_job_of_a_killed_campaign_does_not_start(place):
     done = subprocess.run(command, cwd=place / "tiny", env=environment, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr == "labkit: the campaign was killed\n"
     assert not (place / "tiny/runs/cv.run.nc").exists() and not list((place / "tiny/unfinished").iterdir())
+
+
+GPU = """\
+engine: cuda
+gpu_memory: 80 GB
+specimens:
+  a: {void_ratio: 0.67, grains: 120, engine: fused}
+runs:
+  cv: {path: cv, specimen: a, strain: 0.01}
+  cr: {path: cr, specimen: a, strain: 0.01}
+"""
+
+
+def test_on_slurm_a_batch_of_runs_asks_for_one_gpu(tmp_path):
+    """The command that Snakemake's executor gives to programs that only write it down and know one account."""
+    pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
+    (tmp_path / "campaign.yaml").write_text(GPU)
+    write_recipes(plan_of(read_campaign(tmp_path / "campaign.yaml")), tmp_path)
+    (tmp_path / "specimens").mkdir(exist_ok=True)
+    (tmp_path / "specimens/a.state.nc").touch()
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for name in ("sbatch", "sacctmgr"):
+        (programs / name).write_text('#!/bin/sh\necho "$0 $*" >> asked.txt\necho abc123\n[ $0 = ${0%sbatch} ]\n')
+        (programs / name).chmod(0o755)
+    text = (PROFILES / "slurm/config.yaml").read_text()
+    text = text.replace("checks: 20", "checks: 1").replace("retries: 1", "retries: 0")
+    (tmp_path / "config.yaml").write_text(text.replace("# slurm_", "slurm_"))  # an account and a partition
+    command = [sys.executable, "-m", "snakemake", "--snakefile", SNAKEFILE, "--nolock", "--rerun-triggers", "mtime"]
+    environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}"}
+    asked = tmp_path / "asked.txt"
+    with subprocess.Popen([*command, "--profile", "."], cwd=tmp_path, env=environment) as submitting:
+        while submitting.poll() is None and not (asked.exists() and "--wrap" in asked.read_text()):
+            time.sleep(0.1)
+        submitting.kill()
+    words = asked.read_text().partition("sbatch ")[2].partition("--wrap")[0].split()
+    assert {"--gpus=1", "--cpus-per-task=2", "-p", "short"} < set(words)
 
 
 def test_an_invalid_file_starts_nothing(tmp_path, labkit_command):

@@ -57,5 +57,5 @@ def test_the_power_of_two_equal_grains_is_the_overlap_ratio_of_that_of_the_sprin
 def test_a_record_that_is_replaced_is_not_counted_twice(squeezed):
     sums = Ratcheting()
     for number, time in ((0, 0.0), (1, 1.0), (2, 2.0), (2, 2.1)):
-        sums.add(squeezed.replace(time=time), number)
+        sums.add(number, time, ratcheting_power(squeezed))
     assert len(sums.work) == 3

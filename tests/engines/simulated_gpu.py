@@ -13,9 +13,12 @@ with pytest.MonkeyPatch.context() as patch:  # at the first import of numba.cuda
     patch.setattr(numba.config, "ENABLE_CUDASIM", True)
     from labkit.engines.cuda import memory
     from labkit.engines.cuda.batch import LOST, Batch
+    from labkit.engines.cuda.device import cuda
     from labkit.engines.cuda.engine import CudaEngine
+    from labkit.engines.cuda.pool import Pool
+    from labkit.engines.cuda.reading import Reader
 
-__all__ = ["LOST", "Batch", "CudaEngine", "bits", "lattice", "memory"]
+__all__ = ["LOST", "Batch", "CudaEngine", "Pool", "Reader", "bits", "cuda", "lattice", "memory"]
 
 RADIUS = 85e-6
 

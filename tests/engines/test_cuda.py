@@ -5,6 +5,7 @@ import os
 import numpy as np
 import pytest
 
+from labkit.dem.corrections import Corrections
 from labkit.dem.laws import LAWS
 from labkit.dem.laws.spring_dashpot import SpringDashpot
 from labkit.dem.scene import Scene
@@ -157,7 +158,12 @@ def test_a_state_in_a_batch_has_the_bits_of_a_single_one(specimen, small):
         assert np.array_equal(stresses[i], single.stress())
         assert batch.state(i).step == states[i].step + sum(several)
     batch.load(1, small)
-    batch.advance(np.array([0, 1, 0]), gradients)
+    before = bits(batch.state(2))
+    batch.begin(1, Corrections.constant(1, gradients[1]))
+    batch.launch()
+    assert batch.going.any() and bits(batch.state(2)) == before  # while the steps of another are under way
+    batch.look()
+    assert not batch.going.any()
     single = CudaEngine(small)
     single.advance(1, SHEAR)
     assert batch.failures == [None, None, None] and bits(batch.state(1)) == bits(single.state())

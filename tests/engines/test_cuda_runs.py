@@ -2,7 +2,9 @@
 
 import os
 import signal
+import threading
 
+import numpy as np
 import pytest
 
 import labkit as lk
@@ -14,8 +16,8 @@ from labkit.dem.scene import Scene
 from labkit.dem.state import write_state
 from labkit.engines.batches import execute_together, packed
 from labkit.engines.tasks import RunTask
-from labkit.errors import Interrupted
-from tests.engines.simulated_gpu import lattice
+from labkit.errors import Interrupted, PhysicsError
+from tests.engines.simulated_gpu import CudaEngine, Pool, Reader, cuda, lattice
 
 pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
 
@@ -51,6 +53,39 @@ def outcomes(tests, tmp_path_factory):
 
 def data_hash(run):
     return run.data.attrs["data_sha256"]
+
+
+def test_a_run_advances_while_another_one_computes_a_record(monkeypatch):
+    """And a work that fails there ends alone."""
+    monkeypatch.setattr(Pool, "hurries", True)
+    advanced, ends = threading.Event(), {}
+
+    def waits(start):
+        ends["waited"] = start(lattice(2, 1)).beside(advanced.wait, 60.0)
+
+    def advances(start):
+        engine = start(lattice(2, 2))
+        engine.advance(2, np.zeros((3, 3)))
+        ends["step"] = engine.state().step
+        advanced.set()
+
+    def fails(start):
+        start(lattice(2, 3)).beside(balance)
+
+    def balance():
+        raise PhysicsError("of the record")
+
+    failures = CudaEngine.together([waits, advances, fails])
+    assert failures[:2] == [None, None] and str(failures[2]) == "of the record"
+    assert ends == {"waited": True, "step": 2}
+
+
+def test_what_was_read_stays_when_something_else_is_read():
+    reader, values = Reader(), np.arange(24.0).reshape(2, 3, 4)
+    of_device = cuda.to_device(values)
+    first = reader.read({"a": [of_device[0], of_device[1]], "b": [cuda.to_device(np.int32([7]))]})
+    reader.read({"other": [cuda.to_device(np.zeros(100))]})
+    assert np.array_equal(first["a"], values) and first["b"].tolist() == [[7]]
 
 
 def test_batches_fit_the_room_and_mix_no_keys():
@@ -95,13 +130,14 @@ def test_a_signal_saves_all_runs_and_each_resumes_alone_with_the_same_bits(tests
         assert data_hash(run) == data_hash(outcomes[name].run)
 
 
-def test_runs_of_a_killed_batch_resume_with_the_same_bits(tests, outcomes, tmp_path):
+def test_runs_of_a_killed_batch_resume_with_the_same_bits(tests, outcomes, tmp_path, monkeypatch):
     child = os.fork()
     if child == 0:
         execute_together(two_tasks(tests, tmp_path), 2 * [sender(signal.SIGKILL)])
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
     require_started(tmp_path)
+    monkeypatch.setattr(Pool, "hurries", True)  # the steps of one run go on while another one computes a record
     resumed = lk.run_batch({name: tests[name] for name in ("a", "b")}, tmp_path, options=OPTIONS)
     assert all(data_hash(resumed[name].run) == data_hash(outcomes[name].run) for name in ("a", "b"))
 

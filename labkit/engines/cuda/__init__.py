@@ -2,6 +2,8 @@
 
 device.py    whether a GPU can be used, and compilation for it with numba-cuda
 arrays.py    arrays on the device: states, grains, neighbour lists, the grid of the search
+reading.py   copies from the device while kernels run
+taken.py     a State made of such a copy
 listing.py   neighbour lists of the contacts of a State, and the contacts of a State from them
 search.py    kernels that find neighbours
 motion.py    kernels that move cells and grains

@@ -179,8 +179,7 @@ def put(array: Any, first: int, values: np.ndarray) -> None:
             target[first : first + len(row)].copy_to_device(row)
 
 
-def take(array: Any, first: int, count: int) -> np.ndarray:
-    """Copy `count` columns of an array on the device from `first` on."""
-    if array.ndim == 1:
-        return array[first : first + count].copy_to_host()
-    return np.stack([array[k][first : first + count].copy_to_host() for k in range(array.shape[0])])
+def rows_of(array: Any, first: int, count: int) -> list[Any]:
+    """The parts (count,) of an array (n,) or of each row of one (k, n) on the device, from the column `first` on."""
+    rows = [array] if array.ndim == 1 else [array[k] for k in range(array.shape[0])]
+    return [row[first : first + count] for row in rows]

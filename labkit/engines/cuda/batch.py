@@ -11,31 +11,22 @@ import labkit
 from labkit.dem.corrections import AHEAD, Corrections
 from labkit.dem.energy import kinetic_energy
 from labkit.dem.state import State
-from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, take, zeros
+from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, rows_of, zeros
 from labkit.engines.cuda.build import kernels_for, row_of, shape_of
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
-from labkit.engines.cuda.listing import Listing, contacts_of, entries, listing_of, spread
+from labkit.engines.cuda.listing import listing_of, neighbours, spread
 from labkit.engines.cuda.memory import KINDS, SPARE, require_room
+from labkit.engines.cuda.reading import Reader
 from labkit.engines.cuda.servo import new_plans, put_plan
+from labkit.engines.cuda.taken import ON_DEVICE, Taken
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
 CHUNK = 50  # most steps between two looks at whether a search is due
 
 LOST = "a grain is lost or its position became NaN: the time step is too large"
-
-# arrays of a State that the device holds
-ON_DEVICE = (
-    "position",
-    "velocity",
-    "angular_velocity",
-    "contact_grain",
-    "contact_shift",
-    "tangential_force",
-    "rolling_moment",
-)
 
 
 class Batch:
@@ -67,6 +58,7 @@ class Batch:
         self._lists = new_lists(n, int(padded.sum()), KINDS[precision])
         self._grid = new_grid(self._count, int(padded.sum()))
         self._plans, self._rows = new_plans(n, AHEAD), AHEAD
+        self._stream, self._reader, self._region = cuda.stream(), Reader(), np.zeros((2, n), np.int64)
         self._left, self._interval, self._controlled = np.zeros(n, np.int32), np.ones(n, int), np.zeros(n, bool)
         self._sums, self._totals = zeros((self._blocks, STRESSES)), zeros((n, STRESSES))
         self._start = list(states)
@@ -130,33 +122,43 @@ class Batch:
         self._start[i] = start.replace(step=start.step + corrections.total, time=time)
 
     def run(self) -> None:
-        """Make steps, without a look at the device between launches, until a state has none left, or fails."""
+        """Make steps until a state has none left, or fails."""
         before = self.going
         while (self.going == before).all() and before.any():
-            self._launch(int(self._interval[before].min()), bool(self._controlled[before].any()))
-            due = self._states.due.copy_to_host() == 1
-            if due.any():
-                self._search(due)
-            self._left = self._states.left.copy_to_host()
+            self.launch()
+            self.look()
 
-    def _launch(self, interval: int, controlled: bool) -> None:
-        """Launch the kernels of steps in groups of `interval`, each after a correction of the velocity gradients."""
-        k, s, g = self._kernels, self._states, self._grains
-        of_states = -(-len(self) // SLICE)
+    def launch(self) -> None:
+        """Launch the kernels of some steps of the states that are going, and do not wait for them.
+
+        The steps are in groups, each after a correction of the velocity gradients. Until `look`, the other states stay
+        as they are.
+        """
+        k, s, g, going = self._kernels, self._states, self._grains, self.going
+        interval, controlled = int(self._interval[going].min()), bool(self._controlled[going].any())
+        of_states, of_grains = (-(-len(self) // SLICE), SLICE, self._stream), (self._blocks, BLOCK, self._stream)
         for _ in range(min(-(-int(self._left.max()) // interval), max(1, CHUNK // interval))):
             if controlled:
                 self._sum_stresses(every=0)
-            k.correct[of_states, SLICE](s, self._plans, self._totals)
+            k.correct[of_states](s, self._plans, self._totals)
             for _ in range(min(interval, CHUNK)):
-                k.start_step[of_states, SLICE](s)
-                k.move[self._blocks, BLOCK](s, g)
-                k.forces[self._blocks, BLOCK](s, g, self._lists, 1.0)
+                k.start_step[of_states](s)
+                k.move[of_grains](s, g)
+                k.forces[of_grains](s, g, self._lists, 1.0)
+
+    def look(self) -> None:
+        """Wait for the steps, make the searches that are due, and find out which states have steps left."""
+        due = self._states.due.copy_to_host() == 1
+        if due.any():
+            self._search(due)
+        self._left = self._states.left.copy_to_host()
 
     def _sum_stresses(self, every: int) -> None:
         """Sum branch (x) force of all states, or of those whose servo needs it."""
         k, s = self._kernels, self._states
-        k.stress_of_blocks[self._blocks, BLOCK](s, self._grains, self._lists, self._plans, self._sums, every)
-        k.stress_of_states[len(self), BLOCK](s, self._plans, self._sums, self._totals, every)
+        of_grains, of_states = (self._blocks, BLOCK, self._stream), (len(self), BLOCK, self._stream)
+        k.stress_of_blocks[of_grains](s, self._grains, self._lists, self._plans, self._sums, every)
+        k.stress_of_states[of_states](s, self._plans, self._sums, self._totals, every)
 
     def stress(self) -> np.ndarray:
         """Love's stress of each state, (n, 3, 3), Pa, compression positive."""
@@ -166,28 +168,23 @@ class Batch:
 
     def state(self, i: int) -> State:
         """A copy of the i-th State, with contacts sorted by grain and the ledger up to date. Raises PhysicsError."""
-        start, order = self._start[i], self._order[i]
-        ledger = start.ledger.plus(*self._columns(self._grains.energies, i).sum(axis=1))
-        if not np.isfinite(ledger.cell_work):
-            raise PhysicsError(f"forces became NaN: the time step {start.time_step:.3g} s is too large")
-        kinematics = {}
-        for name, rows in zip(
-            ON_DEVICE, (self._grains.position, self._grains.velocity, self._grains.spin), strict=False
-        ):
-            kinematics[name] = np.empty((len(order), 3))
-            kinematics[name][order] = self._columns(rows, i).T
-        cell = self._states.cell.copy_to_host()[i]
-        contacts = contacts_of(self._listing(i), order, kinematics["position"], start.radius, cell)
-        return start.replace(
-            **kinematics,
-            **contacts,
-            cell=cell,
-            velocity_gradient=self._states.used.copy_to_host()[i],
+        return self.take(i).state()
+
+    def take(self, i: int) -> Taken:
+        """Copy the i-th State, which is not going, from the device; the steps of others may be under way."""
+        g, s, first, count = self._grains, self._states, int(self._first[i]), int(self._count[i])
+        of_state = {"cell": [s.cell[i]], "velocity_gradient": [s.used[i]]}
+        of_grains = {"position": g.position, "velocity": g.velocity, "spin": g.spin, "energies": g.energies}
+        columns = {name: rows_of(array, first, count) for name, array in of_grains.items()}
+        arrays = self._reader.read(of_state | columns | self._list(i, ("partner", "shift", "history")))
+        brief = self._start[i].replace(
+            cell=arrays["cell"][0],
+            velocity_gradient=arrays["velocity_gradient"][0],
             engine="cuda",
             engine_version=labkit.__version__,
             precision=self._precision,
-            ledger=ledger,
         )
+        return Taken(brief, self._order[i], first, arrays)
 
     def stop_grains(self, i: int) -> None:
         """Set all velocities of the i-th state to zero; the ledger counts their energy as dissipated by damping."""
@@ -195,10 +192,6 @@ class Batch:
         zero = np.zeros_like(state.velocity)
         ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
         self.load(i, state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
-
-    def _columns(self, array: Any, i: int) -> np.ndarray:
-        """The columns of an array of grains that belong to the i-th state."""
-        return take(array, int(self._first[i]), int(self._count[i]))
 
     def _put(self, i: int, state: State) -> None:
         """Copy a State to the device, without its neighbour list. Raises InputError."""
@@ -240,7 +233,7 @@ class Batch:
         listing, count, slice_first, total = listing_of(state, self._order[i])
         self._grow(np.where(np.arange(len(self)) == i, total, 0))
         first, side, lists = int(self._first[i]), int(self._side[i]), self._lists
-        at, partner = int(lists.region.copy_to_host()[side, i]), listing.partner + first
+        at, partner = int(self._region[side, i]), listing.partner + first
         put(lists.count[side], first, count)
         put(lists.slice_first[side], first // SLICE, slice_first)
         for array, values in (
@@ -259,32 +252,32 @@ class Batch:
         room = np.where(small, -(-(SPARE * needed).astype(int) // SLICE) * SLICE, self._room)
         first = np.cumsum(room) - room
         region = np.stack([first, first + room.sum()])
-        old_region = self._lists.region.copy_to_host()
         for name in ("partner", "shift", "stiffness", "history"):
             old = getattr(self._lists, name).copy_to_host()
             self._lists = self._lists._replace(**{name: None})  # frees the memory on the device
             new = np.zeros((*old.shape[:-1], 2 * int(room.sum()) + 1), old.dtype)
             for i in range(len(self)):
-                source, target = old_region[self._side[i], i], region[self._side[i], i]
+                source, target = self._region[self._side[i], i], region[self._side[i], i]
                 new[..., target : target + self._room[i]] = old[..., source : source + self._room[i]]
             self._lists = self._lists._replace(**{name: cuda.to_device(new)})
-        self._lists, self._room = self._lists._replace(region=cuda.to_device(region)), room
+        self._lists = self._lists._replace(region=cuda.to_device(region))
+        self._region, self._room = region, room
 
     def _search(self, which: np.ndarray, moving: float = 1.0) -> None:
         """Find the neighbours of the states `which` (n,), and compute their forces; moving: see contacts.forces."""
         k, s, g, grid = self._kernels, self._states, self._grains, self._grid
         cell = s.cell.copy_to_host()
         which = which & self._set_grid(which, cell)
-        n = len(self)
-        k.clear[n, BLOCK](grid)
-        k.place[self._blocks, BLOCK](s, g, grid)
-        k.offsets[n, BLOCK](grid)
-        k.sort[self._blocks, BLOCK](s, g, grid)
-        k.count[self._blocks, BLOCK](s, g, self._lists, grid)
-        k.arrange[n, BLOCK](s, self._lists, grid)
+        of_states, of_grains = (len(self), BLOCK, self._stream), (self._blocks, BLOCK, self._stream)
+        k.clear[of_states](grid)
+        k.place[of_grains](s, g, grid)
+        k.offsets[of_states](grid)
+        k.sort[of_grains](s, g, grid)
+        k.count[of_grains](s, g, self._lists, grid)
+        k.arrange[of_states](s, self._lists, grid)
         lost = grid.lost.copy_to_host() == 1
         self._grow(np.where(which, grid.needed.copy_to_host(), 0))
-        k.fill[self._blocks, BLOCK](s, g, self._lists, grid)
+        k.fill[of_grains](s, g, self._lists, grid)
         self._side = np.where(which, 1 - self._side, self._side).astype(np.int32)
         self._lists.side.copy_to_device(self._side)
         first_cell = s.first_cell.copy_to_host()
@@ -295,7 +288,8 @@ class Batch:
         self._fail(which & lost)
         s.due.copy_to_device(np.where(which, 0, s.due.copy_to_host()).astype(np.int32))
         s.running.copy_to_device((which & ~lost).astype(np.int32))
-        k.forces[self._blocks, BLOCK](s, g, self._lists, moving)
+        k.forces[of_grains](s, g, self._lists, moving)
+        self._stream.synchronize()  # before a copy of the state on another stream
 
     def _set_grid(self, which: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """Define the grids of the states `which` (n,) with cells (n, 3, 3); return which of them have a sound cell."""
@@ -323,23 +317,21 @@ class Batch:
         for array in (self._states.left, self._states.due):
             array.copy_to_device(np.where(which, 0, array.copy_to_host()).astype(np.int32))
 
-    def _listing(self, i: int) -> Listing:
-        """The neighbour lists of the i-th state."""
-        first, side, lists = int(self._first[i]), int(self._side[i]), self._lists
-        count = self._columns(lists.count[side], i)
-        slice_first = take(lists.slice_first[side], first // SLICE, -(-len(count) // SLICE))
-        grain, slot = entries(count, slice_first)
-        at, room = int(lists.region.copy_to_host()[side, i]), int(self._room[i])
-        partner, shift, history = (take(a, at, room)[..., slot] for a in (lists.partner, lists.shift, lists.history))
-        is_first = partner >= 0
-        return Listing(
-            grain, slot, np.where(is_first, partner, ~partner) - first, is_first, shift.T, history.T.astype(float)
-        )
+    def _list(self, i: int, names: Sequence[str]) -> dict[str, list[Any]]:
+        """The neighbour list of the i-th state on the device, with these arrays of its entries."""
+        first, count, side, lists = int(self._first[i]), int(self._count[i]), int(self._side[i]), self._lists
+        at, room = int(self._region[side, i]), int(self._room[i])
+        return {
+            "count": rows_of(lists.count[side], first, count),
+            "slice_first": rows_of(lists.slice_first[side], first // SLICE, -(-count // SLICE)),
+            **{name: rows_of(getattr(lists, name), at, room) for name in names},
+        }
 
     def _put_stiffness(self, i: int) -> None:
         """Set the stiffness kn of each pair of neighbours of the i-th state."""
-        listing, radius = self._listing(i), self._start[i].radius[self._order[i]]
-        a = np.where(listing.is_first, listing.grain, listing.partner)
-        b = np.where(listing.is_first, listing.partner, listing.grain)
-        kn = spread(self._start[i].scene.normal_stiffness(radius[a], radius[b]), listing.slot, int(self._room[i]))
-        put(self._lists.stiffness, int(self._lists.region.copy_to_host()[self._side[i], i]), kn)
+        arrays = self._reader.read(self._list(i, ("partner",)))
+        grain, slot, is_first, partner = neighbours(arrays, int(self._first[i]))
+        radius, scene = self._start[i].radius[self._order[i]], self._start[i].scene
+        a, b = np.where(is_first, grain, partner), np.where(is_first, partner, grain)
+        kn = spread(scene.normal_stiffness(radius[a], radius[b]), slot, int(self._room[i]))
+        put(self._lists.stiffness, int(self._region[self._side[i], i]), kn)

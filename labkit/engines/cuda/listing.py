@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -71,6 +72,21 @@ def listing_of(state: State, order: np.ndarray) -> tuple[Listing, np.ndarray, np
     slice_first, room = slices(count)
     grain, slot = entries(count, slice_first)
     return Listing(grain, slot, place[other[by]], is_first[by], shifts[by], both[by]), count, slice_first, room
+
+
+def listed(arrays: Mapping[str, np.ndarray], first: int) -> Listing:
+    """The Listing in the arrays (k, n) of one State on the device, those of Lists by name; first: its first grain."""
+    grain, slot, is_first, partner = neighbours(arrays, first)
+    shift, history = arrays["shift"][:, slot].T, arrays["history"][:, slot].T.astype(float)
+    return Listing(grain, slot, partner, is_first, shift, history)
+
+
+def neighbours(arrays: Mapping[str, np.ndarray], first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """grain, slot, is_first and partner of a Listing, from count, slice_first and partner of one State."""
+    grain, slot = entries(arrays["count"][0], arrays["slice_first"][0])
+    partner = arrays["partner"][0, slot]
+    is_first = partner >= 0
+    return grain, slot, is_first, np.where(is_first, partner, ~partner) - first
 
 
 def contacts_of(

@@ -1,21 +1,29 @@
 """Runs that share a batch: each has an engine of its own, whose State is one of a Batch.
 
-The runs take turns (turns.py). Once all of them wait for time steps, the batch advances all their States until the
-steps of one are done, which then continues; the others keep the steps that they have left.
+The runs take turns (turns.py). The kernels of some steps are launched for all States that have steps left; while the
+GPU computes, the runs whose steps are done continue, each until it has further steps to make. What they compute from
+the State of a record does not need their turn: it is done in other threads, for several runs at the same time.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from typing import Any
 
 import numpy as np
 
 import labkit
 from labkit.dem.corrections import Corrections
-from labkit.dem.engine import Engine, Start
+from labkit.dem.engine import Engine, Result, Start
+from labkit.dem.instant import Instant
+from labkit.dem.recorded import recorded
 from labkit.dem.state import State
+from labkit.engines.batches import MOST_THREADS
 from labkit.engines.cuda.batch import Batch
+from labkit.engines.cuda.device import SIMULATED
+from labkit.engines.cuda.taken import TakenInstant
 from labkit.engines.cuda.turns import Turn
 from labkit.errors import PhysicsError
 
@@ -31,18 +39,26 @@ class Begin:
 
 @dataclasses.dataclass
 class Steps:
-    """What a work waits for: time steps of the State at a place in the batch."""
+    """What a work waits for: time steps of the State at a place in the batch. begun: True once the batch has them."""
 
     place: int
     corrections: Corrections
+    begun: bool = False
 
 
 class Pool:
-    """Works whose States are in one Batch. All calls of the device are made by the thread that calls `execute`."""
+    """Works whose States are in one Batch. All calls of the device are made by the thread that calls `execute`.
+
+    hurries: True to launch steps as soon as one work has steps to make; False to wait for those that compute a record,
+    because each launch costs time in the simulator. It affects no result.
+    """
+
+    hurries = not SIMULATED
 
     def __init__(self, works: Sequence[Work], precision: str) -> None:
         """Starts nothing yet."""
         self._precision = precision
+        self.threads = ThreadPoolExecutor(max(1, min(len(works), MOST_THREADS)))
         self._batch: Batch | None = None
         self._places: dict[Turn, int] = {}
         self._stresses: np.ndarray | None = None  # of all States, once they have been computed
@@ -60,13 +76,15 @@ class Pool:
             self._proceed(self._turns)
             self._place()
             while waiting := [turn for turn in self._turns if not turn.ended]:
-                self._proceed(self._advance(waiting))
+                self._continue(waiting)
         except BaseException as error:  # of the device: every work ends with it, and closes its files
             for turn in self._turns:
                 while not turn.ended:
                     turn.proceed(error=error)
             if not isinstance(error, Exception):
                 raise
+        finally:
+            self.threads.shutdown()
         return [turn.failure for turn in self._turns]
 
     def _turn(self, work: Work) -> Turn:
@@ -106,14 +124,28 @@ class Pool:
             self._places = {turn: place for place, turn in enumerate(waiting)}
             self._proceed(waiting)
 
-    def _advance(self, waiting: Sequence[Turn]) -> list[Turn]:
-        """Advance the States of works; return the works whose steps are done, or whose State failed."""
-        for turn in waiting:
-            if not self.batch.going[turn.wanted.place]:
-                self.batch.begin(turn.wanted.place, turn.wanted.corrections)
-        self._stresses = None
-        self.batch.run()
-        return [turn for turn in waiting if not self.batch.going[turn.wanted.place]]
+    def _continue(self, waiting: Sequence[Turn]) -> None:
+        """Launch steps, let works continue beside them, and wait for the steps; or for a thread, if there are none."""
+        computing = [turn.wanted for turn in waiting if isinstance(turn.wanted, Future)]
+        for wanted in (turn.wanted for turn in waiting):
+            if isinstance(wanted, Steps) and not wanted.begun:
+                self.batch.begin(wanted.place, wanted.corrections)
+                wanted.begun = True
+        launched = self.batch.going.any() and (self.hurries or not computing)
+        if launched:
+            self._stresses = None
+            self.batch.launch()
+        ready = [turn for turn in waiting if self._is_done(turn.wanted)]
+        self._proceed(ready[:1] if self.hurries and not launched else ready)
+        if launched:
+            self._stresses = None
+            self.batch.look()
+        elif not ready:
+            wait(computing, return_when=FIRST_COMPLETED)
+
+    def _is_done(self, wanted: Any) -> bool:
+        """True if what a work waits for is there."""
+        return wanted.done() if isinstance(wanted, Future) else not self.batch.going[wanted.place]
 
     def stress(self, place: int) -> np.ndarray:
         """Love's stress of one State, (3, 3), Pa; those of all States are computed together."""
@@ -155,7 +187,17 @@ class Member(Engine):
         return self._turn.ask(lambda: self._pool.stress(self._place))
 
     def state(self) -> State:
-        return self._turn.ask(lambda: self._pool.batch.state(self._place))
+        return self.beside(self._turn.ask(lambda: self._pool.batch.take(self._place)).state)
+
+    def instant(self) -> Instant:
+        return TakenInstant(self._turn.ask(lambda: self._pool.batch.take(self._place)))
+
+    def beside(self, work: Callable[..., Result], *arguments: Any) -> Result:
+        if recorded():  # statistics of a user, which may open files
+            return work(*arguments)
+        future = self._pool.threads.submit(work, *arguments)
+        self._turn.ask(future)
+        return future.result()
 
     def load(self, state: State) -> None:
         self._turn.ask(lambda: self._pool.load(self._place, state))

@@ -1,0 +1,49 @@
+"""Copies of arrays on the device while kernels run.
+
+The copies are made on a stream of their own, into pinned memory, because copies into other memory wait for all kernels.
+Both this stream and that of the kernels wait for the default stream, on which all other copies are made, and it for
+them (numba.cuda.stream creates blocking streams).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from labkit.engines.cuda.device import cuda
+
+ALIGNED = 8  # bytes
+SPARE = 1.25  # room over that needed, so that a little more does not need new memory
+
+
+class Reader:
+    """A stream, and pinned memory that is used for each copy."""
+
+    def __init__(self) -> None:
+        """No memory yet."""
+        self._stream = cuda.stream()
+        self._memory = np.empty(0, np.uint8)
+
+    def read(self, rows: Mapping[str, Sequence[Any]]) -> dict[str, np.ndarray]:
+        """Arrays (k, ...) on the host for names with k contiguous arrays (...) on the device each.
+
+        No kernel may be writing to these.
+        """
+        needed = sum(_aligned(len(of_name) * of_name[0].nbytes) for of_name in rows.values())
+        if needed > len(self._memory):
+            self._memory = cuda.pinned_array(int(SPARE * needed), np.uint8)
+        views, at = {}, 0
+        for name, of_name in rows.items():
+            views[name] = np.ndarray((len(of_name), *of_name[0].shape), of_name[0].dtype, self._memory, at)
+            at += _aligned(views[name].nbytes)
+            for row, view in zip(of_name, views[name], strict=True):
+                row.copy_to_host(view, stream=self._stream)
+        self._stream.synchronize()
+        return {name: view.copy() for name, view in views.items()}
+
+
+def _aligned(size: int) -> int:
+    """A number of bytes, rounded up so that the next array is aligned."""
+    return -(-size // ALIGNED) * ALIGNED
