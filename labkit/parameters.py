@@ -61,6 +61,10 @@ class Parameter:
         if self.choices is not None:
             return self._named_like(None)
         unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.kind is bool:
+            return "true or false"
+        if self.kind is str:
+            return "text"
         if self.kind is tuple:
             return "numbers separated by commas"
         if dataclasses.is_dataclass(self.kind):

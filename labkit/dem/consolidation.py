@@ -95,7 +95,7 @@ def _to_rest(
         snapshot = state.snapshot()
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
-        progress(log_fraction(first, error, TOLERANCE), f"consolidation, stress off by {error:.2%}")
+        progress(log_fraction(first, error, TOLERANCE), f"consolidation, error of stress {error:.2%}")
         unbalanced = unbalanced_force(snapshot)
         if step and error < TOLERANCE and unbalanced < UNBALANCED:
             return state.at_rest()

@@ -168,7 +168,8 @@ class Path(abc.ABC):
     def status(self, record: Mapping[str, Any], leg: int) -> str:
         """How far a test has come, for progress messages, from its latest record and the number of its leg."""
         measure = self.strain_measure()
-        text = f"{measure.name} {measure.at(record['strain']):.2%}, p {mean_stress(record['stress']) / 1e6:.3f} MPa"
+        p = mean_stress(record["stress"]) / 1e3
+        text = f"{measure.name} {measure.at(record['strain']):.2%}, p {p:.{1 if p < 1e3 else 0}f} kPa"
         if self.legs() == 1:
             return text
         number, of = (leg // 2, self.legs() // 2) if self.cyclic else (leg, self.legs())

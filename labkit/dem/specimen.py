@@ -234,7 +234,7 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         if contacts < state.number_of_grains:
             raise PhysicsError(
                 f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): "
-                "decrease the void ratio or increase the step-1 friction, so that the specimen carries load"
+                "decrease the void ratio or increase step1_friction, so that the specimen carries load"
             )
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)
@@ -251,7 +251,7 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
     raise PhysicsError(
         f"the specimen is not at rest after {target.step_limit} steps (unbalanced force {unbalanced:.2g}, "
         f"kinetic/elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
-        "decrease the void ratio or increase the step-1 friction, so that the specimen carries load"
+        "decrease the void ratio or increase step1_friction, so that the specimen carries load"
     )
 
 

@@ -28,7 +28,9 @@ from labkit.io.schema import LARGEST_RADIUS, SIZES, STATE
 from labkit.micro.cells import widths
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.summary import summary
+from labkit.micro.void_ratio import grain_volume
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,8 +86,12 @@ class State:
     ledger: Ledger = Ledger()
 
     def __repr__(self) -> str:
-        contacts = len(self.contact_grain)
-        return f"State({self.number_of_grains} grains, {contacts} contacts, {self.scene.law}, step {self.step})"
+        diameter, e = 2e3 * self.radius.mean(), np.linalg.det(self.cell) / grain_volume(self.radius) - 1.0
+        p = mean_stress(love_stress(self.snapshot())) / 1e3
+        return (
+            f"State({self.number_of_grains} grains of {diameter:.3g} mm, {len(self.contact_grain)} contacts, "
+            f"e = {e:.3f}, p = {p:.4g} kPa, {self.scene.law}, step {self.step})"
+        )
 
     def _repr_html_(self) -> str:
         """A table for notebooks."""

@@ -108,7 +108,7 @@ def test_an_interrupted_consolidation_is_continued(small, tmp_path):
     words = [*LABKIT, "consolidate", small, "--pressure", "2MPa", "--engine", "fused", "-o", output]
     process = subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stdout:
-        if "stress off by" in line:
+        if "error of stress" in line:
             break
     process.send_signal(signal.SIGHUP)
     _, err = process.communicate(timeout=60)
