@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas
 import xarray as xr
 
-from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.campaigns import add_campaign_options, carry_out, save_figures, write_tables
 from analysis.constants.figures import changes_figure, lines_figure
 from analysis.constants.materials import (
     CONSTANTS,
@@ -40,8 +40,7 @@ from analysis.statistics import adjusted, stationarity_table
 from analysis.statistics import slope_table as slopes_of
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
-from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text
+from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")
 TITLE = "The constants of Table 2 for other grains"
@@ -59,17 +58,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, command: str) -> int:
     """Runs the campaign if one is given and writes all results; returns 1 if a run failed."""
-    code, folder = 0, Path(make_folder(options.output, "--output"))
-    if options.campaign:
-        if not options.as_is:
-            code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
-        others = slow_curves(Path(results_folder()))
-        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE, *others)
-    if not (folder / CURVES).exists():
-        raise InputError(f"{folder} contains no {CURVES}: give the folder of a campaign")
-    for file in write(folder, command, reporter("tables")):
-        print(file)
-    return int(code != 0)
+
+    def gather(runs: Sequence[Path], file: Path) -> None:
+        collect_curves(runs, file, command, reporter("curves"), TITLE, *slow_curves(Path(results_folder())))
+
+    return carry_out(options, command, CAMPAIGN, CURVES, gather, write)
 
 
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:

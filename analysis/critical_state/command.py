@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import xarray as xr
 
-from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.campaigns import add_campaign_options, carry_out, save_figures, write_tables
 from analysis.critical_state.ends import end_table, records
 from analysis.critical_state.figures import drift_figure, lines_figure, lode_figure
 from analysis.critical_state.page import page
@@ -16,8 +16,7 @@ from analysis.critical_state.questions import by_lode_angle, lines, offsets, one
 from analysis.other_paths.collect import collect
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
-from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text
+from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")
 DATA = "statistics.nc"
@@ -32,16 +31,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, command: str) -> int:
     """Runs the campaign if one is given and writes all results; returns 1 if a run failed."""
-    code, folder = 0, Path(make_folder(options.output, "--output"))
-    if options.campaign:
-        if not options.as_is:
-            code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
-        collect(finished(options.campaign), folder / DATA, command, reporter("statistics"), TITLE)
-    if not (folder / DATA).exists():
-        raise InputError(f"{folder} contains no {DATA}: give the folder of a campaign")
-    for file in write(folder, command, reporter("tables")):
-        print(file)
-    return int(code != 0)
+
+    def gather(runs: Sequence[Path], file: Path) -> None:
+        collect(runs, file, command, reporter("statistics"), TITLE)
+
+    return carry_out(options, command, CAMPAIGN, DATA, gather, write)
 
 
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:

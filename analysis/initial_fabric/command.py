@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas
 import xarray as xr
 
-from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.campaigns import add_campaign_options, carry_out, save_figures, write_tables
 from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
 from analysis.initial_fabric.loading import DATA, collect
 from analysis.initial_fabric.page import page
@@ -17,8 +17,7 @@ from analysis.initial_fabric.response import coordination_table, direction_table
 from analysis.initial_fabric.states import balance_table, state_table
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
-from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text
+from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")
 TITLE = "What an isotropic stress hides: initial fabric and coordination number"
@@ -32,16 +31,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, command: str) -> int:
     """Runs the campaign if one is given and writes all results; returns 1 if a run failed."""
-    code, folder = 0, Path(make_folder(options.output, "--output"))
-    if options.campaign:
-        if not options.as_is:
-            code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
-        collect(finished(options.campaign), folder / DATA, command, reporter("data"), TITLE)
-    if not (folder / DATA).exists():
-        raise InputError(f"{folder} contains no {DATA}: give the folder of a campaign")
-    for file in write(folder, command, reporter("tables")):
-        print(file)
-    return int(code != 0)
+
+    def gather(runs: Sequence[Path], file: Path) -> None:
+        collect(runs, file, command, reporter("data"), TITLE)
+
+    return carry_out(options, command, CAMPAIGN, DATA, gather, write)
 
 
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:

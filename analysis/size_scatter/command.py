@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pandas
 
-from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.campaigns import add_campaign_options, carry_out, save_figures, write_tables
 from analysis.curves import CURVES, collect_curves, read_curves, window_means
 from analysis.paper.estimates import two_samples
 from analysis.places import results_folder
@@ -19,8 +19,7 @@ from analysis.size_scatter.stored import PREFIX, stored_curves
 from analysis.statistics import adjusted, slope_table, stationarity_table
 from labkit.campaign import read_campaign
 from labkit.dem import Progress
-from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text
+from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")
 TITLE = "Scatter and bias against the number of grains"
@@ -36,17 +35,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace, command: str) -> int:
     """Runs the campaign if one is given and writes all results; returns 1 if a run failed."""
-    code, folder = 0, Path(make_folder(options.output, "--output"))
-    if options.campaign:
-        if not options.as_is:
-            code = simulate(options.campaign, options.cores, reporter("campaign"), CAMPAIGN)
-        others = stored_curves(Path(results_folder()))
-        collect_curves(finished(options.campaign), folder / CURVES, command, reporter("curves"), TITLE, *others)
-    if not (folder / CURVES).exists():
-        raise InputError(f"{folder} contains no {CURVES}: give the folder of a campaign")
-    for file in write(folder, command, reporter("tables")):
-        print(file)
-    return int(code != 0)
+
+    def gather(runs: Sequence[Path], file: Path) -> None:
+        collect_curves(runs, file, command, reporter("curves"), TITLE, *stored_curves(Path(results_folder())))
+
+    return carry_out(options, command, CAMPAIGN, CURVES, gather, write)
 
 
 def write(folder: Path, command: str, progress: Progress) -> Iterator[Path]:

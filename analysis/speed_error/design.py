@@ -81,7 +81,8 @@ class Case:
 class Design:
     """All cases of a study, and the names of its additional measurements (analysis.speed_error.measures).
 
-    timed_steps: time steps over which presets are timed. Each path has one case of the factor BASELINE and one of the factor PRESET with the level "reference".
+    timed_steps: time steps over which presets are timed. Each path has one case of the factor BASELINE and one of the
+    factor PRESET with the level "reference".
     """
 
     cases: tuple[Case, ...]
