@@ -32,6 +32,13 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     if kind in ("figure", "statistics", "output"):
         return "\n".join([f"{path}: labkit {kind}", *_lines(provenance.rows(provenance.of_file(path) or {}))])
     lines = [f"{path}: labkit {kind} file"]
+    if kind == "state":
+        values = summary(read_state(path, verify=False))
+        lines += ["summary", *_lines({name: f"{number(value)} {unit}" for name, (value, unit) in values.items()}, 24)]
+    if kind == "run":
+        with open_run(path, verify=False) as run:
+            lines += ["summary", *_lines(run_summary(run), 24)]
+    lines += ["attributes"]
     with open_netcdf(path, kind, verify=False) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
         further = sorted(set(dataset.variables) - set(RECORD if kind == "run" else STATE))
@@ -45,12 +52,6 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     lines += _lines({"other variables": ", ".join(further)} if further else {})
     if made_by:
         lines += ["provenance", *_lines(provenance.rows(json.loads(made_by)))]
-    if kind == "state":
-        values = summary(read_state(path, verify=False))
-        lines += ["summary", *_lines({name: f"{number(value)} {unit}" for name, (value, unit) in values.items()}, 24)]
-    if kind == "run":
-        with open_run(path, verify=False) as run:
-            lines += ["summary", *_lines(run_summary(run), 24)]
     return "\n".join(lines)
 
 
@@ -58,6 +59,10 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """The end of a run and, if it is undrained, its pore pressure, name -> value with its unit. `run`: open_run."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
+        "path": f"{run.attrs['path']} on {run.attrs['engine']}",
+        "complete": "yes" if run.attrs["complete"] else "no",
+        "grains": number(run.sizes["grain"]),
+        "records": number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
         "mean stress p": f"{number(float(p[-1]))} Pa",
         "deviatoric stress q": f"{number(float(q[-1]))} Pa",
@@ -111,7 +116,7 @@ def _flat(entries: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, str
         if isinstance(value, Mapping):
             flat |= {f"{name}.{inner}": text for inner, text in _flat(value, {}).items()}
         else:
-            flat[name] = f"{number(value)} {units.get(name, '')}"
+            flat[name] = "not given" if value is None else f"{number(value)} {units.get(name, '')}"
     return flat
 
 
@@ -126,7 +131,8 @@ def _entries(value: Any) -> dict[str, Any] | None:
 
 
 def _lines(rows: Mapping[str, str], width: int = WIDTH, indent: int = 2) -> list[str]:
-    return [f"{'':{indent}}{name:<{width}} {text}".rstrip() for name, text in rows.items()]
+    below = "\n" + " " * (indent + width + 1)  # of a text of several lines
+    return [f"{'':{indent}}{name:<{width}} {text}".rstrip().replace("\n", below) for name, text in rows.items()]
 
 
 def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
