@@ -17,6 +17,7 @@ from labkit.dem import Progress
 from labkit.io import provenance_json, whole_file
 from labkit.runs import Run
 
+C0 = ("c0_norm", "c0_q")  # relative errors of C0: in the Frobenius norm, and in q
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
 CURVES = "curves.nc"
 AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % of strain, at an inertial number of 2.5e-4
@@ -32,10 +33,12 @@ def accumulated_strain(run: xr.Dataset) -> np.ndarray:
 
 
 def curves_of(run: xr.Dataset) -> xr.Dataset:
-    """strain (accumulated) and QUANTITIES at POINTS records of a run, dimension point, and the number of grains."""
+    """strain (accumulated), QUANTITIES and C0 at POINTS records of a run, dimension point, and the number of grains."""
     strain = accumulated_strain(run)
     chosen = np.abs(strain[:, None] - np.linspace(0.0, strain[-1], POINTS)).argmin(axis=0)
-    columns = {"strain": strain[chosen], **quantities_of(run.isel(time=chosen))}
+    kept = run.isel(time=chosen)
+    errors = {"c0_norm": kept.lab.sff_error().values, "c0_q": kept.lab.sff_errors()["q"].values}
+    columns = {"strain": strain[chosen], **quantities_of(kept), **errors}
     data = xr.Dataset({name: ("point", values) for name, values in columns.items()})
     data["grains"] = run.sizes["grain"]
     return data
@@ -92,19 +95,21 @@ def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: floa
             run = data.sel(run=name)
             known = run["accumulated_strain"].values.astype(float)
             columns = {key: np.interp(at, known, values) for key, values in quantities_of(run).items()}
+            columns |= dict.fromkeys(C0, np.full(POINTS, np.nan))  # not stored there
             curves[name] = xr.Dataset({key: ("point", values) for key, values in {"strain": at, **columns}.items()})
             curves[name]["grains"] = grains[name]
     return curves
 
 
 def read_curves(file: Path) -> pandas.DataFrame:
-    """The curves of a data set, a row per record: run, test, specimen, grains, strain and QUANTITIES."""
+    """The curves of a data set, a row per record: run, test, specimen, grains, strain, QUANTITIES, and C0 if stored."""
     with xr.open_dataset(file) as data:
         parts = []
         for name in data["run"].values:
             run = data.sel(run=name)
             test, _, specimen = str(name).partition("-")
-            columns = {key: run[key].values.astype(float) for key in ("strain", *QUANTITIES)}
+            stored = (key for key in C0 if key in data)
+            columns = {key: run[key].values.astype(float) for key in ("strain", *QUANTITIES, *stored)}
             labels = {"run": str(name), "test": test, "specimen": specimen, "grains": int(run["grains"])}
             parts.append(pandas.DataFrame({**labels, **columns}))
     return pandas.concat(parts, ignore_index=True)

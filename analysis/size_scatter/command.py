@@ -12,6 +12,7 @@ from analysis.campaigns import add_campaign_options, carry_out, save_figures, wr
 from analysis.curves import CURVES, collect_curves, read_curves, window_means
 from analysis.paper.estimates import two_samples
 from analysis.places import results_folder
+from analysis.size_scatter.c0_error import c0_table
 from analysis.size_scatter.figures import drift_figure, sizes_figure
 from analysis.size_scatter.page import page
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
@@ -73,6 +74,7 @@ def tables_of(curves: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
     ends = end_table(curves)
     sizes = size_table(ends)
     return {
+        "c0_error": c0_table(curves),
         "ends": ends,
         "sizes": sizes,
         "scatter": scatter_table(sizes),
