@@ -116,7 +116,8 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         yield _below(name, worst, SFF_TOLERANCE, "%")
         yield from _apart(run, judged)
         if worst >= SFF_TOLERANCE and run.sizes["grain"] < ENOUGH_GRAINS:
-            name = f"C0 is an average over grains, and {run.sizes['grain']} may be too few for 2 %: see docs/findings.md"
+            grains = run.sizes["grain"]
+            name = f"C0 is an average over grains, and {grains} may be too few for 2 %: see docs/findings.md"
             yield Finding(name, np.nan, "", True, False)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
