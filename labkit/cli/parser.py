@@ -47,7 +47,7 @@ class Parser(argparse.ArgumentParser):
             message = f"{unknown[1]} {unknown[2]!r} is unknown: give {instead_of(choices, unknown[2])}"
         raise InputError(f"{message} (see {self.prog} --help)")
 
-    def parse_known_args(self, args=None, namespace=None):
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As argparse's, but raises InputError for an argument that is not known."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
