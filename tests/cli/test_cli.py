@@ -113,7 +113,7 @@ BAD = {
     "no run": ("verify", "the following arguments are required: RUN (see labkit verify --help)"),
     "rows that are no number": ("verify r.run.nc --rows many", "--rows: 'many' is not a whole number above 0"),
     "misspelled option": ("verify r.run.nc --treads 2", "--treads is not an option of labkit verify: did you mean --"),
-    "misspelled command": ("verfy r.run.nc", "COMMAND 'verfy' is unknown: give 'verify', or another of specimen, "),
+    "misspelled command": ("infoo r.run.nc", "COMMAND 'infoo' is unknown: give 'info', or another of specimen, "),
     "misspelled path": ("run CR", "path 'CR' is unknown: give 'cr', or another of cv, "),
     "unknown option": ("verify r.run.nc --loud", "--loud is not an option of labkit verify (see labkit verify --help)"),
 }
