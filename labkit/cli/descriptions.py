@@ -40,7 +40,8 @@ DESCRIPTIONS = {
     ),
     "verify": (
         "Compares the stress that C0 predicts with Love's stress, and checks the energy balance and what the path "
-        "holds. Prints a table and the checks, and writes a figure. Exit code 1 if a check fails.",
+        "holds. Prints a table and the checks, which docs/verify.md explains, and writes a figure. Exit code 1 if a check "
+        "fails.",
         "labkit verify r.run.nc --csv checks.csv",
     ),
     "critical": (
