@@ -15,7 +15,7 @@ from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.io.schema import STATE
-from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, memory
+from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, lattice, memory
 
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
@@ -181,6 +181,15 @@ def test_the_skin_changes_no_bit(small, monkeypatch):
         ends.append([getattr(engine.state(), name) for name in STATE])
     for one, other in zip(*ends, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_stiffness_found_on_the_device_has_the_bits_of_that_of_the_host(law, monkeypatch):
+    state = lattice(2, 1, Scene(law=law))
+    state = state.replace(radius=state.radius * np.linspace(0.999, 1.04, 8))
+    found = CudaEngine(state).stress()
+    monkeypatch.setattr("labkit.engines.cuda.batch.stiffness_factor", lambda law, scene: None)
+    assert np.array_equal(CudaEngine(state).stress(), found) and found.any()
 
 
 def test_states_with_different_laws_are_refused(small):

@@ -116,11 +116,22 @@ class ContactLaw(abc.ABC):
         """Normal stiffness kn = (pi/2) E D*, D* = Da Db/(Da + Db) (below Eq. 3), N/m.
 
         In a planar scene it is that of two grains of mean diameter. A law with a nonlinear `spring` returns its
-        coefficient, in the unit that `spring` needs.
+        coefficient, in the unit that `spring` needs. In other scenes it is `pair_stiffness`, unless a subclass
+        overrides this function alone.
         """
         if scene.planar:
             return np.pi / 4 * scene.young_modulus * scene.mean_diameter * np.ones_like(radius_a + radius_b)
-        return np.pi * scene.young_modulus * radius_a * radius_b / (radius_a + radius_b)
+        stiffness = cast(Callable[[float, np.ndarray, np.ndarray], np.ndarray], self.pair_stiffness)
+        return stiffness(self.stiffness_factor(scene), radius_a, radius_b)
+
+    def stiffness_factor(self, scene: Scene) -> float:
+        """The first argument of `pair_stiffness`."""
+        return float(np.pi * scene.young_modulus)
+
+    @staticmethod
+    def pair_stiffness(factor: float, radius_a: float, radius_b: float) -> float:
+        """Normal stiffness kn of two grains; factor: pi E. Also compiled for GPUs."""
+        return factor * radius_a * radius_b / (radius_a + radius_b)
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Tangential stiffness kt = kn/kappa (below Eq. 3), N/m."""

@@ -50,10 +50,17 @@ class HertzMindlin(ContactLaw):
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient kno = 4/3 E* sqrt(R*) of fn = kno delta^(3/2), N/m^(3/2)."""
-        reduced = radius_a * radius_b / (radius_a + radius_b)
         if scene.planar:
-            reduced = np.full_like(reduced, scene.mean_diameter / 4.0)
-        return 2.0 / 3.0 * scene.young_modulus / (1.0 - scene.poisson_ratio**2) * np.sqrt(reduced)
+            return self.stiffness_factor(scene) * np.sqrt(np.full_like(radius_a + radius_b, scene.mean_diameter / 4.0))
+        return super().normal_stiffness(scene, radius_a, radius_b)
+
+    def stiffness_factor(self, scene: Scene) -> float:
+        return 2.0 / 3.0 * scene.young_modulus / (1.0 - scene.poisson_ratio**2)
+
+    @staticmethod
+    def pair_stiffness(factor: float, radius_a: float, radius_b: float) -> float:
+        """The coefficient kno; factor: 4/3 E*."""
+        return factor * np.sqrt(radius_a * radius_b / (radius_a + radius_b))
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient kso of kt = kso sqrt(delta), N/m^(3/2)."""

@@ -9,14 +9,9 @@ YADE has no such functor: its kn is a function of Ea Ra and Eb Rb, which cannot 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from labkit.dem.laws.spring_dashpot import SpringDashpot
-
-if TYPE_CHECKING:
-    from labkit.dem.scene import Scene
 
 
 class SpringsInSeries(SpringDashpot):
@@ -25,8 +20,8 @@ class SpringsInSeries(SpringDashpot):
     name = "springs_in_series"
     description = "spring-dashpot law with the stiffness of PFC"
 
-    def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Normal stiffness kn = pi E min(Ra, Rb)^2/(Ra + Rb), N/m."""
-        if scene.planar:
-            return super().normal_stiffness(scene, radius_a, radius_b)
-        return np.pi * scene.young_modulus * np.minimum(radius_a, radius_b) ** 2 / (radius_a + radius_b)
+    @staticmethod
+    def pair_stiffness(factor: float, radius_a: float, radius_b: float) -> float:
+        """Normal stiffness kn = pi E min(Ra, Rb)^2/(Ra + Rb), N/m; factor: pi E."""
+        smaller = np.minimum(radius_a, radius_b)
+        return factor * (smaller * smaller) / (radius_a + radius_b)

@@ -29,7 +29,8 @@ class States(NamedTuple):
     first, grains (n,): first grain and number of grains; left, until (n,): steps left to do, and to the next
     correction of the velocity gradient; running (n,): 1 if the state
     takes part in the step; due (n,): 1 if it needs a search; time_step, skin, diameter, limit (n,): time step, s,
-    Verlet skin and largest diameter, m, and square of the distance that a grain may move before a search, m2; cell,
+    Verlet skin and largest diameter, m, and square of the distance that a grain may move before a search, m2; factor
+    (n,): of the stiffness kn of the contact law; cell,
     first_cell, back, drift (n, 3, 3): cell, m, that of the last search, the inverse of the deformation since, and the
     velocity that a period adds, m/s; wanted, used, previous (n, 3, 3): velocity gradients of the coming steps, of the
     last step and of the one before, 1/s; law (n, k): parameters of the contact law (build.py).
@@ -45,6 +46,7 @@ class States(NamedTuple):
     skin: Any
     diameter: Any
     limit: Any
+    factor: Any
     cell: Any
     first_cell: Any
     back: Any
@@ -128,7 +130,7 @@ def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> Any:
 def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
     """States with these first grains and numbers of grains (n,); numbers: of a row of `law`."""
     n = len(first)
-    counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(4))
+    counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(5))
     matrices = (zeros((n, 3, 3)) for _ in range(7))
     of_host = cuda.to_device(first), cuda.to_device(grains)
     return States._make((*of_host, *counters, *scalars, *matrices, zeros((n, numbers))))

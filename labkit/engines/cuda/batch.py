@@ -12,7 +12,7 @@ from labkit.dem.corrections import AHEAD, Corrections
 from labkit.dem.energy import kinetic_energy
 from labkit.dem.state import State
 from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, rows_of, zeros
-from labkit.engines.cuda.build import kernels_for, row_of, shape_of
+from labkit.engines.cuda.build import kernels_for, row_of, shape_of, stiffness_factor
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
 from labkit.engines.cuda.listing import listing_of, neighbours, spread
@@ -63,6 +63,7 @@ class Batch:
         self._sums, self._totals = zeros((self._blocks, STRESSES)), zeros((n, STRESSES))
         self._start = list(states)
         self._order = [np.zeros(0, int)] * n
+        self._by_host = np.zeros(n, bool)  # the stiffness kn
         self._side = np.zeros(n, np.int32)
         self.failures: list[str | None] = [None] * n
         for i, state in enumerate(states):
@@ -214,6 +215,8 @@ class Batch:
         put(g.velocity, first, state.velocity[order].T)
         put(g.spin, first, state.angular_velocity[order].T)
         put(g.energies, first, np.zeros((ENERGIES, len(order))))
+        factor = stiffness_factor(scene.contact_law, scene)
+        self._by_host[i] = factor is None
         before, dt = state.velocity_gradient, state.time_step
         drift = before @ np.linalg.solve(np.eye(3) + dt * before, state.cell)
         rows = (
@@ -221,6 +224,7 @@ class Batch:
             (s.skin, skin),
             (s.diameter, diameter),
             (s.law, row_of(features)),
+            (s.factor, factor or 0.0),
             (s.due, 0),
             (s.left, 0),
         )
@@ -283,7 +287,7 @@ class Batch:
         first_cell = s.first_cell.copy_to_host()
         first_cell[which] = cell[which]
         s.first_cell.copy_to_device(first_cell)
-        for i in np.flatnonzero(which):
+        for i in np.flatnonzero(which & self._by_host):
             self._put_stiffness(int(i))
         self._fail(which & lost)
         s.due.copy_to_device(np.where(which, 0, s.due.copy_to_host()).astype(np.int32))
@@ -328,7 +332,7 @@ class Batch:
         }
 
     def _put_stiffness(self, i: int) -> None:
-        """Set the stiffness kn of each pair of neighbours of the i-th state."""
+        """Set the stiffness kn of each pair of neighbours of the i-th state, if the kernels cannot."""
         arrays = self._reader.read(self._list(i, ("partner",)))
         grain, slot, is_first, partner = neighbours(arrays, int(self._first[i]))
         radius, scene = self._start[i].radius[self._order[i]], self._start[i].scene

@@ -15,6 +15,7 @@ import numpy as np
 
 from labkit.dem.laws import vectors
 from labkit.dem.laws.base import ContactLaw, Features
+from labkit.dem.scene import Scene
 from labkit.engines.cuda import contacts, motion, scalars, search, servo
 from labkit.engines.cuda.device import device_function, kernel
 from labkit.engines.kernel.compiling import Version, with_globals
@@ -55,9 +56,20 @@ def row_of(features: Features) -> np.ndarray:
     return np.concatenate([*values, np.zeros(1)]).astype(float)
 
 
+def stiffness_factor(law: ContactLaw, scene: Scene) -> float | None:
+    """The factor of `pair_stiffness`; None if the stiffness kn of a scene is another one, which the CPU computes."""
+    defining = next(kind for kind in type(law).__mro__ if "normal_stiffness" in vars(kind))
+    formula = not scene.planar and "pair_stiffness" in vars(defining)
+    return law.stiffness_factor(scene) if formula else None
+
+
 @functools.cache
 def kernels_of(
-    pair: Callable[..., Any], spring: Callable[..., Any], shape: tuple[int | None, ...], single: bool
+    pair: Callable[..., Any],
+    spring: Callable[..., Any],
+    pair_stiffness: Callable[..., Any],
+    shape: tuple[int | None, ...],
+    single: bool,
 ) -> Kernels:
     """The Kernels of a contact law with these functions, for features of this shape. Compiled at their first call.
 
@@ -70,7 +82,9 @@ def kernels_of(
         kind = np.float32 if single and name != "damping" else np.float64
         readers[f"{name}_of"] = reader(name, length, first, kind)
         first += 0 if length is None else length or 1
-    names = {"pair": pair, "spring": with_globals(spring, {"np": scalars}, VERSION), **readers}
+    of_numbers = {"spring": spring, "pair_stiffness": pair_stiffness}
+    names = {name: with_globals(function, {"np": scalars}, VERSION) for name, function in of_numbers.items()}
+    names |= {"pair": pair, **readers}
     if single:
         known: dict[Any, Any] = {}
         known[vectors.inverse_root] = device_function(vectors.inverse_root_single, known, SINGLE)
@@ -84,7 +98,7 @@ def kernels_of(
 
 def kernels_for(law: ContactLaw, features: Features, precision: str = "double") -> Kernels:
     """The Kernels of a contact law for the features of a scene."""
-    return kernels_of(law.pair, law.spring, shape_of(features), precision == "mixed")
+    return kernels_of(law.pair, law.spring, law.pair_stiffness, shape_of(features), precision == "mixed")
 
 
 def reader(name: str, length: int | None, first: int, kind: type) -> Callable[[Any, int], Any]:

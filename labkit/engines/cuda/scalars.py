@@ -1,6 +1,6 @@
-"""Functions of numpy for one number, which replace numpy in the `spring` of a contact law.
+"""Functions of numpy for one number, which replace numpy in `spring` and `pair_stiffness` of a contact law.
 
-`spring` is also applied to arrays, elsewhere, and therefore calls numpy; numba-cuda lacks some of its functions.
+Both are also applied to arrays, elsewhere, and therefore call numpy; numba-cuda lacks some of its functions.
 """
 
 from __future__ import annotations

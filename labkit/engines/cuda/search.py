@@ -12,10 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from labkit.dem.laws.base import ContactLaw
 from labkit.engines.cuda.arrays import HISTORY, Grains, Grid, Lists, States
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.kernel.arranging import LOST
 
+pair_stiffness = ContactLaw.pair_stiffness  # replaced by that of the law in labkit.engines.cuda.build
 PARTIAL = BLOCK + 1  # sums of the threads of a block, and their total
 
 
@@ -197,7 +199,10 @@ def longest(lists: Lists, side: int, k: int) -> int:
 
 
 def fill(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
-    """Write the list of each grain, with the history of the neighbours that were in it before. One thread per grain."""
+    """Write the list of each grain, with the history of the neighbours that were in it before. One thread per grain.
+
+    The stiffness kn is that of the contact law, with its first grain first.
+    """
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0 or g - states.first[s] >= states.grains[s] or grid.grid_cell[g] < 0:
         return
@@ -207,6 +212,9 @@ def fill(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
     before = lists.region[old, s] + lists.slice_first[old, g // SLICE] + g % SLICE
     end = before + SLICE * lists.count[old, g]
     for at in range(base, base + SLICE * found, SLICE):
+        b = lists.partner[at]
+        one, two = (g, b) if b >= 0 else (~b, g)
+        lists.stiffness[at] = pair_stiffness(states.factor[s], grains.radius[one], grains.radius[two])
         while before < end and comes_before(grains, lists, before, at):
             before += SLICE
         same = before < end and not comes_before(grains, lists, at, before)
