@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from analysis.places import results_folder
-from analysis.three_engines.compare import differences, figure, held, values
+from analysis.three_engines.compare import differences, figure, held, pooled, values
 from analysis.three_engines.runs import finished, simulate
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
@@ -22,6 +22,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--grains", type=positive_int, nargs="+", default=[1000], help="numbers of grains (default: 1000)"
     )
     parser.add_argument("--seeds", type=positive_int, default=3, help="number of specimens of each size (default: 3)")
+    more = "number of specimens of each size on fused, whose scatter is the measure (default: 5)"
+    parser.add_argument("--on-fused", type=positive_int, default=5, help=more)
     parser.add_argument(
         "-o",
         "--output",
@@ -34,15 +36,18 @@ def main(options: argparse.Namespace, command: str) -> int:
     """Runs the tests and writes tables and figure."""
     folder, output = Path(make_folder(options.folder, "folder")), Path(make_folder(options.output, "--output"))
     if not options.as_is:
-        simulate(folder, options.grains, options.seeds, reporter("three-engines"))
+        simulate(folder, options.grains, options.seeds, options.on_fused, reporter("three-engines"))
     tests = finished(folder)
     if not tests:
         raise InputError(f"{folder} contains no finished tests: leave out --as-is")
     measured = values(folder, tests)
     compared = differences(measured)
-    for name, table in (("values", measured), ("differences", compared), ("held", held(folder, tests))):
+    of_all = pooled(measured)
+    tables = {"values": measured, "differences": compared, "pooled": of_all, "held": held(folder, tests)}
+    for name, table in tables.items():
         text = table.to_csv(index=False, float_format="%.6g")
         write_with_provenance(output / f"{name}.csv", text, command=command)
     plots.save(figure(compared), output / "differences.png", command=command)
     print(compared.to_string(index=False, float_format="%.4g"))
+    print(of_all.to_string(index=False, float_format="%.4g"))
     return 0

@@ -11,7 +11,7 @@ import pandas
 from matplotlib.figure import Figure
 
 import labkit as lk
-from analysis.statistics import cluster_mean
+from analysis.statistics import adjusted, cluster_mean
 from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
 from labkit.visuals import WIDTH, colors_for, new_figure
 
@@ -85,6 +85,39 @@ def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[dict
     return rows
 
 
+def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
+    """Difference from fused on the same specimens, one mean of the paths per specimen, over all sizes.
+
+    Columns: engine, quantity, specimens, difference, interval (95 %), percent (of the mean on fused), p_value,
+    corrected (Holm, for all rows).
+    """
+    rows = []
+    for law, other in OTHER.items():
+        some = measured[measured["law"] == law].set_index(["grains", "seed", "path"])
+        fused, theirs = (some[some["engine"] == engine] for engine in ("fused", other))
+        both = fused.index.intersection(theirs.index)
+        specimens = [f"{grains}-{seed}" for grains, seed, _ in both]
+        paths = both.get_level_values("path")
+        for name in LABELS if len(both) else ():
+            judged = np.array([_varies(name, path) for path in paths])
+            of_fused = fused.loc[both, name].to_numpy(dtype=float)
+            apart = np.where(judged, theirs.loc[both, name].to_numpy(dtype=float) - of_fused, np.nan)
+            mean = cluster_mean(apart, specimens)
+            rows.append(
+                {
+                    "engine": other,
+                    "quantity": name,
+                    "specimens": mean.n,
+                    "difference": mean.value,
+                    "interval": mean.within,
+                    "percent": 100.0 * mean.value / of_fused[judged].mean(),
+                    "p_value": mean.p_value,
+                }
+            )
+    table = pandas.DataFrame(rows)
+    return table.assign(corrected=adjusted(table["p_value"]) if len(table) else [])
+
+
 def _varies(name: str, path: str) -> bool:
     """False for a quantity that the path prescribes."""
     return not (name == "e" and path == "cv") and not (name == "p_MPa" and path != "cv")
@@ -108,8 +141,10 @@ def _held(test: Test, folder: Path) -> Mapping[str, float]:
 def figure(rows: pandas.DataFrame) -> Figure:
     """Difference from fused over the scatter between specimens: a row of panels per size, one panel per path.
 
-    Bars: 95 % interval of the mean; a mean of one specimen has none.
+    Bars: 95 % interval of the mean; a mean of one specimen has none. Sizes with one specimen on fused, which has no
+    scatter, are left out.
     """
+    rows = rows.dropna(subset=["scatter"])
     sizes = list(dict.fromkeys(rows["grains"]))
     drawn = new_figure(WIDTH * 1.3, 0.6 + 3.0 * len(sizes))
     panels = drawn.subplots(len(sizes), len(PATHS), sharey=True, sharex="row", squeeze=False)

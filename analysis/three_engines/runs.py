@@ -43,11 +43,11 @@ class Test:
         return folder / f"n{self.grains}" / f"{self.path}-s{self.seed}-{self.engine}-{self.law}.run.nc"
 
 
-def tests(grains: int, seeds: int) -> Iterator[Test]:
-    """All tests on the specimens 1 to `seeds` of this number of grains."""
-    for seed in range(1, seeds + 1):
+def tests(grains: int, seeds: int, on_fused: int) -> Iterator[Test]:
+    """All tests on the specimens 1 to `seeds` of this number of grains, and on fused those on 1 to `on_fused`."""
+    for seed in range(1, max(seeds, on_fused) + 1):
         for law, other in OTHER.items():
-            for engine in ("fused", other):
+            for engine in ("fused", other) if seed <= seeds else ("fused",):
                 for path in PATHS:
                     yield Test(grains, path, seed, engine, law)
 
@@ -73,9 +73,9 @@ def specimen(folder: Path, grains: int, seed: int, law: str) -> lk.State:
     return lk.read_state(file)
 
 
-def simulate(folder: Path, sizes: Sequence[int], seeds: int, progress: Progress) -> None:
+def simulate(folder: Path, sizes: Sequence[int], seeds: int, on_fused: int, progress: Progress) -> None:
     """Run all tests that are not finished. Raises InputError if an engine is missing, PhysicsError if a test fails."""
-    planned = [test for grains in sizes for test in tests(grains, seeds)]
+    planned = [test for grains in sizes for test in tests(grains, seeds, on_fused)]
     for number, test in enumerate(planned):
         file = test.file(folder)
         progress(number / len(planned), f"{file.parent.name}/{file.name}")

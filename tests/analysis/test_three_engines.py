@@ -4,7 +4,7 @@ import numpy as np
 import pandas
 import pytest
 
-from analysis.three_engines.compare import LABELS, differences, figure
+from analysis.three_engines.compare import LABELS, differences, figure, pooled
 
 
 def measured():
@@ -26,6 +26,14 @@ def test_a_specimen_counts_if_it_is_on_both_engines():
     assert M["interval"] == pytest.approx(12.706 * 0.01, rel=1e-3)  # Student's t of one degree of freedom
     assert M["scatter"] == pytest.approx(0.1)
     assert "p_MPa" not in set(rows["quantity"])  # prescribed
+
+
+def test_a_specimen_counts_once_over_all_paths():
+    both = pandas.concat([measured(), measured().assign(path="cr")])  # each specimen on a second path
+    rows = pooled(both).set_index("quantity")
+    assert rows.loc["M", "specimens"] == 2 and rows.loc["M", "difference"] == pytest.approx(0.02)
+    assert rows.loc["M", "interval"] == pytest.approx(12.706 * 0.01, rel=1e-3)
+    assert rows.loc["p_MPa", "specimens"] == 0 and rows.loc["Z", "difference"] == 0.0
 
 
 def test_the_figure_shows_differences_in_units_of_the_scatter():
