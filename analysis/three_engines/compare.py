@@ -100,6 +100,8 @@ def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
         paths = both.get_level_values("path")
         for name in LABELS if len(both) else ():
             judged = np.array([_varies(name, path) for path in paths])
+            if not judged.any():
+                continue
             of_fused = fused.loc[both, name].to_numpy(dtype=float)
             apart = np.where(judged, theirs.loc[both, name].to_numpy(dtype=float) - of_fused, np.nan)
             mean = cluster_mean(apart, specimens)
