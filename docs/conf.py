@@ -35,6 +35,7 @@ suppress_warnings = [
 # --- pages -----------------------------------------------------------------------------------------------------------
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
+smartquotes_action = "qe"  # quotes and dots, but no dashes: options begin with two hyphens
 myst_links_external_new_tab = False
 
 # --- notebooks: stored without outputs, executed here, and again only if their cells change ---------------------------

@@ -85,7 +85,12 @@ def _default(value) -> str:
 
 
 def _plain(text) -> str:
-    return str(text).replace("<", "&lt;").replace("*", "\\*").replace("~", "\\~").replace("_", "\\_")
+    """The text with Markdown's characters escaped, except within `code`."""
+    parts = str(text).split("`")
+    parts[::2] = [
+        part.replace("<", "&lt;").replace("*", "\\*").replace("~", "\\~").replace("_", "\\_") for part in parts[::2]
+    ]
+    return "`".join(parts)
 
 
 def parameters() -> str:
