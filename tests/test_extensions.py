@@ -183,7 +183,7 @@ def test_a_missing_extension_is_reported(folder, labkit_command):
     words = ["run", "oedo", "s.state.nc", *RUN, "--law", "tired", "--engine", "fused", "-o", "r.run.nc"]
     assert labkit_command(*words, "--use", "mine.py", cwd=folder).returncode == 0
     for words, said in (
-        (["run", "oedo", "s.state.nc"], "path 'oedo' is unknown: give one of cv, cr, cp, isoc, isod, cyclic_cp, c1, "),
+        (["run", "oedo", "s.state.nc"], "path 'oedo' is unknown: give 'oedometer', or another of cv, cr, cp, isoc, "),
         (["specimen", "--void-ratio", 0.67, "--law", "tired"], "--law 'tired' is unknown: give one of rolling_"),
         (["run", "cv", "s.state.nc", "--engine", "slow"], "'slow'"),
         (["figure", "largest", "r.run.nc"], "'largest'"),

@@ -1,5 +1,7 @@
 """Cyclic tests on real grains: amplitudes of strain, stress and q/p, drainage, liquefaction, and how they end."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -76,7 +78,8 @@ def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
     texts = []
     path = lk.paths.ShearCycles(strain_amplitude=0.004, cycles=1, rate=100.0)
     lk.run(soft_specimen, path, **{**FAST, "progress": lambda fraction, text: texts.append((fraction, text))})
-    assert texts[-1][0] == 1.0 and texts[-1][1].startswith("cycle 1 of 1, shear strain gamma_xz -0.40%, p 0.")
+    assert texts[-1][0] == 1.0
+    assert re.fullmatch(r"cycle 1 of 1, shear strain gamma_xz -0\.40%, p \d+(\.\d)? kPa", texts[-1][1])
     record = {"strain": np.diag([0.0, 0.0, 0.01]), "stress": 1e5 * np.eye(3)}
     assert lk.paths.CyclicConstantMeanStress(pressure=P).status(record, 1).startswith("leg 2 of 7, axial strain 1.00%")
     record["stress"] = np.array([[2e5, 0.0, 1e5], [0.0, 2e5, 0.0], [1e5, 0.0, 2e5]])
