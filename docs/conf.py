@@ -9,7 +9,7 @@ DOCS = Path(__file__).parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS)]
 os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # for `!labkit` in notebooks
 
-from site_pages import docstrings, links, mathml, reference, repository  # noqa: E402
+from site_pages import docstrings, links, mathml, navigation, reference, repository  # noqa: E402
 
 import labkit  # noqa: E402
 
@@ -86,4 +86,5 @@ def setup(app):
     mathml.setup(app)
     docstrings.setup(app)
     repository.setup(app)
+    navigation.setup(app)
     links.setup(app)

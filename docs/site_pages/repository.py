@@ -88,11 +88,17 @@ class Collection:
         if path.suffix == ".md":
             return "---\norphan: true\n---\n\n" + self.rewritten(path.read_text(), path.parent, page)
         if path.is_dir():
-            links = [f"- [{file.name}]({file.name})" for file in sorted(path.iterdir()) if _shown(file)]
-            listing = self.rewritten("\n".join(links), path, page)
+            listing = self.rewritten(
+                "\n".join(_listed(file) for file in sorted(path.iterdir()) if _shown(file)), path, page
+            )
             return f"---\norphan: true\n---\n\n# {name}\n\n{listing}"
         code = f"```{{literalinclude}} {_relative(path, page)}\n:language: {LANGUAGES[path.suffix]}\n:linenos:\n```"
         return f"---\norphan: true\n---\n\n# {name}\n\n{code}\n"
+
+
+def _listed(file):
+    """A line for a file, with a link, or for a folder, without: the site need not have every file of it."""
+    return f"- {file.name}/" if file.is_dir() else f"- [{file.name}]({file.name})"
 
 
 def _shown(file):
