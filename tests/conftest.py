@@ -116,6 +116,6 @@ def shear_file(tmp_path_factory, soft_specimen):
     import labkit as lk
 
     file = tmp_path_factory.mktemp("sheared") / "shear.run.nc"
-    path = lk.paths.SimpleShear(strain=0.2, rate=300.0)
+    path = lk.paths.SimpleShear(strain=0.2, rate=100.0)
     lk.run(soft_specimen, path, file=file, progress=False, snapshots=4, record_strain=4e-3)
     return file

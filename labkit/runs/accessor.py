@@ -94,7 +94,7 @@ class Lab(OfRecords):
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         file = self._run.encoding.get("source", "this run")
         with damage_named(file):
-            found = Contacts(*(contacts[name].values for name in names))
+            found = Contacts(*(_in_double(contacts[name].values) for name in names))
         try:
             require_contacts(found, len(self._radius))
         except ValueError as error:
@@ -104,7 +104,7 @@ class Lab(OfRecords):
             self._radius,
             at["snapshot_cell"].values,
             found,
-            at["position"].values if "position" in at else None,
+            _in_double(at["position"].values) if "position" in at else None,
             float(at["snapshot_time"]) if "snapshot_time" in at else 0.0,
             float(at["snapshot_strain"]),
             number=number,
@@ -306,3 +306,8 @@ def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], Any]:
     if shape not in ((), (3, 3)):
         raise InputError(f"{name} has the shape {shape}: return (dimensions, values), e.g. (('grain',), values)")
     return ("i", "j")[: len(shape)], value
+
+
+def _in_double(values: np.ndarray) -> np.ndarray:
+    """Values that a file holds in single precision as double, so that sums over contacts are exact to rounding."""
+    return values.astype(float) if values.dtype == np.float32 else values

@@ -39,7 +39,8 @@ Drawn = tuple[Figure, pandas.DataFrame]
 
 SECTION_STYLES = ("-", "--", ":")
 SMALLEST_P = 1e-3  # of the largest p: q/p is not drawn below it
-SMALLEST_Z = 1.0  # F is not drawn below it: it has no meaning for a few contacts
+SMALLEST_Z = 1.0  # F is not drawn below it, or below this share of the largest Lambda: it has no meaning for a few
+SMALLEST_LAMBDA = 0.01  # contacts or without forces
 
 
 def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
@@ -164,7 +165,9 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
             names.append(name)
         p = one.lab.mean_stress().values
         first = one.lab.pore_pressure_ratio().values if undrained else 100 * _volumetric(one)
-        force = one.lab.component("normal_force_anisotropy").where(one["coordination_number"] >= SMALLEST_Z)
+        size = one["mean_normalised_force"]
+        loaded = (one["coordination_number"] >= SMALLEST_Z) & (size > SMALLEST_LAMBDA * size.max())
+        force = one.lab.component("normal_force_anisotropy").where(loaded)
         series = ((x, first), (x, strain), (x, one["coordination_number"]), (strain, loop), (p / 1e6, loop), (x, force))
         for axes, (along, values) in zip(panels.flat, series, strict=True):
             axes.plot(along, values, color=color, lw=1.0, label=label)
