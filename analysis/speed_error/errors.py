@@ -111,7 +111,8 @@ def _pairs(case: xr.Dataset, other: xr.Dataset, name: str) -> np.ndarray:
 
 def same_specimens(case: xr.Dataset, other: xr.Dataset) -> np.ndarray:
     """Mask (replicate,) of the replicates of two cases that are tests of the same specimen."""
-    return ((case["seed"] == other["seed"]) & (case["grains"] == other["grains"]) & (case["seed"] > 0)).values
+    same = [case[name].values == other[name].values for name in ("seed", "grains")]
+    return same[0] & same[1] & (case["seed"].values > 0)
 
 
 def _mean_of(differences: np.ndarray) -> tuple[float, float]:

@@ -15,6 +15,7 @@ ROOT = DOCS.parent
 PAGES = DOCS / "repository"  # generated, in the order of the repository
 FILES = "files"  # folder of the site with copies of other files
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|!?\[[^\]]*\]\([^)]*\))*)\]\(([^)\s#:]+)(#[^)\s]*)?\)")
+BESIDE = re.compile(r'(?:src|href)="([^":#]+)["#]')  # what an HTML page shows or links to
 FENCED = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
 LANGUAGES = {
     ".py": "python",
@@ -105,6 +106,12 @@ def _shown(file):
     return not file.name.startswith((".", "__")) and (file.is_dir() or file.suffix in {*LANGUAGES, ".md", ".txt"})
 
 
+def _beside(file):
+    """The files that an HTML page shows or links to."""
+    names = BESIDE.findall(file.read_text()) if file.suffix == ".html" else []
+    return {Path(os.path.normpath(file.parent / name)) for name in names}
+
+
 def _relative(path, page):
     return os.path.relpath(path, page.parent)
 
@@ -134,7 +141,7 @@ def setup(app):
 
     def copy(app, error):
         if error is None and app.builder.format == "html":
-            for file in collection.files:
+            for file in collection.files.union(*map(_beside, collection.files)):
                 target = Path(app.outdir) / FILES / file.relative_to(ROOT)
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(file, target)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
-from PIL import Image
 
 import labkit
 from analysis.markdown import number
-from analysis.paper import runs, web_page
+from analysis.paper import runs
 from analysis.paper.command import cost_table
 from analysis.paper.condense import condense
 from analysis.paper.cost import STOCK, bench_speeds, costs, idle_hours
@@ -113,7 +112,7 @@ def opened(browser, file):
     page.on("console", lambda message: log.append(message.text))
     page.on("pageerror", lambda error: log.append(str(error)))
     page.on("requestfailed", lambda request: log.append(f"failed: {request.url[:100]}"))
-    page.on("request", lambda request: log.append(request.url[:100]) if not request.url.startswith("data:") else None)
+    page.on("request", lambda request: log.append(request.url))
     page.goto(file.as_uri())
     page.wait_for_load_state("networkidle")
     return page, log
@@ -128,8 +127,11 @@ def wide(browser, file):
     return page
 
 
-def test_nothing_is_requested_and_there_are_no_errors(opened, file):
-    assert opened[1] == [file.as_uri()]  # only the page itself is read
+def test_only_the_page_and_its_pictures_are_read_and_there_are_no_errors(opened, file):
+    place = file.parents[1].as_uri()
+    pictures = ("paper/fig1", "paper/strength_shares", "paper/not_in_captions", "hard_cases/hard_cases")
+    assert set(opened[1]) == {file.as_uri(), *(f"{place}/{picture}.png" for picture in pictures)}
+    assert file.stat().st_size < 1e6
 
 
 def test_all_pictures_are_shown(opened):
@@ -299,12 +301,10 @@ def test_missing_files_are_named_with_their_commands(tmp_path):
     assert 'id="summary"' not in text
 
 
-def test_pictures_that_are_too_large_together_are_narrowed(tmp_path):
-    noise = np.random.default_rng(1).integers(0, 256, (1200, 1700, 3), dtype=np.uint8)
-    for name in ("fig1", "fig2", "fig3"):
-        Image.fromarray(noise).save(tmp_path / f"{name}.png", compress_level=1)
-    report(tmp_path, tmp_path / "report.html", "./lab report")
-    assert 1e6 < (tmp_path / "report.html").stat().st_size < web_page.LARGEST
+def test_a_page_in_another_folder_links_to_the_pictures(results, tmp_path):
+    report(results, tmp_path / "report.html", "./lab report")
+    pictures = re.findall(r'<img src="([^"]*)"', (tmp_path / "report.html").read_text())
+    assert len(pictures) == 4 and all((tmp_path / picture).is_file() for picture in pictures)
 
 
 @pytest.mark.parametrize(
