@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import json
 import math
 import numbers
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Self
 
 from labkit.errors import InputError, instead_of, shown
 
@@ -49,6 +50,11 @@ class Parameter:
     choices: Any
     optional: bool
     option: bool
+
+    @classmethod
+    def number(cls, name: str, unit: str) -> Parameter:
+        """A number that may have any value."""
+        return cls(name, None, "", unit, float, -math.inf, math.inf, -math.inf, None, False, False)
 
     @property
     def example(self) -> str:
@@ -186,6 +192,28 @@ class Parameter:
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
             raise self.error(value)
         return value
+
+
+class _OfInit:
+    """The signature of a class with the arguments of its __init__, which documentation and notebooks show."""
+
+    def __get__(self, value: Any, kind: type) -> inspect.Signature:
+        signature = inspect.signature(kind.__init__)  # type: ignore[misc]
+        return signature.replace(parameters=list(signature.parameters.values())[1:])
+
+
+class Named:
+    """Base of the dataclasses that users create: a misspelled argument is refused with the names that exist."""
+
+    __signature__ = _OfInit()
+
+    def __new__(cls, *values: Any, **named: Any) -> Self:
+        """Raises InputError for an argument that the class does not have."""
+        known = inspect.signature(cls).parameters
+        if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
+            for name in named.keys() - known.keys():
+                raise InputError(f"is not an argument of {cls.__name__}", field=name, allowed=instead_of(known, name))
+        return super().__new__(cls)
 
 
 def parameter(

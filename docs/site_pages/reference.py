@@ -152,7 +152,7 @@ def files() -> str:
         ]
         return _table(("variable", "dimensions", "type", "units", "meaning"), rows)
 
-    attributes = [(f"`{name}`", kind) for name, (_, kind) in schema.ATTRIBUTES.items()]
+    attributes = [(f"`{name}`", kind, schema.MEANING[name]) for name, (_, kind) in schema.ATTRIBUTES.items()]
     sizes = ", ".join(f"{name} = {size}" for name, size in schema.SIZES.items())
     essential = ", ".join(f"`{name}`" for name in schema.ESSENTIAL)
     parts = [
@@ -165,7 +165,7 @@ def files() -> str:
         table(schema.RECORD),
         "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),
         "Group `grains`.", table(schema.GRAINS),
-        "## Attributes", _table(("attribute", "is"), attributes),
+        "## Attributes", _table(("attribute", "is", "meaning"), attributes),
         "## Formats of other programs",
         _table(("format", "what is read or written"), [(f"`{n}`", _plain(summary_of(FORMATS[n]))) for n in FORMATS]),
         "## Figures", _table(("figure", "shows"), [(f"`{n}`", _plain(summary_of(FIGURES[n]))) for n in FIGURES]),

@@ -106,8 +106,5 @@ def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ..
     """Changes of named stresses or strains in SI units."""
     if node is None:
         return {}
-    known = {
-        name: Parameter(name, None, "", unit, float, -math.inf, math.inf, -math.inf, None, False, False)
-        for name in names
-    }
+    known = {name: Parameter.number(name, unit) for name in names}
     return dict(read_fields(node, known, where, errors).values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import time
 from pathlib import Path
@@ -70,7 +71,7 @@ def _quoted(file: Path) -> str:
 def _typed(steps: list[str]) -> int:
     """Run commands as if typed; the exit code of the first one that fails, else 0."""
     for step in steps:
-        print(f"$ labkit {step}", flush=True)
+        print(f"$ {os.environ.get('LABKIT_COMMAND', 'labkit')} {step}", flush=True)
         code = main(shlex.split(step))
         if code:
             return code
@@ -89,9 +90,9 @@ def _comparison(fused: Path, yade: Path, file: Path) -> str:
     table["difference (%)"] = 100.0 * (table["fused"] / table["yade"] - 1.0)
     write_with_provenance(file, table.to_csv(index_label="quantity", float_format="%.5g"), [fused, yade])
     fast, slow = (run.steps / run.wall_time for run in runs)
-    speed = f"time steps per second: {fast:.0f} and {slow:.0f} (2 threads), a ratio of {fast / slow:.0f}"
+    speeds = f"{fast:.0f} on fused with 1 thread, {slow:.0f} on yade with 2 threads"
     text = table.to_string(float_format="{:.4g}".format, formatters={"difference (%)": "{:.2f}".format})
-    return f"{text}\n{speed}"
+    return f"{text}\ntime steps per second: {speeds}; {fast / slow:.0f} times as many"
 
 
 def _column(run: Run) -> dict[str, float]:

@@ -203,7 +203,7 @@ def do_picture(options: argparse.Namespace, argv: list[str]) -> None:
         Viewer(snapshots(options.file, options.snapshot or []), Path(options.file).name).write(output)
         print(f"page: {output}")
         return
-    require_outputs(output, None)
+    require_outputs(output, None, ".html")
     numbers = options.snapshot or [-1] * (labkit_kind(options.file) == "run")
     plots.save(picture(snapshots(options.file, numbers), Path(options.file).name), output, [options.file])
     print(f"picture: {output}")
@@ -310,12 +310,11 @@ def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
     return {name: labkit.open_run(file) for name, file in zip(names, files, strict=True)}
 
 
-def require_outputs(figure: str, csv: str | None) -> None:
-    """Raises InputError if the figure, or the CSV file that was asked for, cannot be written."""
-    from labkit.visuals.plots import FORMATS
+def require_outputs(figure: str, csv: str | None, *other: str) -> None:
+    """Raises InputError if the figure, or the CSV file that was asked for, cannot be written; other: formats."""
+    from labkit.visuals.plots import require_format
 
-    if Path(figure).suffix.lower() not in FORMATS:
-        raise InputError(f"{figure} has no figure file extension: use one of {', '.join(FORMATS)}")
+    require_format(figure, *other)
     require_writable(figure)
     if csv:
         require_writable(csv)

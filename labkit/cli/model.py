@@ -172,8 +172,8 @@ def do_calibrate(options: argparse.Namespace, argv: list[str]) -> None:
     outputs = [file for file in (options.output, options.csv, options.figure) if file]
     if len({Path(file).resolve() for file in outputs}) < len(outputs):
         raise InputError("two outputs have the same name: give each file its own")
-    if options.figure and Path(options.figure).suffix.lower() not in plots.FORMATS:
-        raise InputError(f"{options.figure} has no figure file extension: use one of {', '.join(plots.FORMATS)}")
+    if options.figure:
+        plots.require_format(options.figure)
     for file in outputs:
         require_writable(file)
     observations = [observe(name, run) for name, run in runs.items()]

@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 from labkit.errors import InputError, instead_of, nearest, option_name
+from labkit.parameters import UNITS
 
+UNIT_NAMES = {name for units in UNITS.values() for name in units}
 POSITIONAL = ("path", "specimen", "figure", "file", "test")
 Options = argparse.ArgumentParser | argparse._ArgumentGroup  # anything to which options can be added
 
@@ -51,6 +53,9 @@ class Parser(argparse.ArgumentParser):
         """As argparse's, but raises InputError for an argument that is not known."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
+            if unknown[0] in UNIT_NAMES:
+                advice = f"write the value and its unit without a blank, as in 300{unknown[0]}, or in quotes"
+                raise InputError(f"{unknown[0]} stands alone: {advice} (see {self.prog} --help)")
             close = nearest(unknown[0].partition("=")[0], self._option_string_actions)
             hint = "" if close is None else f": did you mean {close}?"
             raise InputError(f"{unknown[0]} is not an option of {self.prog}{hint} (see {self.prog} --help)")

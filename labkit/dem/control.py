@@ -22,6 +22,7 @@ Target = Callable[[float], Sequence[float]]
 # The response that decides whether a control can work at all: an isotropic elastic body with K = G.
 _ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])] * 2)
 SINGULAR = 1e-9
+_X_FOR_Y = [1, 0, 2, 4, 3, 5]  # order of the six components if x and y are exchanged
 _MEAN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
 
 
@@ -87,6 +88,14 @@ class Control:
     def coaxial(self) -> bool:
         """True if only normal stresses and normal strain rates are involved."""
         return not (self.measure[:, 3:].any() or self.free[3:].any())
+
+    @property
+    def axisymmetric(self) -> bool:
+        """True if nothing changes when x and y are exchanged."""
+        held = np.column_stack([self.measure, self.at(0.0) / max(np.abs(self.at(0.0)).max(), 1.0)])
+        exchanged = np.column_stack([self.measure[:, _X_FOR_Y], held[:, -1]])
+        pairs = (held, exchanged), (self.free.T, self.free[_X_FOR_Y].T)
+        return all(np.linalg.matrix_rank(np.vstack(pair)) == np.linalg.matrix_rank(pair[0]) for pair in pairs)
 
     @property
     def components(self) -> int:

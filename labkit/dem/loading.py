@@ -9,6 +9,7 @@ compression positive.
 from __future__ import annotations
 
 import abc
+import contextlib
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -23,8 +24,9 @@ from labkit.dem.strain_measures import AXIAL, StrainMeasure
 from labkit.errors import InputError
 from labkit.io.schema import Variable
 from labkit.micro.stress import mean_stress
-from labkit.parameters import check_parameters, parameter, parameters_of, restored
+from labkit.parameters import Named, check_parameters, parameter, parameters_of, restored
 
+HELD = "stress that the path holds (default: the mean stress of the specimen)"
 AnyPath = TypeVar("AnyPath", bound="Path")
 
 
@@ -74,7 +76,7 @@ def require_direction(kind: type[Path]) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Path(abc.ABC):
+class Path(Named, abc.ABC):
     """A loading path: the prescribed strain rates, the controlled stresses, the reversals and the end.
 
     A subclass has a `name` and a `direction`, the prescribed strain rates in x, y and z divided by the axial `rate`. If
@@ -221,6 +223,15 @@ class Path(abc.ABC):
         """The Control of the servo; None if all strain rates are prescribed."""
         return None
 
+    @property
+    def symmetric(self) -> bool:
+        """True if the path treats x and y alike, and does not say otherwise: q is sigma_z - (sigma_x + sigma_y)/2."""
+        with contextlib.suppress(InputError):  # without the pressure that it holds, a path has no control yet
+            control = self.control()
+            if self.direction[0] != self.direction[1] or not (control is None or control.axisymmetric):
+                return False
+        return self.axisymmetric
+
     def stops(self, pressure: float) -> bool:
         """True if the path ends at this mean stress, Pa, before it reaches its last strain."""
         return False
@@ -306,7 +317,13 @@ class Path(abc.ABC):
 class StressPath(Path):
     """A path that holds a stress. pressure: Pa; None stands for the mean stress of the specimen."""
 
-    pressure: float | None = parameter(None, unit="Pa", above=0.0, high=1e12, help="stress that the path holds")
+    pressure: float | None = parameter(
+        None,
+        unit="Pa",
+        above=0.0,
+        high=1e12,
+        help="stress that the path holds (default: the mean stress of the specimen)",
+    )
 
     @property
     def held_pressure(self) -> float:

@@ -12,11 +12,11 @@ import numpy as np
 from labkit.dem.grading import Grading, Uniform, read_grading
 from labkit.dem.laws import LAWS, ContactLaw
 from labkit.errors import InputError
-from labkit.parameters import check_parameters, parameter, restored
+from labkit.parameters import Named, check_parameters, parameter, restored
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene:
+class Scene(Named):
     """Immutable description of the grains and their contacts. SI units; the defaults are those of Table 1.
 
     `law = "rolling_resistance"` is YADE's rolling-resistance law. It differs from Eqs. 1-3 of the paper in three

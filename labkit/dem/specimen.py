@@ -18,7 +18,7 @@ from labkit.io.progress import log_fraction
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.parameters import check_parameters, parameter
+from labkit.parameters import Named, check_parameters, parameter
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # m, of the cube in the paper
@@ -26,7 +26,7 @@ FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, fricti
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe:
+class Recipe(Named):
     """How to make a specimen: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
 
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A

@@ -20,6 +20,7 @@ import numpy as np
 
 from labkit.dem.step import Step, components_of
 from labkit.errors import InputError, instead_of
+from labkit.parameters import Parameter
 
 SHEAR = ("xz", "yz", "xy")
 _X, _Y, _Z = (np.diag(row) for row in np.eye(3))
@@ -98,9 +99,15 @@ def mixed_step(
     )
 
 
+def _in_si(values: Mapping[str, float | str] | None, unit: str) -> dict[str, float]:
+    """Name -> value as a number; text is read with its unit. Raises InputError."""
+    read = {name: Parameter.number(name, unit).read for name in values or {}}
+    return {name: read[name](value) if isinstance(value, str) else value for name, value in (values or {}).items()}
+
+
 def increments(
-    stress: Mapping[str, float] | None = None,
-    strain: Mapping[str, float] | None = None,
+    stress: Mapping[str, float | str] | None = None,
+    strain: Mapping[str, float | str] | None = None,
     variables: str = "cartesian",
     absolute: bool = False,
     over: float | None = None,
@@ -110,6 +117,8 @@ def increments(
 ) -> Step:
     """A Step from the changes of named stresses, Pa, and strains; a variable that is not named keeps its strain.
 
+    Values are numbers or text with a unit, such as "40 kPa" and "1 %".
+
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
 
@@ -118,7 +127,7 @@ def increments(
     """
     if variables not in VARIABLES:
         raise InputError("is unknown", field="variables", value=variables, allowed=instead_of(VARIABLES, variables))
-    known, stress, strain = VARIABLES[variables], dict(stress or {}), dict(strain or {})
+    known, stress, strain = VARIABLES[variables], _in_si(stress, "Pa"), _in_si(strain, "1")
     for field, given, names in (("stress", stress, known.stress), ("strain", strain, known.strain)):
         for name in given:
             if name not in names:

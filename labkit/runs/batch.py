@@ -48,7 +48,7 @@ def run_batch(
     Raises InputError for a test that cannot be started, before any is, Interrupted after Ctrl-C or SIGTERM, with
     checkpoints in the files.
     """
-    options = recording_options("labkit.run_batch", options, recording)
+    options = recording_options(run_batch, options, recording)
     files = {name: File(folder) / f"{name}.run.nc" for name in tests}
     tasks = []
     for name, (state, path) in tests.items():

@@ -42,10 +42,13 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     with open_netcdf(path, kind, verify=False) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
         further = sorted(set(dataset.variables) - set(RECORD if kind == "run" else STATE))
-        sizes = {name: len(d) for g in (dataset, *dataset.groups.values()) for name, d in g.dimensions.items()}
+        parts = (dataset, *(group for name, group in dataset.groups.items() if name != "checkpoint"))
+        sizes = {name: len(d) for part in parts for name, d in part.dimensions.items()}
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
+        if isinstance(value, str) and not value:  # e.g. the reason why a run ended, if there is none
+            continue
         lines += _attribute(name, value, attributes)
     lines += _lines({"sizes": ", ".join(f"{name} {size}" for name, size in sizes.items())})
     lines += _lines({"groups": ", ".join(groups)} if groups else {})

@@ -10,10 +10,11 @@ The `fused` engine runs in this process, `yade` in a separate one. Without a fil
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import os
 import tempfile
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path as File
 from typing import Any
 
@@ -27,7 +28,7 @@ from labkit.dem.specimen import Recipe
 from labkit.dem.state import State
 from labkit.engines import processors
 from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import InputError, Interrupted, PhysicsError, instead_of
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
@@ -113,7 +114,7 @@ def run(
     Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
     Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
-    options = recording_options("labkit.run", options, recording)
+    options = recording_options(run, options, recording)
     count = processors(engine, threads, ranks)
     task = run_task(state, path, engine=engine, threads=count, precision=precision, output=str(file), options=options)
     warn_of_rate(task)
@@ -137,12 +138,14 @@ def run(
             return Run(data)
 
 
-def recording_options(function: str, options: Options | None, recording: Mapping[str, Any]) -> Options:
+def recording_options(function: Callable[..., Any], options: Options | None, recording: Mapping[str, Any]) -> Options:
     """The Options with some fields replaced, which are arguments of a function. Raises InputError for others."""
     known = [field.name for field in dataclasses.fields(Options)]
     for name in recording:
         if name not in known:
-            raise InputError(f"is not an argument of {function}", field=name, allowed=", ".join(known))
+            names = [*inspect.signature(function).parameters][:-1] + known  # the last one stands for these fields
+            problem = f"is not an argument of labkit.{function.__name__}"
+            raise InputError(problem, field=name, allowed=instead_of(names, name))
     return dataclasses.replace(options or Options(), **recording)
 
 

@@ -48,7 +48,7 @@ class OfRecords:
     @property
     def axisymmetric(self) -> bool:
         """True if q is sigma_zz - (sigma_xx + sigma_yy)/2; False if it is the invariant sqrt(3/2 s:s)."""
-        return self.path is None or self.path.axisymmetric
+        return self.path is None or self.path.symmetric
 
     @functools.cached_property
     def _reversals(self) -> np.ndarray:

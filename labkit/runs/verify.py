@@ -42,7 +42,7 @@ class Finding:
     """One line of the report; `decides` is True for a check, whose failure fails the run, False for a limit.
 
     Without a limit the value is for information. limit: `< 0.02`, or a range, in the unit of the value; shown_in: the
-    unit in which the line shows both, % or MPa instead of a fraction or Pa.
+    unit in which the line shows both, % or MPa instead of a fraction or Pa; failing: the verdict of a check that fails.
     """
 
     name: str
@@ -51,9 +51,11 @@ class Finding:
     holds: bool
     decides: bool
     shown_in: str = ""
+    failing: str = "FAILED"
 
     def __str__(self) -> str:
-        verdict = ("-" if np.isnan(self.value) else "ok") if self.holds else ("FAILED" if self.decides else "outside")
+        failing = self.failing if self.decides else "outside"
+        verdict = ("-" if np.isnan(self.value) else "ok") if self.holds else failing
         if np.isnan(self.value) and not self.limit:
             return f"{self.name}: {verdict}" if verdict != "-" else self.name
         if not self.limit:
@@ -166,8 +168,8 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
     """Check the conditions that the path declares as held; stresses are checked after the first 0.5 % of strain."""
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
-        name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
-        yield Finding(name, np.nan, "", False, True)
+        name = f"held: path {run.attrs['path']} is not part of labkit, repeat with --use FILE, which defines it"
+        yield Finding(name, np.nan, "", False, True, failing="NOT CHECKED")
         return
     for held in path.held():
         if held.kind == "volume":

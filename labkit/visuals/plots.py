@@ -45,6 +45,7 @@ __all__ = [
     "name_run",
     "percent",
     "records",
+    "require_format",
     "save",
     "sff_against_love",
     "styles_of",
@@ -289,6 +290,13 @@ def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
 def columns_of(labels: Runs, most: int) -> int:
     """Number of legend columns that fit the width of the page."""
     return max(1, min(most, 110 // max(len(label) for label in labels)))
+
+
+def require_format(figure: str, *other: str) -> None:
+    """Raises InputError unless the name of a figure ends with a format that can be written; other: further formats."""
+    known = (*FORMATS, *other)
+    if Path(figure).suffix.lower() not in known:
+        raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
 
 
 def save(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -101,7 +102,7 @@ def family(
         )
     left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
     number_of_contacts = int(run["row_size"].values[snapshot])
-    right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error after the start (%)")
+    right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
     for axis in (left.yaxis, right.yaxis, right.xaxis):
         _plain_ticks(axis)
     for axes in (left, right):
@@ -130,6 +131,14 @@ def _costs(run: xarray.Dataset, snapshot: int, rounds: int) -> dict[str, float]:
     return {form: float(np.median(times)) for form, times in seconds.items()}
 
 
+def _legend(part: str) -> str:
+    """The name of a part in tables, and what it is."""
+    text = PARTS[part]
+    for plain, symbol in (("E_PDF", "E_{PDF}"), ("Lambda_n", r"\Lambda_n"), ("Lambda_t", r"\Lambda_t")):
+        text = text.replace(plain, f"${symbol}$")
+    return f"{part}: {text}"
+
+
 def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
 
@@ -142,13 +151,14 @@ def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     figure = new_figure(WIDTH, 5.0)
     axes = figure.subplots(1, 2)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
-        for color, part in zip(COLORS, shown, strict=False):  # more colours than parts
-            panel.plot(strain, 100 * of(parts.sel(part=part).values) / p, color=color, label=PARTS[part])
-        panel.plot(strain, 100 * of(parts.sum("part").values) / p, "k-", lw=2, label="C0 - Love")
         panel.axhline(0.0, color="0.5", lw=0.8)
+        panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.7", lw=5, label="C0 - Love")
+        for color, ls, part in zip(COLORS, itertools.cycle(["-", "--", ":"]), shown, strict=False):  # more colours
+            error = 100 * of(parts.sel(part=part).values) / p
+            panel.plot(strain, error, color=color, ls=ls, label=_legend(part))
         panel.set(xlabel=strain_label, ylabel=f"error of C0 in {name}, % of p")
         panel.grid(alpha=0.25)
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     add_heading(figure, run)
     at = run.lab.snapshot(snapshot)
     scatter = standard_errors(at) if len(at.contacts) else {}

@@ -24,7 +24,7 @@ from labkit.micro.normalised import normalised_normal_force
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.run import Run
 from labkit.visuals.paraview import cell_corners, over_mean
-from labkit.visuals.picture import EDGES, STICK, VIEW, caption, grain_colors, ratio_colors
+from labkit.visuals.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_colors, ratio_colors
 
 PAGE = Path(__file__).with_suffix(".html")
 MOST = 50_000_000  # bytes of a page: browsers become slow beyond it
@@ -81,19 +81,22 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
     }
     stripes = ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255 * np.array([low, middle, high]))
     template = Template(PAGE.read_text(encoding="utf-8"))
-    return template.substitute(title=html.escape(title), colors=stripes, data=json.dumps(data, allow_nan=False))
+    alone = "rgb({:.0f} {:.0f} {:.0f})".format(*255 * np.array(RATTLER))
+    text = json.dumps(data, allow_nan=False)
+    return template.substitute(title=html.escape(title), colors=stripes, alone=alone, data=text)
 
 
 def _data(snapshot: Snapshot, far: float) -> dict[str, Any]:
-    """Data of one snapshot: positions as fractions of `far` from the centre of the cell."""
+    """Data of one snapshot: positions as fractions of `far` from the centre of the cell; axes: its corners."""
     normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
-    edges = cell_corners(snapshot.cell)[np.array(EDGES)]
+    edges, sides = cell_corners(snapshot.cell)[np.array(EDGES)], 1e3 * np.linalg.norm(snapshot.cell, axis=0)
 
     def fractions(points: np.ndarray) -> str:
         return _text(np.round(STEPS * np.clip(_centred(snapshot, points) / far, -1.0, 1.0)), "<i2")
 
     return {
-        "caption": caption(snapshot),
+        "caption": f"{caption(snapshot)};  cell {' x '.join(f'{side:.3g}' for side in sides)} mm",
+        "axes": (_centred(snapshot, np.vstack([np.zeros(3), snapshot.cell.T])) / far).round(4).tolist(),
         "position": fractions(snapshot.wrapped_position),
         "color": _text(np.round(255 * grain_colors(snapshot)), "u1"),
         "contacts": len(snapshot.contacts),

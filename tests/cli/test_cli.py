@@ -73,7 +73,7 @@ BAD = {
     "folder that cannot be written": ("run cv s.state.nc -o /proc/new.run.nc", "/proc"),
     "specimen that cannot be written": ("specimen --void-ratio 0.67 --grains 200 -o /proc/s.state.nc", "/proc"),
     "a run over a state": (f"{SPECIMEN} 0.67 -o r.run.nc", "run file"),
-    "figure over a run": ("verify r.run.nc -o r.run.nc", "no figure file extension"),
+    "figure over a run": ("verify r.run.nc -o r.run.nc", "is not the name of a figure: give one that ends with .png"),
     "csv over a run": ("verify r.run.nc -o f.png --csv r.run.nc", "run file"),
     "a folder as run": ("verify .", "does not exist"),
     "a million million grains": ("specimen --void-ratio 0.67 --grains 1000000000000 -o new.state.nc", "grains"),
@@ -115,6 +115,10 @@ BAD = {
     "misspelled option": ("verify r.run.nc --treads 2", "--treads is not an option of labkit verify: did you mean --"),
     "misspelled command": ("infoo r.run.nc", "COMMAND 'infoo' is unknown: give 'info', or another of specimen, "),
     "misspelled path": ("run CR", "path 'CR' is unknown: give 'cr', or another of cv, "),
+    "unit apart": (
+        "run cp s.state.nc --pressure 300 kPa",
+        "kPa stands alone: write the value and its unit without a bl",
+    ),
     "unknown option": ("verify r.run.nc --loud", "--loud is not an option of labkit verify (see labkit verify --help)"),
 }
 

@@ -1,15 +1,19 @@
 """The table of parameters: units, ranges, integers, choices, and messages about invalid values."""
 
 import argparse
+import copy
 import dataclasses
+import inspect
 import json
 import math
+import pickle
 
 import numpy as np
 import pytest
 
 from labkit.cli.arguments import add_parameters, add_path_parameters
 from labkit.cli.parser import named
+from labkit.dem import increments
 from labkit.dem.laws import LAWS
 from labkit.dem.paths import PATHS, ConstantMeanStress, CyclicConstantMeanStress, make_path, path_of
 from labkit.dem.scene import Scene
@@ -284,3 +288,18 @@ def test_the_help_of_an_option_lists_differences_between_paths():
     assert f"isoc, isotropic_reloading: strain rate in each direction in 1/s (default: 5 {grains}" in text
     assert f"isod: strain rate in each direction in 1/s (default: 2.5 {grains}" in text
     assert "cr, cp, cyclic_cp, c1, true_triaxial, plane_strain, simple_shear, stress_rotation, drained_cycles" in text
+
+
+def test_a_class_shows_the_arguments_of_its_init():
+    """Which notebooks and the reference show; a misspelled name is an InputError, one that is missing a TypeError."""
+    assert list(inspect.signature(Recipe).parameters)[:2] == ["void_ratio", "step1_friction"]
+    assert copy.deepcopy(Scene(friction=0.3)) == pickle.loads(pickle.dumps(Scene(friction=0.3)))
+    with pytest.raises(TypeError, match="void_ratio"):
+        Recipe()
+
+
+def test_increments_may_have_units():
+    plain = increments(strain={"zz": 0.01}, stress={"xx": 40e3})
+    assert increments(strain={"zz": "1 %"}, stress={"xx": "40 kPa"}) == plain
+    with pytest.raises(InputError, match="xx 40 psi has an unknown unit 'psi': give it in Pa, kPa"):
+        increments(stress={"xx": "40 psi"})

@@ -52,7 +52,8 @@ def main(name, state, engine, file):
     run.plot()
     checks = {finding.name: finding.holds for finding in lk.verify(file) if finding.name.startswith("held:")}
     strain, stress = run.data["strain"].values, run.data["stress"].values
-    print(json.dumps({"checks": checks, "strain": strain.tolist(), "stress": stress[-1].tolist()}))
+    q = float(run.data.lab.q()[-1])
+    print(json.dumps({"checks": checks, "strain": strain.tolist(), "stress": stress[-1].tolist(), "q": q}))
 
 
 if __name__ == "__main__":

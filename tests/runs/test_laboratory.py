@@ -212,6 +212,10 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 are too many"),
         (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not valid"),
         (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 is not"),
+        (lambda: lk.run(state, cv(), file="new.nc", engin="yade"), "engin", "labkit.run: give 'engine', or another of"),
+        (lambda: lk.Scene(fricton=0.5), "fricton", "is not an argument of Scene: give 'friction', or another of"),
+        (lambda: lk.Recipe(0.67, grain=500), "grain", "is not an argument of Recipe: give 'grains', or another of"),
+        (lambda: cp(presure=3e5), "presure", "is not an argument of ConstantMeanStress: give 'pressure', or"),
         (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
         (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses' is unknown"),
     ):

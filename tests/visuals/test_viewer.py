@@ -50,7 +50,7 @@ def test_needs_no_network(page):
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium")
-def test_a_browser_draws_grains_then_forces(page):
+def test_a_browser_draws_grains_and_forces(page):
     from playwright.sync_api import sync_playwright
 
     options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -64,17 +64,29 @@ def test_a_browser_draws_grains_then_forces(page):
         colored = """() => { draw(); const p = new Uint8Array(4 * canvas.width * canvas.height);
             gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, p);
             let n = 0; for (let k = 0; k < p.length; k += 4) n += p[k] - p[k + 2] > 40; return n / p.length * 4; }"""
-        grains = tab.evaluate(colored)
+        both = tab.evaluate(colored)
         tab.uncheck("#grains")
-        nothing = tab.evaluate(colored)
-        tab.check("#forces")
+        tab.fill("#cut", "1")
         forces = tab.evaluate(colored)
+        tab.uncheck("#forces")
+        nothing = tab.evaluate(colored)
+        tab.check("#grains")
+        grains = tab.evaluate(colored)
+        tab.fill("#cut", "0")
+        half = tab.evaluate(colored)
+        tab.uncheck("#grains")
+        tab.check("#forces")
+        letters = tab.evaluate("""[...document.querySelectorAll("b.axis")].map((letter) => {
+            const box = letter.getBoundingClientRect(), all = canvas.getBoundingClientRect();
+            return box.left >= all.left && box.right <= all.right && box.top >= all.top && box.bottom <= all.bottom;
+        })""")
         tab.fill("#least", "2")
         strong = tab.evaluate(colored)
         assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
         browser.close()
     assert errors == []
     assert nothing == 0.0 < strong < forces < grains
+    assert half < both and half < grains and letters == [True, True, True]
 
 
 def test_refuses_what_it_cannot_show(run_file):
