@@ -93,6 +93,15 @@ def lines_figure(ends: pandas.DataFrame) -> Figure:
     return figure
 
 
+MARKERS = {  # beginning of the name of a test -> label and symbol
+    "cv": ("constant volume", "o"),
+    "cp": ("constant mean stress", "s"),
+    "cr": ("constant radial stress", "^"),
+    "triaxial": ("true triaxial", "D"),
+    "shear": ("simple shear", "v"),
+}
+
+
 def lode_figure(table: pandas.DataFrame, ends: pandas.DataFrame) -> Figure:
     """M, A, F, Ft, and the distances of Z and Lambda from the paper's lines, against the Lode angle."""
     figure = new_figure(WIDTH * 1.2, 5.4)
@@ -102,18 +111,20 @@ def lode_figure(table: pandas.DataFrame, ends: pandas.DataFrame) -> Figure:
         if quantity in ends:
             shown = ends[ends["test"].isin(table["test"]) & (ends["density"] == "medium")]
             panel.plot(shown["lode"], shown[quantity], ".", color="0.7", label="one test")
-        panel.errorbar(
-            table["lode"],
-            table[quantity],
-            table[f"{quantity}_within"],
-            fmt="o",
-            ms=4,
-            capsize=3,
-            color="tab:blue",
-            label="mean and 95 % interval over specimens",
-        )
+        for path, (label, marker) in MARKERS.items():
+            rows = table[table["test"].str.startswith(path)]
+            within = rows[f"{quantity}_within"]
+            panel.errorbar(rows["lode"], rows[quantity], within, fmt=marker, ms=5, capsize=3, label=label)
         panel.set_ylabel(names[quantity])
     for panel in axes[3:]:
         panel.set_xlabel("Lode angle (degrees)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False, fontsize=8)
+    title = "symbols: means, with 95 % intervals over specimens"
+    figure.legend(
+        *axes[0].get_legend_handles_labels(),
+        title=title,
+        loc="outside lower center",
+        ncols=6,
+        frameon=False,
+        fontsize=8,
+    )
     return figure
