@@ -49,14 +49,14 @@ STATE = _table(
 
 RECORD = _table(
     ("time", "time", "f8", "s", "time since the start of the path"),
-    ("axial_strain", "time", "f8", "1", "logarithmic strain in z, compression positive"),
+    ("axial_strain", "time", "f8", "1", "logarithmic axial strain"),
     ("strain", "time i j", "f8", "1", "logarithmic strain, compression positive"),
     ("cell", "time i j", "f8", "m", "periodic cell, cell vectors as columns"),
     ("volume", "time", "f8", "m3", "volume of the cell"),
     ("stress", "time i j", "f8", "Pa", "Love's stress, compression positive"),
     ("stress_sff", "time i j", "f8", "Pa", "stress predicted by stress-force-fabric equation C0, compression positive"),
-    ("void_ratio", "time", "f8", "1", "void ratio, overlaps subtracted from the solid volume"),
-    ("void_ratio_nominal", "time", "f8", "1", "void ratio of the undeformed grain volumes"),
+    ("void_ratio", "time", "f8", "1", "void ratio"),
+    ("void_ratio_nominal", "time", "f8", "1", "nominal void ratio, of the undeformed grains"),
     ("coordination_number", "time", "f8", "1", "coordination number Z"),
     ("contact_anisotropy", "time i j", "f8", "1", "anisotropy of the contact normals A"),
     ("mean_normalised_force", "time", "f8", "1", "mean normalised normal contact force Lambda"),
