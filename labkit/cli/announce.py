@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from labkit.dem.engine import Progress
+from labkit.dem.limits import size_warning
 from labkit.engines.tasks import RunTask, Task
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
@@ -23,8 +24,9 @@ def announcing(task: Task, title: str) -> Progress:
     def progress(fraction: float, text: str) -> None:
         if not reporters:
             print(f"{title}: {announcement(task, steps_done)}", file=sys.stderr, flush=True)
-            if isinstance(task, RunTask) and task.warning:
-                print(f"{title}: {task.warning}", file=sys.stderr, flush=True)
+            warning = task.warning if isinstance(task, RunTask) else size_warning(task.scene)
+            if warning:
+                print(f"{title}: {warning}", file=sys.stderr, flush=True)
             reporters.append(reporter(title))
         reporters[0](fraction, text)
 

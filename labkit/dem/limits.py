@@ -26,6 +26,7 @@ OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random ins
 INERTIAL_LIMIT = 3e-4
 SAFE = 0.7  # of the rate expected to reach it: specimens that dilate have shown numbers up to a fifth higher
 GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
+LARGE = 0.1  # m
 DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
 
 RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
@@ -117,6 +118,13 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
         f"at the axial strain rate {path.axial_rate:g} 1/s the inertial number will be about {number:.2g}, above the "
         f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it"
     )
+
+
+def size_warning(scene: Scene) -> str | None:
+    """A warning if the grains are so large that their diameter was probably meant in mm, else None."""
+    diameter = scene.mean_diameter
+    meant = f"if millimetres are meant, write '{diameter:g} mm'"
+    return f"the grains have a mean diameter of {diameter:g} m: {meant}" if diameter > LARGE else None
 
 
 def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...]:

@@ -17,7 +17,7 @@ from labkit.dem.state import State
 from labkit.engines.batches import execute_together
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import require_writable
-from labkit.runs.laboratory import recording_options, run_task, warn_of_rate
+from labkit.runs.laboratory import recording_options, run_task, warn
 from labkit.runs.run import Run
 
 
@@ -55,7 +55,7 @@ def run_batch(
         require_writable(files[name], "run")
         common = {"engine": engine, "precision": precision, "output": str(files[name])}
         tasks.append(run_task(state, path, options=options, **common))
-        warn_of_rate(tasks[-1])
+        warn(tasks[-1].warning)
     outcomes = {}
     for (name, file), failure in zip(files.items(), execute_together(tasks), strict=True):
         if failure is not None and not isinstance(failure, (InputError, PhysicsError)):

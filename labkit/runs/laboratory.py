@@ -19,7 +19,7 @@ from pathlib import Path as File
 from typing import Any
 
 from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import exceeded_by, require_pressure
+from labkit.dem.limits import exceeded_by, require_pressure, size_warning
 from labkit.dem.pace import require_one_rate
 from labkit.dem.paths import Path, make_path
 from labkit.dem.scene import Scene
@@ -62,6 +62,7 @@ def make_specimen(
         precision=precision,
         output=_output(file),
     )
+    warn(size_warning(task.scene))
     return _checked(_state(execute(task, _shown(progress, "specimen"))))
 
 
@@ -117,7 +118,7 @@ def run(
     options = recording_options(run, options, recording)
     count = processors(engine, threads, ranks)
     task = run_task(state, path, engine=engine, threads=count, precision=precision, output=str(file), options=options)
-    warn_of_rate(task)
+    warn(task.warning)
     shown = _shown(progress, task.path.name)
     if file is not None:
         require_writable(file, "run")
@@ -160,10 +161,10 @@ def run_task(state: State, path: Path, *, options: Options, **common: Any) -> Ru
     return RunTask(state=state, path=path, options=options, **common)
 
 
-def warn_of_rate(task: RunTask) -> None:
-    """Warn the caller of a function of this package if the rate of a task is likely to be wrong."""
-    if task.warning is not None:
-        warnings.warn(task.warning, stacklevel=3)
+def warn(likely: str | None) -> None:
+    """Warn the caller of a function of this package of what is likely to be wrong, if anything is."""
+    if likely is not None:
+        warnings.warn(likely, stacklevel=3)
 
 
 def _output(file: str | os.PathLike[str] | None) -> str | None:

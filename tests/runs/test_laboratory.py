@@ -279,6 +279,11 @@ def test_all_public_names_exist():
         _ = lk.rum
 
 
+def test_grains_of_a_metre_are_made_with_a_warning():
+    with pytest.warns(UserWarning, match="mean diameter of 0.17 m: if millimetres are meant, write '0.17 mm'"):
+        lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), lk.Scene(mean_diameter=0.17), progress=False)
+
+
 def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():
     with pytest.warns(UserWarning, match=r"mean overlap 0\.0\d+ is above 0\.02 in the specimen") as warned:
         lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=200), progress=False)
