@@ -14,7 +14,7 @@ import math
 import numbers
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from labkit.errors import InputError, instead_of, shown
 
@@ -190,7 +190,8 @@ class Parameter:
     def check(self, value: Any) -> Any:
         """Returns the value. Raises InputError if it is outside the range."""
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
-            raise self.error(value)
+            share = "strain" in self.name and self.unit == "1" and 1.0 < abs(value) <= 100.0
+            raise self.error(value, allowed=f"{self.allowed}, or {value:g} % if that is meant" if share else None)
         return value
 
 
@@ -206,13 +207,15 @@ class Named:
     """Base of the dataclasses that users create: a misspelled argument is refused with the names that exist."""
 
     __signature__ = _OfInit()
+    _created_by: ClassVar[str] = ""  # function whose arguments are those of the class, if users do not create it
 
     def __new__(cls, *values: Any, **named: Any) -> Self:
         """Raises InputError for an argument that the class does not have."""
         known = inspect.signature(cls).parameters
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
             for name in named.keys() - known.keys():
-                raise InputError(f"is not an argument of {cls.__name__}", field=name, allowed=instead_of(known, name))
+                problem = f"is not an argument of {cls._created_by or cls.__name__}"
+                raise InputError(problem, field=name, allowed=instead_of(known, name))
         return super().__new__(cls)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import COMPONENTS, ROOT2, to_six
+from labkit.parameters import Named, Parameter
 
 Target = Callable[[float], Sequence[float]]
 
@@ -24,6 +25,13 @@ _ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0
 SINGULAR = 1e-9
 _X_FOR_Y = [1, 0, 2, 4, 3, 5]  # order of the six components if x and y are exchanged
 _MEAN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
+
+
+def _in_pascals(stresses: Any) -> Any:
+    """Stresses in Pa; those in a list may be text with a unit."""
+    if not isinstance(stresses, list | tuple):
+        return stresses
+    return [Parameter.number("target", "Pa").read(one) if isinstance(one, str) else one for one in stresses]
 
 
 def six_columns(tensors: Any) -> np.ndarray:
@@ -36,7 +44,7 @@ def six_columns(tensors: Any) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True)
-class Control:
+class Control(Named):
     """Stresses that the servo holds, and the strain rates by which it does so.
 
     measure: the k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
@@ -54,7 +62,7 @@ class Control:
     def __post_init__(self) -> None:
         """Converts the fields to six components. Raises InputError."""
         measure, free = (np.asarray(value, dtype=float) for value in (self.measure, self.free))
-        target = self.target if callable(self.target) else np.asarray(self.target, dtype=float)
+        target = self.target if callable(self.target) else np.asarray(_in_pascals(self.target), dtype=float)
         k = len(np.atleast_1d(target(0.0))) if callable(target) else target.size
         if measure.shape not in ((k, 3), (k, 3, 3)) or free.shape not in ((3, k), (k, 3, 3)) or not 1 <= k <= 6:
             raise InputError(

@@ -116,7 +116,8 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
     slower = SAFE * path.axial_rate * INERTIAL_LIMIT / number
     return (
         f"at the axial strain rate {path.axial_rate:g} 1/s the inertial number will be about {number:.2g}, above the "
-        f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it"
+        f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it with "
+        "a margin"
     )
 
 

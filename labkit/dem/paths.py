@@ -12,7 +12,7 @@ import numpy as np
 from labkit.dem.control import Control
 from labkit.dem.loading import Held, Path, StressPath, rate_parameter, require_direction
 from labkit.dem.strain_measures import VOLUMETRIC, StrainMeasure
-from labkit.errors import InputError
+from labkit.errors import InputError, nearest
 from labkit.extensions import Registry
 from labkit.micro.stress import mean_stress
 from labkit.parameters import parameter, parameters_of, restored
@@ -273,7 +273,9 @@ def __getattr__(name: str) -> Any:
         kind = getattr(importlib.import_module(f"labkit.dem.{module}"), name, None)
         if isinstance(kind, type) and issubclass(kind, Path) and not name.startswith("_"):
             return kind
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    close = nearest(name, [] if name.startswith("_") else (kind.__name__ for kind in PATHS.values()))
+    hint = f". Did you mean: {close!r}?" if close else ""
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
 
 
 def __dir__() -> list[str]:

@@ -277,7 +277,7 @@ def summary(state: State) -> dict[str, tuple[float, str]]:
     """Summary of a specimen, name -> (value, unit)."""
     snapshot = state.snapshot()
     grains, contacts, limit = state.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
-    return {
+    values = {
         "grains": (grains, ""),
         "contacts": (contacts, ""),
         "mean diameter by number": (2.0 * float(state.radius.mean()), "m"),
@@ -288,5 +288,7 @@ def summary(state: State) -> dict[str, tuple[float, str]]:
         "mean overlap": (overlap_ratio(snapshot), "D"),
         "unbalanced force": (unbalanced_force(snapshot), ""),
         "time step": (state.time_step, "s"),
-        "time step/critical time step": (state.time_step / limit, ""),
     }
+    if np.isfinite(limit):  # there are contacts
+        values["time step/critical time step"] = state.time_step / limit, ""
+    return values

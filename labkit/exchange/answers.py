@@ -10,7 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError, option_name
 from labkit.exchange.packing import COMPRESSION, DIAMETER, FIRST, RADIUS, SECOND, TENSION, ContactList, Packing
-from labkit.parameters import check_parameters, parameter
+from labkit.parameters import Named, check_parameters, parameter
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
@@ -18,8 +18,10 @@ UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 
 @dataclasses.dataclass(frozen=True)
-class Answers:
+class Answers(Named):
     """What a file does not say; None if it was not asked. Raises InputError for a value that cannot be read."""
+
+    _created_by = "labkit.import_state"
 
     box: str | None = parameter(
         None,

@@ -105,8 +105,8 @@ def format_of(file: Path, name: str | None = None) -> Format:
         if found.recognises(file, head):
             return found
     raise InputError(
-        f"{file} has no format that labkit recognises: give --format, one of {', '.join(FORMATS)}, or a file of "
-        "columns x y z radius"
+        f"{file} has no format that labkit recognises: give --format (in Python format=), one of "
+        f"{', '.join(FORMATS)}, or a file of columns x y z radius"
     )
 
 

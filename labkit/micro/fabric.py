@@ -8,7 +8,7 @@ import numpy as np
 
 from labkit.micro.directions import Fit, fit, normal_density
 from labkit.micro.normalised import Vectors, vectors_of_contacts
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import Snapshot, contacts_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +71,7 @@ def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
 
 def statistics(snapshot: Snapshot) -> Statistics:
     """State variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27)."""
-    contacts = snapshot.contacts
+    contacts = contacts_of(snapshot)
     if len(contacts) == 0:
         undefined = np.full((3, 3), np.nan)
         return Statistics(0.0, undefined, 0.0, undefined, undefined)

@@ -8,6 +8,7 @@ import typing
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.io.html import table
 from labkit.micro.contacts import Contacts
 
@@ -118,3 +119,12 @@ def contact_arms(snapshot: Snapshot) -> np.ndarray:
 def contacts_per_grain(snapshot: Snapshot) -> np.ndarray:
     """Number of contacts of each grain, shape (grain,)."""
     return np.bincount(snapshot.contacts.grain.ravel(), minlength=snapshot.number_of_grains)
+
+
+def contacts_of(snapshot: Snapshot) -> Contacts:
+    """The contacts of a Snapshot. Raises InputError for a value of another type."""
+    contacts: Contacts | None = getattr(snapshot, "contacts", None)
+    if contacts is None:
+        kind = type(snapshot).__name__
+        raise InputError(f"a {kind} is not a Snapshot: give one, such as run.snapshots[-1] or state.snapshot()")
+    return contacts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import Snapshot, contacts_of
 from labkit.micro.tensors import symmetric
 
 
@@ -14,7 +14,7 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
     On the two sides of a contact both n and f are opposite, so that the two terms add up to the branch vector times the
     force. Shape (3, 3), Pa, compression positive, first index: branch vector; zero without contacts.
     """
-    contacts = snapshot.contacts
+    contacts = contacts_of(snapshot)
     weighted_normal = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
     return -(weighted_normal.T @ contacts.force_on_first()) / snapshot.volume
 

@@ -27,7 +27,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import with_unit
+from labkit.parameters import Parameter, with_unit
 from labkit.runs.laboratory import consolidate, make_specimen, run
 
 PRESSURE = 100e3  # Pa, of the limits
@@ -117,21 +117,23 @@ def _with_share(share: float, recipe: Recipe, scene: Scene) -> Recipe:
 def specimen_at(
     scene: Scene,
     void_ratio: float,
-    pressure: float,
+    pressure: float | str,
     grains: int = 1000,
     seed: int = 1,
     engine: str = "fused",
     progress: Progress = silent,
     precision: str = "double",
 ) -> State:
-    """A specimen with this nominal void ratio at this pressure, Pa: finds the friction of step 1 by bisection.
+    """A specimen with this nominal void ratio at this pressure: finds the friction of step 1 by bisection.
 
+    pressure: Pa, or text with a unit.
     The friction and rolling friction during the compression are the same share of those of the scene. Raises
     PhysicsError if no share from 0 to 1 gives the void ratio within TOLERANCE.
     """
+    held: float = Parameter.number("pressure", "Pa").read(pressure)
     low, high, share = 0.0, 1.0, 0.3
     for trial in range(TRIALS):
-        recipe = _with_share(share, _recipe(grains, seed, pressure), scene)
+        recipe = _with_share(share, _recipe(grains, seed, held), scene)
         made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
         reached = void_ratio_nominal(made.snapshot())
         progress(trial / TRIALS, f"{share:.1%} of the friction: void ratio {reached:.4f}")
@@ -140,8 +142,8 @@ def specimen_at(
         low, high = (share, high) if reached < void_ratio else (low, share)
         share = 0.5 * (low + high)
     raise PhysicsError(
-        f"no friction gives a void ratio of {void_ratio:.4f} at {pressure:.3g} Pa (the last gave {reached:.4f}): "
-        "choose one between e_min and e_max"
+        f"no friction gives a void ratio of {void_ratio:.4f} at {held:.3g} Pa (the last gave {reached:.4f}): "
+        "choose one between e_min and e_max, which labkit density measures"
     )
 
 

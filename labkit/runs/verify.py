@@ -119,7 +119,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         yield from _apart(run, judged)
         if worst >= SFF_TOLERANCE and run.sizes["grain"] < ENOUGH_GRAINS:
             grains = run.sizes["grain"]
-            name = f"C0 is an average over grains, and {grains} may be too few for 2 %: see docs/findings.md"
+            name = f"C0 averages over grains of all sizes: {grains} may be too few, or too different: docs/findings.md"
             yield Finding(name, np.nan, "", True, False)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"

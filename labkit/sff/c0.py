@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from labkit.micro.fabric import statistics
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import Snapshot, contacts_of
 from labkit.micro.stress import along_deviator
 from labkit.micro.void_ratio import void_ratio_nominal
 
@@ -62,7 +62,7 @@ def sff_stress(snapshot: Snapshot) -> np.ndarray:
 
     Zero without contacts. labkit.love_stress gives Love's stress of the same contacts.
     """
-    if len(snapshot.contacts) == 0:
+    if len(contacts_of(snapshot)) == 0:
         return np.zeros((3, 3))
     fabric = statistics(snapshot)
     return c0_stress(

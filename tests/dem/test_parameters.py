@@ -15,7 +15,7 @@ from labkit.cli.arguments import add_parameters, add_path_parameters
 from labkit.cli.parser import named
 from labkit.dem import increments
 from labkit.dem.laws import LAWS
-from labkit.dem.paths import PATHS, ConstantMeanStress, CyclicConstantMeanStress, make_path, path_of
+from labkit.dem.paths import PATHS, ConstantMeanStress, ConstantVolume, CyclicConstantMeanStress, make_path, path_of
 from labkit.dem.scene import Scene
 from labkit.dem.simulation import Options
 from labkit.dem.specimen import Recipe
@@ -303,3 +303,8 @@ def test_increments_may_have_units():
     assert increments(strain={"zz": "1 %"}, stress={"xx": "40 kPa"}) == plain
     with pytest.raises(InputError, match="xx 40 psi has an unknown unit 'psi': give it in Pa, kPa"):
         increments(stress={"xx": "40 psi"})
+
+
+def test_a_strain_in_per_cent_is_recognised():
+    error = refused(ConstantVolume, strain=5)
+    assert str(error) == "strain 5 is not valid: give -2 to 2, or 5 % if that is meant"
