@@ -213,7 +213,7 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not valid"),
         (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 is not"),
         (lambda: lk.run(state, cv(), file="new.nc", engin="yade"), "engin", "labkit.run: give 'engine', or another of"),
-        (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots[-1]"),
+        (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots"),
         (lambda: lk.Scene(fricton=0.5), "fricton", "is not an argument of Scene: give 'friction', or another of"),
         (lambda: lk.Recipe(0.67, grain=500), "grain", "is not an argument of Recipe: give 'grains', or another of"),
         (lambda: cp(presure=3e5), "presure", "is not an argument of ConstantMeanStress: give 'pressure', or"),
