@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from analysis.boundary_value.problem import (
     FIELDS,
@@ -45,14 +46,14 @@ def finest(solutions: Sequence[Solution]) -> dict[str, Solution]:
 def figure(solutions: Sequence[Solution], strain: float) -> Figure:
     """e, Z and |A| in the quarter, the axial stress, and the residuals of every increment on the finest mesh."""
     drawn = plots.new_figure(13.0, 3.9)
-    axes = drawn.subplots(1, 5, width_ratios=[1, 1, 1, 1.4, 1.4])
+    axes = list(drawn.subplot_mosaic("abc.de", width_ratios=[1, 1, 1, 0.1, 1.4, 1.4]).values())  # a gap for colours
     last = finest(solutions)
     shown = list(last.values())[-1]
     for axis, name in zip(axes, FIELDS, strict=False):
         values = shown.problem.field(name).mean(axis=2)
         image = axis.imshow(values, origin="lower", extent=(0, WIDTH * 1e3, 0, HEIGHT * 1e3), cmap="viridis")
         drawn.colorbar(image, cax=axis.inset_axes((1.06, 0.0, 0.07, 1.0)))
-        axis.set_title(LABELS[name], fontsize="medium")
+        axis.set_title(LABELS[name], fontsize="small")
         axis.set(xlabel="x (mm)", ylabel="y (mm)" if name == "e" else "")
     for style, (name, found) in zip(("-", "--"), last.items(), strict=False):
         history = found.history
@@ -60,11 +61,14 @@ def figure(solutions: Sequence[Solution], strain: float) -> Figure:
         axes[3].plot(np.array(history.strain) * 100, np.array(history.stress) / 1e6, style, label=label)
     axes[3].set(xlabel="axial strain (%)", ylabel="mean axial stress (MPa)")
     axes[3].legend(title="program, elements")
-    for residuals in shown.history.residuals:
-        axes[4].semilogy(residuals, "o-", color="tab:blue", alpha=0.4, markersize=3)
+    for k, residuals in enumerate(shown.history.residuals):
+        color = "tab:blue" if k else "tab:red"
+        name = {0: "first increment", 1: "each later one"}.get(k, "_")  # no entry in the legend
+        axes[4].semilogy(residuals, "o-", alpha=0.5, markersize=3, color=color, label=name)
+    axes[4].set_ylim(bottom=1e-17)  # room for the legend
+    axes[4].legend(loc="lower left")
     axes[4].set(xlabel="Newton iteration", ylabel="residual / external forces")
-    axes[4].xaxis.get_major_locator().set_params(integer=True)
-    axes[4].set_title("all increments", fontsize="medium")
+    axes[4].xaxis.set_major_locator(MaxNLocator(integer=True))
     drawn.suptitle(f"Quarter of the specimen at {strain:.1%} axial strain ({shown.problem.program}), and convergence")
     return drawn
 
