@@ -265,7 +265,12 @@ def check_parameters(value: Any) -> None:
 
 
 def restored(kind: type, values: Mapping[str, Any]) -> Any:
-    """An instance of a dataclass from values in SI units that were checked earlier, e.g. when they were written."""
+    """An instance of a dataclass from values in SI units that were checked earlier, e.g. when they were written.
+
+    Raises TypeError for a name that the class does not have.
+    """
+    for name in values.keys() - inspect.signature(kind).parameters.keys():
+        raise TypeError(f"{kind.__name__} has no {name}")
     known = parameters_of(kind)
     pressures = {name for name, value in values.items() if isinstance(value, float) and name in known}
     pressures = {name for name in pressures if known[name].unit == "Pa"}

@@ -168,7 +168,7 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
     """Check the conditions that the path declares as held; stresses are checked after the first 0.5 % of strain."""
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
-        name = f"held: path {run.attrs['path']} is not part of labkit, repeat with --use FILE, which defines it"
+        name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
         yield Finding(name, np.nan, "", False, True, failing="NOT CHECKED")
         return
     for held in path.held():
