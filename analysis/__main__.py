@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import shlex
 import sys
 from collections.abc import Sequence
+from typing import Annotated
 
+from labkit.cli.arguments import History
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
 
@@ -43,15 +44,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run_command(list(sys.argv[1:] if argv is None else argv))
 
 
+class Study:
+    """The options of a study, which its module defines."""
+
+    def __init__(self, module: str) -> None:
+        """module: imported when its options are needed."""
+        self.module = module
+
+    def add(self, parser: argparse.ArgumentParser) -> None:
+        """Adds the options."""
+        importlib.import_module(self.module).add_options(parser)
+
+    def read(self, options: argparse.Namespace) -> argparse.Namespace:
+        """All options."""
+        return options
+
+
 def register(name: str, module: str, help: str) -> None:
-    """Registers a study as a command; its module defines the options."""
+    """Registers a study as a command."""
 
-    def options(parser: argparse.ArgumentParser) -> None:
-        importlib.import_module(module).add_options(parser)
+    def execute(options: argparse.Namespace, history: History) -> int | None:
+        code: int | None = importlib.import_module(module).main(options, history.replace("labkit", "./lab", 1))
+        return code
 
-    @command(name, options, help)
-    def execute(options: argparse.Namespace, argv: list[str]) -> int | None:
-        return importlib.import_module(module).main(options, shlex.join(["./lab", *argv]))
+    execute.__annotations__["options"] = Annotated[argparse.Namespace, Study(module)]
+    command(name, help)(execute)
 
 
 if __name__ == "__main__":

@@ -11,12 +11,12 @@ import pandas
 from matplotlib.figure import Figure
 
 from analysis.places import results_folder
-from labkit.campaign import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
+from labkit.campaigns import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.errors import InputError
+from labkit.figures import plots
 from labkit.io import make_folder, open_netcdf, reporter, write_with_provenance
-from labkit.visuals import plots
 
 
 def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwise: str) -> None:

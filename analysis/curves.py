@@ -13,7 +13,7 @@ import xarray as xr
 import labkit as lk
 from analysis.critical_state.ends import QUANTITIES, quantities_of
 from analysis.netcdf import characters
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.io import provenance_json, whole_file
 from labkit.runs import Run
 
@@ -29,7 +29,7 @@ def accumulated_strain(run: xr.Dataset) -> np.ndarray:
         return run["accumulated_strain"].values.astype(float)
     path = Run(run).path
     assert path is not None
-    return run["time"].values.astype(float) * path.axial_rate
+    return run["time"].values.astype(float) * path.rate
 
 
 def curves_of(run: xr.Dataset) -> xr.Dataset:

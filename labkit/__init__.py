@@ -8,78 +8,80 @@
     run.complete, run.exceeded, run.data, run.plot()
     lk.statistics(run.snapshots[-1]), lk.love_stress(run.snapshots[-1]), lk.sff_stress(run.snapshots[-1])
 
-Modules are loaded on first use; everything that a simulation needs also works inside YADE's interpreter.
+Modules are loaded on first use.
 """
+
+from typing import TYPE_CHECKING
 
 from labkit.lazy import attach
 
 __version__ = "0.2.0.dev0"
 
-_NAMES = {
-    # model
-    "Scene": "dem.scene",
-    "Recipe": "dem.specimen",
-    "State": "dem.state",
-    "Options": "dem.simulation",
-    "paths": "dem.paths:",
-    "Path": "dem.paths",
-    "StressPath": "dem.paths",
-    "Control": "dem.paths",
-    "Held": "dem.paths",
-    "laws": "dem.laws:",
-    "ContactLaw": "dem.laws",
-    "Engine": "dem.engine",
-    "Servo": "dem.servo",
-    # simulation
-    "make_specimen": "runs.laboratory",
-    "consolidate": "runs.laboratory",
-    "run": "runs.laboratory",
-    "run_batch": "runs.batch",
-    "probe": "runs.probes",
-    "Probing": "dem.probes",
-    "read_state": "dem.state",
-    "write_state": "dem.state",
-    # results
-    "Run": "runs.run",
-    "Exceeded": "dem.limits",
-    "Snapshot": "micro.snapshot",
-    "Contacts": "micro.contacts",
-    "open_run": "runs.dataset",
-    "open_state": "runs.dataset",
-    "Probes": "runs.probe_set",
-    "open_probes": "runs.probe_set",
-    "open_campaign": "campaign.collection",
-    "read_path": "campaign.path_file",
-    "statistics": "micro.fabric",
-    "love_stress": "micro.stress",
-    "sff_stress": "sff.c0",
-    "mean_stress": "micro.stress",
-    "deviatoric_stress": "micro.stress",
-    "verify": "runs.verify",
-    "import_state": "exchange.importing",
-    "import_snapshot": "exchange.importing",
-    "critical_states": "runs.critical",
-    "calibrate": "model.calibration",
-    # packages
-    "micro": "micro:",
-    "sff": "sff:",
-    "model": "model:",
-    "visuals": "visuals:",
-    "exchange": "exchange:",
-    # extensions
-    "parameter": "parameters",
-    "use": "extensions",
-    "register_path": "dem.paths",
-    "register_law": "dem.laws",
-    "register_engine": "engines",
-    "register_statistic": "dem.recorded",
-    "register_figure": "runs.figures",
-    "register_format": "exchange.formats",
-    # exceptions
-    "InputError": "errors",
-    "PhysicsError": "errors",
-    "Interrupted": "errors",
-}
+if TYPE_CHECKING:
+    from labkit import exchange as exchange
+    from labkit import figures as figures
+    from labkit import micro as micro
+    from labkit import model as model
+    from labkit import paths as paths
+    from labkit import sff as sff
+    from labkit.campaigns.collection import open_campaign as open_campaign
+    from labkit.campaigns.path_file import read_path as read_path
+    from labkit.engines.base import Engine as Engine
+    from labkit.engines.cuda.plugin import Cuda as Cuda
+    from labkit.engines.lammps.plugin import Lammps as Lammps
+    from labkit.engines.registry import Fused as Fused
+    from labkit.engines.registry import Yade as Yade
+    from labkit.engines.registry import register_engine as register_engine
+    from labkit.errors import InputError as InputError
+    from labkit.errors import Interrupted as Interrupted
+    from labkit.errors import PhysicsError as PhysicsError
+    from labkit.exchange.formats import register_format as register_format
+    from labkit.exchange.importing import import_snapshot as import_snapshot
+    from labkit.exchange.importing import import_state as import_state
+    from labkit.extensions import use as use
+    from labkit.grains import laws as laws
+    from labkit.grains.laws import ContactLaw as ContactLaw
+    from labkit.grains.laws import register_law as register_law
+    from labkit.grains.scene import Scene as Scene
+    from labkit.grains.state import State as State
+    from labkit.grains.state import read_state as read_state
+    from labkit.grains.state import write_state as write_state
+    from labkit.micro.contacts import Contacts as Contacts
+    from labkit.micro.fabric import statistics as statistics
+    from labkit.micro.snapshot import Snapshot as Snapshot
+    from labkit.micro.stress import deviatoric_stress as deviatoric_stress
+    from labkit.micro.stress import love_stress as love_stress
+    from labkit.micro.stress import mean_stress as mean_stress
+    from labkit.model.calibration import calibrate as calibrate
+    from labkit.parameters import parameter as parameter
+    from labkit.paths.control import Control as Control
+    from labkit.paths.path import Held as Held
+    from labkit.paths.path import Path as Path
+    from labkit.paths.path import StressPath as StressPath
+    from labkit.paths.registry import register_path as register_path
+    from labkit.quantities.recorded import register_statistic as register_statistic
+    from labkit.records.limits import Exceeded as Exceeded
+    from labkit.records.schedule import Options as Options
+    from labkit.runs.batch import run_batch as run_batch
+    from labkit.runs.critical import critical_states as critical_states
+    from labkit.runs.dataset import open_run as open_run
+    from labkit.runs.dataset import open_state as open_state
+    from labkit.runs.figures import register_figure as register_figure
+    from labkit.runs.laboratory import consolidate as consolidate
+    from labkit.runs.laboratory import make_specimen as make_specimen
+    from labkit.runs.laboratory import run as run
+    from labkit.runs.probe_set import Probes as Probes
+    from labkit.runs.probe_set import open_probes as open_probes
+    from labkit.runs.probes import probe as probe
+    from labkit.runs.probing import Probing as Probing
+    from labkit.runs.run import Run as Run
+    from labkit.runs.verify import verify as verify
+    from labkit.servo.correction import Servo as Servo
+    from labkit.sff.c0 import sff_stress as sff_stress
+    from labkit.specimens.specimen import Recipe as Recipe
 
-__getattr__, __dir__, __all__ = attach(__name__, _NAMES)
-__all__ += ["__version__"]
+    __all__: list[str]
+    visuals = figures  # its name in version 0.2
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)
+    __all__ += ["__version__"]

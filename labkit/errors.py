@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import sys
 from collections.abc import Callable, Iterable
-from typing import Any
 
 
 class InputError(ValueError):
@@ -21,7 +20,7 @@ class InputError(ValueError):
         problem: str = "is not valid",
         *,
         field: str | None = None,
-        value: Any = None,
+        value: object = None,
         allowed: str | None = None,
         quoted: bool = False,
     ) -> None:
@@ -55,7 +54,7 @@ def instead_of(known: Iterable[str], name: object = None) -> str:
     return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"
 
 
-def shown(value: Any) -> str:
+def shown(value: object) -> str:
     """A value as text, as a user would type it."""
     if isinstance(value, float):
         return f"{value:g}"

@@ -23,25 +23,30 @@ import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Generic, TypeVar, cast
 
 from labkit.errors import InputError, instead_of
+from labkit.plugins import load_plugins, missing
 
 VARIABLE = "LABKIT_USE"
 GROUP = "labkit.extensions"
 
 
-class Registry(Mapping[str, Any]):
-    """Mapping of name -> class, instance or function. Built-in entries are imported on first use.
+Entry = TypeVar("Entry")
+Registered = TypeVar("Registered")
+
+
+class Registry(Mapping[str, Entry], Generic[Entry]):
+    """Mapping of name -> class or object. Built-in entries are imported on first use.
 
     kind: the term for an entry in messages; builtin: name -> `module:attribute`; aliases: former name -> name.
     """
 
     def __init__(self, kind: str, builtin: dict[str, str], aliases: dict[str, str] | None = None) -> None:
         """Starts with the built-in entries only."""
-        self.kind, self._entries, self._aliases = kind, dict[str, Any](builtin), aliases or {}
+        self.kind, self._entries, self._aliases = kind, dict[str, Entry | str](builtin), aliases or {}
 
-    def register(self, entry: Any) -> Any:
+    def register(self, entry: Registered) -> Registered:
         """Registers an entry under its `name` and returns it; usable as a decorator.
 
         Raises InputError if the name is missing or already taken.
@@ -51,18 +56,32 @@ class Registry(Mapping[str, Any]):
             raise InputError(f'{_label(entry)} has no name: give it one, e.g. name = "mine"')
         taken = self._entries.get(name, self._aliases.get(name))
         if taken is not None and _origin(taken) != _origin(entry):
-            raise InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
-        self._entries[name] = entry
+            raise self._taken(name)
+        self._entries[name] = cast(Entry, entry)
         return entry
 
-    def __getitem__(self, name: str) -> Any:
+    def offer(self, name: str, place: str) -> None:
+        """Registers the entry in `place`, a `module:attribute` that is imported on first use.
+
+        Raises InputError if the name is taken, for example by a user's file that was loaded before.
+        """
+        taken = self._entries.setdefault(name, place)
+        if taken != place:
+            raise self._taken(name)
+
+    def _taken(self, name: str) -> InputError:
+        return InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
+
+    def __getitem__(self, name: str) -> Entry:
         if self._aliases.get(name, name) not in self._entries:
             load_extensions()
         name = self._aliases.get(name, name)
         entry = self._entries[name]
         if isinstance(entry, str):
             module, attribute = entry.split(":")
-            self._entries[name] = entry = getattr(importlib.import_module(module), attribute)
+            loaded: Entry = getattr(importlib.import_module(module), attribute)
+            self._entries[name] = loaded
+            return loaded
         return entry
 
     def __contains__(self, name: object) -> bool:
@@ -78,7 +97,7 @@ class Registry(Mapping[str, Any]):
         load_extensions()
         return len(self._entries)
 
-    def require(self, name: str, field: str | None = None) -> Any:
+    def require(self, name: str, field: str | None = None) -> Entry:
         """The entry of that name. Raises InputError with a list of all names if it is unknown."""
         try:
             return self[name]
@@ -94,7 +113,7 @@ class Registry(Mapping[str, Any]):
 
     def instead_of(self, name: object) -> str:
         """The valid names, the most similar one first, worded for an error message."""
-        return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use)"
+        return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use){missing()}"
 
     def name(self, name: str) -> str:
         """Current name of an entry, given its current or a former name."""
@@ -109,23 +128,24 @@ class Registry(Mapping[str, Any]):
         return (*self, *self._aliases)
 
 
-def _origin(entry: Any) -> str:
-    """File and name of the definition of an entry, by which a file that is loaded twice is recognised."""
+def _origin(entry: object) -> str:
+    """Module or file, and name, of the definition of an entry, by which a file that is loaded twice is recognised."""
     if isinstance(entry, str):
         return entry
-    definition = getattr(entry, "function", entry)  # a statistic wraps a function
-    return f"{file_of(definition)}:{definition.__qualname__}"
+    definition = getattr(entry, "function", entry)  # a statistic and a figure wrap a function
+    place = definition.__module__ if is_labkits(definition) else file_of(definition)
+    return f"{place}:{_label(definition)}"
 
 
-def is_labkits(entry: Any) -> bool:
+def is_labkits(entry: object) -> bool:
     """True if a class or function is part of labkit, not an extension."""
-    return str(entry.__module__).startswith("labkit.")
+    return entry.__module__.startswith("labkit.")
 
 
-def file_of(entry: Any) -> str | None:
+def file_of(entry: object) -> str | None:
     """Path of the file that defines a class or function; None if it was defined interactively."""
     try:
-        return str(Path(inspect.getfile(entry)).resolve())
+        return str(Path(inspect.getfile(cast(type, entry))).resolve())
     except (TypeError, OSError):
         return None
 
@@ -152,7 +172,9 @@ def used() -> list[str]:
 
 @functools.cache
 def load_extensions() -> None:
-    """Loads the files of LABKIT_USE and the installed extensions, once per process."""
+    """Loads the plug-ins, the files of LABKIT_USE and the installed extensions, once per process."""
+    load_plugins()
+    load_plugins("engines")
     for file in used():
         _load(file)
     from importlib.metadata import entry_points
@@ -199,5 +221,5 @@ def blamed(error: BaseException) -> str | None:
     return None if line is None else f"{line}: {type(error).__name__}: {text}"
 
 
-def _label(entry: Any) -> str:
+def _label(entry: object) -> str:
     return str(getattr(entry, "__qualname__", type(entry).__name__))

@@ -1,28 +1,50 @@
-"""Public names of a package that are imported on first use."""
+"""Public names of a package: real imports for editors and type checkers, performed on first use at run time."""
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
+
+from labkit.plugins import is_there
 
 
-def attach(package: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """Returns `__getattr__`, `__dir__` and `__all__` for a package.
 
-    names: public name -> submodule that defines it. If the name in the submodule differs, write `submodule:name`; to
-    export the submodule itself, write `submodule:`.
+    It has the names that `exports` finds, without those of plug-ins that have been deleted.
     """
+    found = exports(Path(str(sys.modules[package].__file__)))
+    sources = {name: place for name, place in found.items() if is_there(".".join(place))}
 
-    def __getattr__(name: str) -> Any:
-        if name not in names:
+    def __getattr__(name: str) -> object:
+        if name not in sources:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module, colon, attribute = names[name].partition(":")
-        imported = importlib.import_module(f"{package}.{module}")
-        return imported if colon and not attribute else getattr(imported, attribute or name)
+        module, attribute = sources[name]
+        if module == package:
+            return importlib.import_module(f"{package}.{attribute}")
+        return getattr(importlib.import_module(module), attribute)
 
     def __dir__() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *names})
+        return sorted({*vars(sys.modules[package]), *sources})
 
-    return __getattr__, __dir__, sorted(names)
+    return __getattr__, __dir__, sorted(sources)
+
+
+def exports(file: Path) -> dict[str, tuple[str, str]]:
+    """The names that an `__init__.py` imports under `if TYPE_CHECKING:`, name -> (module, name there).
+
+    Thus what a type checker knows and what a package has are one list. There may be `from labkit.grains.scene import
+    Scene as Scene`, `from labkit import paths as paths` for a submodule, and `new = old` for a second name.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    for block in ast.parse(file.read_text()).body:
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
+            for node in block.body:
+                if isinstance(node, ast.ImportFrom):
+                    found |= {alias.asname or alias.name: (node.module or "", alias.name) for alias in node.names}
+                elif isinstance(node, ast.Assign):
+                    found[ast.unparse(node.targets[0])] = found[ast.unparse(node.value)]
+    return found

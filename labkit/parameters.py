@@ -13,10 +13,34 @@ import json
 import math
 import numbers
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Self
+from collections.abc import Container, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 from labkit.errors import InputError, instead_of, shown
+
+Given = TypeVar("Given")
+if TYPE_CHECKING:
+
+    class Number(Generic[Given]):
+        """Annotates a field that is given as a number or as text with a unit, and is then a number in SI units."""
+
+        def __get__(self, instance: object, owner: type, /) -> Given: ...
+        def __set__(self, instance: object, value: Given | str, /) -> None: ...
+
+    class Numbers:
+        """Annotates a field that is given as several numbers or as text, and is then a tuple in SI units."""
+
+        def __get__(self, instance: object, owner: type, /) -> tuple[float, ...]: ...
+        def __set__(self, instance: object, value: Iterable[float | str], /) -> None: ...
+else:
+
+    class Number:
+        """The type itself at run time: dataclasses read no annotations."""
+
+        def __class_getitem__(cls, given: type) -> type:
+            return given
+
+    Numbers = tuple[float, ...]
 
 UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their factors
     "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
@@ -86,12 +110,12 @@ class Parameter:
         return f"{number}, e.g. {self.example}"
 
     def error(
-        self, value: Any, problem: str = "is not valid", allowed: str | None = None, quoted: bool = False
+        self, value: object, problem: str = "is not valid", allowed: str | None = None, quoted: bool = False
     ) -> InputError:
         """The InputError for an invalid value of this parameter."""
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
 
-    def read(self, value: Any, unit_needed: bool = False) -> Any:
+    def read(self, value: object, unit_needed: bool = False) -> Any:
         """The checked value in SI units. Text may contain a unit, and must if `unit_needed`. Raises InputError."""
         if value is None and self.optional:
             return None
@@ -105,7 +129,7 @@ class Parameter:
             return tuple(self._instance(one) for one in self._objects(value))
         return self.check(self._number(value, unit_needed))
 
-    def _parts(self, value: Any) -> Iterable[Any]:
+    def _parts(self, value: object) -> Iterable[object]:
         if isinstance(value, str):
             return value.strip("()[] ").split(",")
         if not isinstance(value, Iterable):
@@ -132,19 +156,19 @@ class Parameter:
                 raise
             raise InputError(f"is not a list of {self.kind.__name__}: {error}", field=self.name) from None
 
-    def _flag(self, value: Any) -> bool:
+    def _flag(self, value: object) -> bool:
         if isinstance(value, str):
             value = {"true": True, "false": False}.get(value.lower(), value)
         if not isinstance(value, bool):
             raise self.error(value, allowed="True or False")
         return value
 
-    def _named_like(self, value: Any) -> str:
+    def _named_like(self, value: object) -> str:
         """The choices, the most similar one first, worded for an error message."""
         worded = getattr(self.choices, "instead_of", None)  # a Registry mentions --use
         return worded(value) if worded else instead_of(self.choices, value)
 
-    def _choice(self, value: Any) -> str:
+    def _choice(self, value: object) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
             raise self.error(value, "is unknown", self._named_like(value), quoted=True)
         current_name = getattr(self.choices, "name", str)  # a Registry also accepts former names
@@ -198,7 +222,7 @@ class Parameter:
 class _OfInit:
     """The signature of a class with the arguments of its __init__, which documentation and notebooks show."""
 
-    def __get__(self, value: Any, kind: type) -> inspect.Signature:
+    def __get__(self, value: object, kind: type) -> inspect.Signature:
         signature = inspect.signature(kind.__init__)  # type: ignore[misc]
         return signature.replace(parameters=list(signature.parameters.values())[1:])
 
@@ -209,7 +233,7 @@ class Named:
     __signature__ = _OfInit()
     _created_by: ClassVar[str] = ""  # function whose arguments are those of the class, if users do not create it
 
-    def __new__(cls, *values: Any, **named: Any) -> Self:
+    def __new__(cls, *values: object, **named: object) -> Self:
         """Raises InputError for an argument that the class does not have."""
         known = inspect.signature(cls).parameters
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
@@ -220,14 +244,14 @@ class Named:
 
 
 def parameter(
-    default: Any = dataclasses.MISSING,
+    default: object = dataclasses.MISSING,
     *,
     help: str,
     unit: str = "1",
     low: float = -math.inf,
     high: float = math.inf,
     above: float = -math.inf,
-    choices: Any = None,
+    choices: Container[str] | None = None,
     kind: type | None = None,
     option: bool = True,
 ) -> Any:
@@ -257,7 +281,7 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
     }
 
 
-def check_parameters(value: Any) -> None:
+def check_parameters(value: object) -> None:
     """Converts and checks all parameters of a dataclass instance in place; for its __post_init__. Raises InputError."""
     kind: type = type(value)
     for name, definition in parameters_of(kind).items():
@@ -284,7 +308,7 @@ def with_unit(value: float, unit: str) -> str:
     return f"{text} {unit}" if unit != "1" else text
 
 
-def help_of(known: Parameter, default: Any = dataclasses.MISSING) -> str:
+def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
     """Help text of an option, with its unit and default."""
     default = known.default if default is dataclasses.MISSING else default
     unit = f" in {known.unit}" if known.unit != "1" else ""

@@ -1,6 +1,5 @@
 """Real YADE, real files: a small specimen and a small run are made once and shared by the tests."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -59,20 +58,6 @@ def labkit_command(forks):
 
 
 @pytest.fixture(scope="session")
-def in_yade(tmp_path_factory):
-    """Runs a script of tests/engines/in_yade inside YADE and returns the JSON that it writes."""
-
-    def run(script, *words):
-        output = tmp_path_factory.mktemp("in_yade") / "result.json"
-        command = ["yade", "-n", "-x", ROOT / "tests/engines/in_yade" / script, ROOT, output, *words]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, timeout=PATIENCE)
-        assert done.returncode == 0, done.stdout + done.stderr
-        return json.loads(output.read_text())
-
-    return run
-
-
-@pytest.fixture(scope="session")
 def specimen_file(tmp_path_factory, labkit_command):
     """A specimen of about 500 grains at e = 0.67."""
     path = tmp_path_factory.mktemp("specimen") / "small.state.nc"
@@ -88,6 +73,14 @@ def run_file(tmp_path_factory, specimen_file, labkit_command):
     done = labkit_command("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", path)
     assert done.returncode == 0, done.stderr
     return path
+
+
+@pytest.fixture(scope="session")
+def sheared_state(run_file):
+    """About 500 grains after 2 % of shear at constant volume."""
+    from labkit.records.checkpoint import read_checkpoint
+
+    return read_checkpoint(run_file)
 
 
 @pytest.fixture(scope="session")

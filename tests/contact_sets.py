@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from labkit.dem.scene import Scene
+from labkit.grains.scene import Scene
 from labkit.micro.contacts import NO_CONTACTS, Contacts
 from labkit.micro.snapshot import Snapshot
 

@@ -21,14 +21,14 @@ LIMIT = 1800  # s, after which a command is killed
 PROGRAMS = {"labkit": "labkit.cli", "analysis": "analysis.__main__"}
 IMPORTED = (
     *PROGRAMS.values(),
-    "labkit.campaign",
+    "labkit.campaigns",
     "labkit.cli.dispatch",
     "labkit.engines.fused",
     "labkit.engines.yade",
     "labkit.model",
     "labkit.runs.dataset",
     "labkit.runs.verify",
-    "labkit.visuals",
+    "labkit.figures",
     "matplotlib.pyplot",
 )
 

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.state import read_state
 from labkit.engines import kernel
+from labkit.grains.state import read_state
 from tests.conftest import PATIENCE
 
 MINE = '''
@@ -27,8 +27,8 @@ import dataclasses
 import numpy as np
 
 import labkit as lk
-from labkit.dem.laws.rolling_resistance import RollingResistance
-from labkit.dem.recorded import RECORD
+from labkit.grains.laws.named import RollingResistance
+from labkit.quantities.recorded import RECORD
 
 
 @lk.register_path
@@ -126,7 +126,7 @@ def python(code, folder, file=None, **environment):
 
 @pytest.mark.parametrize("engine", ["fused", "yade"])
 def test_a_user_defined_path_law_and_statistics(engine, folder, labkit_command):
-    """Run, verify and figures; for YADE, the file is passed on to the YADE process."""
+    """Run, verify and figures."""
     words = ["run", "oedo", "s.state.nc", *RUN, "--most", "0.5 N mm", "--law", "tired", "--engine", engine]
     done = labkit_command(*words, "--use", "mine.py", "-o", "r.run.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
@@ -291,7 +291,7 @@ def test_a_run_resumes_only_with_the_same_statistics(folder, labkit_command):
     program = """
         import json, os
         from labkit.cli import main
-        from labkit.dem import recorder
+        from labkit.records import recorder
         write = recorder.Recorder._append_to_file
 
         def die(self, *arguments):
@@ -330,7 +330,7 @@ def test_a_file_from_python(engine, folder):
         import json
         import labkit as lk
         lk.use("mine.py")
-        from labkit.dem.paths import PATHS
+        from labkit.paths.registry import PATHS
         state = lk.read_state("s.state.nc")
         run = lk.run(state, PATHS["oedo"](strain=0.004, rate=40), engine="{engine}", snapshots=1, progress=False)
         names = [finding.name for finding in lk.verify(run) if finding.decides and not finding.holds]
@@ -346,7 +346,6 @@ def test_a_file_from_python(engine, folder):
 
 
 def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
-    """The program file is also loaded in the YADE process, where its guarded part must not run again."""
     found = python(
         MINE
         + textwrap.dedent("""
@@ -364,7 +363,7 @@ def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
     assert found[:2] == [True, True] and found[2] > 0.0
 
 
-def test_a_path_without_a_file_is_refused_by_yade_and_runs_on_fused(folder):
+def test_a_path_without_a_file_runs_on_yade(folder):
     """A class that is defined without a file, as in a notebook."""
     found = python(
         """
@@ -377,16 +376,12 @@ def test_a_path_without_a_file_is_refused_by_yade_and_runs_on_fused(folder):
             name = "here"
 
         state = lk.read_state("s.state.nc")
-        try:
-            lk.run(state, Here(strain=0.004, rate=40), engine="yade", progress=False)
-        except lk.InputError as error:
-            said = str(error)
-        run = lk.run(state, Here(strain=0.004, rate=40), snapshots=0, progress=False)
-        print(json.dumps([said, run.complete]))
+        run = lk.run(state, Here(strain=0.004, rate=40), engine="yade", snapshots=0, progress=False)
+        print(json.dumps([run.complete, run.path.name]))
         """,
         folder,
     )
-    assert "define it in a file and load that with labkit.use" in found[0] and found[1] is True
+    assert found == [True, "here"]
 
 
 def test_a_file_that_cannot_be_loaded_is_not_passed_to_child_processes(folder):
@@ -412,19 +407,22 @@ SOFT = """
 import json
 import numpy as np
 import labkit as lk
-from labkit.dem.laws import Response
-from labkit.dem.laws.vectors import ZERO, times
-from labkit.dem.state import grains_in_cell
+from labkit.grains.state import grains_in_cell
 from labkit.engines.fused import FusedEngine
+
+class SoftSpring(lk.laws.LinearSpring):
+    @staticmethod
+    def force(stiffness, overlap):
+        return FACTOR * stiffness * overlap
+
+    @staticmethod
+    def energy(stiffness, overlap):
+        return 0.5 * FACTOR * stiffness * overlap**2
 
 @lk.register_law
 class Soft(lk.ContactLaw):
     name = "soft"
-
-    @staticmethod
-    def pair(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
-        fn = FACTOR * contact.stiffness * contact.overlap if contact.overlap > 0.0 else 0.0
-        return Response(times(-fn, contact.normal), ZERO, ZERO, t, m, 0.0, 0.0, 0.0)
+    parts = SoftSpring()
 
 scene = lk.Scene(law="soft", local_damping=0.0)
 pair = grains_in_cell(scene, np.full(2, 1e-4), np.array([[0, 0, 0], [0, 0, 1.9e-4]]), np.eye(3) * 1e-3)
@@ -463,16 +461,18 @@ def test_a_specimen_keeps_the_name_of_its_law(folder, labkit_command):
 
 
 LAW = """import labkit as lk
-from labkit.dem.laws import Response
+
+
+class Spring(lk.laws.LinearSpring):
+    @staticmethod
+    def force(stiffness, overlap):
+        {}
 
 
 @lk.register_law
 class Mine(lk.ContactLaw):
     name = "mine"
-
-    @staticmethod
-    def pair(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
-        {}
+    parts = Spring()
 """
 PATH = """import dataclasses
 import labkit as lk
@@ -488,14 +488,26 @@ class Mine(lk.StressPath):
 """
 ALONG = "lk.Control([[1, 0, 0]], [[1], [1], [0]], [self.pressure])"
 MISTAKES = {
-    "law, attribute": (LAW.format("return contact.stifness"), "bad.py line 11: AttributeError: "),
-    "law, response": (LAW.format("return Response(t, t, t, t, m, 0.0, 0.0)"), "bad.py line 11: TypeError: "),
-    "law, result": (LAW.format("return t"), "contact law mine: pair returned (0.0, 0.0, 0.0): return a Response"),
+    "law, attribute": (
+        LAW.format("return stiffness.stifness"),
+        "bad.py cannot be loaded (AttributeError: 'float' object has no attribute",
+    ),
+    "law, energy": (
+        LAW.format("return 2.0 * stiffness * overlap"),
+        "contact law mine: the force of Spring is not the derivative of its energy",
+    ),
     "law, not for Numba": (
-        LAW.format('return Response(t, t, t, t, m, float(f"{dt}"), 0.0, 0.0)'),
+        LAW.format('return stiffness * float(f"{overlap}") if overlap is None else stiffness * overlap'),
         "law mine cannot be compiled (",
     ),
-    "law, no name": (LAW.format("return t").replace('name = "mine"', "other = 1"), "Mine has no name: give it one"),
+    "law, two of a kind": (
+        LAW.format("return stiffness * overlap").replace("= Spring()", "= Spring() + lk.laws.HertzSpring()"),
+        "a contact law has two normal parts: give one",
+    ),
+    "law, no name": (
+        LAW.format("return stiffness * overlap").replace('name = "mine"', "other = 1"),
+        "Mine has no name: give it one",
+    ),
     "path, direction": (PATH.format("(0, 1)", ALONG), "direction 0,1 is not valid: give strain rates in x, y and z"),
     "path, extension": (
         PATH.format("(0, 0, -1)", ALONG),

@@ -6,8 +6,8 @@ yade -n -x yade_scripts/consolidate.py s.state.nc --pressure 0.5e6 -o s500.state
 import os
 import sys
 
-sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
 
-from labkit.cli import simulate, yade_main
+import server
 
-yade_main.main(simulate.consolidation_options, simulate.consolidation)
+server.run_labkit("consolidate", ["specimen"])

@@ -7,8 +7,8 @@ yade-batch --log %.log yade_scripts/path.table yade_scripts/path.py
 import os
 import sys
 
-sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
 
-from labkit.cli import simulate, yade_main
+import server
 
-yade_main.main(simulate.run_options, simulate.run)
+server.run_labkit("run", ["path", "specimen"])

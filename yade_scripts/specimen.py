@@ -7,8 +7,8 @@ yade-batch --log %.log yade_scripts/specimen.table yade_scripts/specimen.py
 import os
 import sys
 
-sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
 
-from labkit.cli import simulate, yade_main
+import server
 
-yade_main.main(simulate.specimen_options, simulate.specimen)
+server.run_labkit("specimen")

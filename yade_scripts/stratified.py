@@ -6,8 +6,8 @@ yade -n -x yade_scripts/stratified.py --size-ratio 2 -o stratified.state.nc
 import os
 import sys
 
-sys.path.append(os.environ.get("LABKIT_ROOT") or os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
 
-from labkit.cli import simulate, yade_main
+import server
 
-yade_main.main(simulate.layer_options, simulate.stratified)
+server.run_labkit("stratified")

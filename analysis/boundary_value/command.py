@@ -13,10 +13,10 @@ from analysis.boundary_value.problem import Biaxial
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
+from labkit.figures import plots
 from labkit.io import make_folder, reporter, write_with_provenance
 from labkit.model import Model, update
 from labkit.umat import Library, build, copy_sources, missing_compilers
-from labkit.visuals import plots
 
 PROGRAMS = {"scikit-fem": ("skfem", "fem"), "kratos": ("KratosMultiphysics", "kratos")}  # module, extra of labkit
 

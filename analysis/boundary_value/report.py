@@ -23,8 +23,8 @@ from analysis.boundary_value.problem import (
     History,
 )
 from analysis.markdown import frame_table
+from labkit.figures import plots
 from labkit.umat import TOLERANCE
-from labkit.visuals import plots
 
 ROUNDING = 1e-13  # residual below which rounding errors matter
 LABELS = {"e": "void ratio, e", "Z": "coordination number, Z", "|A|": "contact anisotropy, |A|"}

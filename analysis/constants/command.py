@@ -38,8 +38,8 @@ from analysis.curves import (
 from analysis.places import results_folder
 from analysis.statistics import adjusted, stationarity_table
 from analysis.statistics import slope_table as slopes_of
-from labkit.campaign import read_campaign
-from labkit.dem import Progress
+from labkit.campaigns import read_campaign
+from labkit.engines import Progress
 from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from analysis.constants.materials import CONSTANTS, PAPER, VARIED, Cells, constants
 from analysis.paper.lines import critical_Lambda, critical_Z
-from labkit.visuals import WIDTH, colors_for, new_figure
+from labkit.figures import WIDTH, colors_for, new_figure
 
 SYMBOLS = {"mu": "$\\mu$", "mu_r": "$\\mu_r$", "kappa": "$\\kappa$", "spread": "spread"}
 NAMES = {

@@ -14,8 +14,8 @@ from analysis.critical_state.figures import drift_figure, lines_figure, lode_fig
 from analysis.critical_state.page import page
 from analysis.critical_state.questions import by_lode_angle, lines, offsets, one_critical_state, stationarity
 from analysis.other_paths.collect import collect
-from labkit.campaign import read_campaign
-from labkit.dem import Progress
+from labkit.campaigns import read_campaign
+from labkit.engines import Progress
 from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")

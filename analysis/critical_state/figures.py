@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from analysis.critical_state.ends import BEGIN
 from analysis.critical_state.questions import direction
 from analysis.paper.lines import critical_Lambda, critical_Z, paper_pressure
-from labkit.visuals import WIDTH, colors_for, new_figure
+from labkit.figures import WIDTH, colors_for, new_figure
 
 LABELS = {
     "M": "q/p",

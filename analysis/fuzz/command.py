@@ -26,7 +26,7 @@ from labkit.io import make_folder, write_with_provenance
 
 CLASSES = {"files": 250, "options": 1, "campaigns": 50}  # class -> cases in one process
 MOST_KEPT = 5  # files of each class and outcome
-IMPORTED = ("labkit.engines", "labkit.exchange", "labkit.runs", "labkit.visuals.plots", "matplotlib.pyplot", "pandas")
+IMPORTED = ("labkit.engines", "labkit.exchange", "labkit.runs", "labkit.figures.plots", "matplotlib.pyplot", "pandas")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

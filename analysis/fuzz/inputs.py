@@ -18,9 +18,9 @@ import numpy as np
 
 import labkit as lk
 from analysis.fuzz.damage import CAMPAIGN, mutated
-from labkit.campaign import read_campaign
-from labkit.dem import read_checkpoint
+from labkit.campaigns import read_campaign
 from labkit.model import Model, read_model
+from labkit.records import read_checkpoint
 
 VALUES = (
     *(

@@ -28,8 +28,8 @@ import numpy as np
 import labkit as lk
 from analysis.fuzz.cases import be_quiet
 from labkit.cli.dispatch import main as run_command
-from labkit.dem import read_checkpoint
 from labkit.io import file_sha256, labkit_kind
+from labkit.records import read_checkpoint
 
 MOST = 5  # kills in a chain
 LIMIT = 600.0  # s, for a command

@@ -19,11 +19,11 @@ from analysis.hard_cases.page import page, table
 from analysis.hard_cases.scenes import ENGINES, GRAINS, SCENES, SILENT_WRONG, HardScene
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
-from labkit.dem import Progress, side_for
-from labkit.engines import find_yade
+from labkit.engines import Progress, find_yade
 from labkit.errors import InputError
+from labkit.figures import plots
 from labkit.io import make_folder, provenance_of, reporter, write_text, write_with_provenance
-from labkit.visuals import plots
+from labkit.specimens import side_for
 
 SMALLEST_VOID_RATIO = 0.3
 

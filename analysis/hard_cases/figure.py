@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.hard_cases.cases.cycles import cycle_ends
-from labkit.dem import OVERLAP_LIMIT, pressure_limit
-from labkit.visuals import plots
+from labkit.figures import plots
+from labkit.records import OVERLAP_LIMIT, pressure_limit
 
 Style = dict[str, Any]
 

@@ -11,9 +11,10 @@ import xarray as xr
 import labkit as lk
 from analysis.hard_cases.checks import Check
 from analysis.hard_cases.scenes import ENGINES, HardScene
-from labkit.dem import Exceeded, Ledger, State, read_state
-from labkit.dem import Path as Loading
 from labkit.errors import InputError, PhysicsError
+from labkit.grains import Ledger, State, read_state
+from labkit.paths import Path as Loading
+from labkit.records import Exceeded
 
 Judged = tuple[str, list[Check]]  # a description of what happened in a case, and its checks
 
@@ -67,8 +68,10 @@ class Laboratory:
         self, state: State, name: str, path: Loading | None = None, record_strain: float | None = None
     ) -> lk.Run:
         """Runs a specimen on the engine, in the precision of the case."""
-        computation = {"engine": self.engine, "precision": self.precision, "record_strain": record_strain}
-        return lk.run(state, path or self.loading(), file=self.file(name), progress=False, **computation)
+        return lk.run(
+            state, path or self.loading(), file=self.file(name), progress=False,
+            engine=self.engine, precision=self.precision, record_strain=record_strain,
+        )  # fmt: skip
 
     def keep(self, name: str, exceeded: tuple[Exceeded, ...]) -> None:
         """Adds a run file to the case, with the exceeded limits that the run reported."""

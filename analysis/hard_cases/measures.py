@@ -11,9 +11,10 @@ import numpy as np
 
 import labkit as lk
 from analysis.hard_cases.checks import Check, below, true
-from labkit.dem import BALANCE_LIMIT, DRIFT_LIMIT, State, fluctuation_velocity, read_checkpoint
 from labkit.engines import FusedEngine
+from labkit.grains import State
 from labkit.micro import relative_error
+from labkit.records import BALANCE_LIMIT, DRIFT_LIMIT, fluctuation_velocity, read_checkpoint
 from labkit.runs import SFF_PRESSURE, drift_share, findings
 
 # relative difference of the stored stress and those from the stored contacts and from the kernel's contacts; in mixed

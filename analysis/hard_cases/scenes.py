@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from labkit.dem import Path, make_path
+from labkit.paths import Path, make_path
 
 GRAINS = 500
 ENGINES = {  # name in tables -> engine and precision

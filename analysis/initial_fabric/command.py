@@ -15,8 +15,8 @@ from analysis.initial_fabric.loading import DATA, collect
 from analysis.initial_fabric.page import page
 from analysis.initial_fabric.response import coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
-from labkit.campaign import read_campaign
-from labkit.dem import Progress
+from labkit.campaigns import read_campaign
+from labkit.engines import Progress
 from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.initial_fabric.response import KINDS, model_curves
-from labkit.visuals import WIDTH, colors_for, new_figure
+from labkit.figures import WIDTH, colors_for, new_figure
 
 CURVES = {"ratio": "q/p", "volumetric": "volumetric strain (%)", "Z": "coordination number $Z$"}
 

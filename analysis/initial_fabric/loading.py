@@ -10,7 +10,7 @@ import xarray as xr
 
 import labkit as lk
 from analysis.curves import write_data
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.micro import deviatoric_stress, mean_stress
 
 DATA = "loading.nc"

@@ -12,9 +12,9 @@ from statsmodels.regression.linear_model import OLS
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.paper.estimates import two_samples
 from analysis.statistics import Tested, adjusted, paired_difference, student
-from labkit.dem import Steps, increments
 from labkit.errors import PhysicsError
 from labkit.model import Model, ModelState, Readings, drive
+from labkit.paths import Steps, increments
 
 MEASURES = {  # name -> (curve, axial strain or None for the largest value, factor)
     "q/p at 0.5 %": ("ratio", 0.005, 1.0),

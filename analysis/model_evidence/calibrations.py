@@ -11,7 +11,7 @@ from pathlib import Path
 from analysis.model_evidence.inversion import observe_inverted
 from analysis.paper.ends import Runs
 from analysis.paper.model_comparison import CALIBRATED_ON
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.model import Model, Parameters, fit, observe
 
 TABLE_2, CALIBRATED, AMENDED = "Table 2", "calibrated", "amended"

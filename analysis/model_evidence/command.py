@@ -24,7 +24,7 @@ from analysis.paper.ends import ends, in_memory, sheared
 from analysis.paper.ends import main as of_the_paper
 from analysis.paper.lines import both_lines
 from analysis.places import results_folder
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.io import make_folder, reporter, write_with_provenance
 
 FITS = "calibrations.json"

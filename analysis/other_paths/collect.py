@@ -11,7 +11,7 @@ import xarray as xr
 
 import labkit as lk
 from analysis.netcdf import characters
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.io import provenance_json, whole_file
 from labkit.runs import Run
 
@@ -44,7 +44,7 @@ def reduced(run: xr.Dataset) -> xr.Dataset:
     path = Run(run).path
     assert path is not None
     known = "accumulated_strain" in run  # recorded if the rate is not constant
-    accumulated = run["accumulated_strain"].values if known else run["time"].values * path.axial_rate
+    accumulated = run["accumulated_strain"].values if known else run["time"].values * path.rate
     wanted = np.linspace(0.0, accumulated[-1], POINTS)
     chosen = np.abs(accumulated[:, None] - wanted).argmin(axis=0)
     records = run[list(KEPT)].isel(time=chosen).drop_vars("time").rename(time="point")

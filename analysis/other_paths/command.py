@@ -17,7 +17,7 @@ from analysis.other_paths.errors import REFERENCE, budget_table, comparison, err
 from analysis.other_paths.figures import error_figure, rotation_figure, strength_figure
 from analysis.other_paths.page import page
 from analysis.other_paths.strength import end_table, mean_table, model_strength, strength_ratio
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.io import make_folder, reporter, write_text
 from labkit.model import Model

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import labkit as lk
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.errors import InputError
+from labkit.figures import WIDTH, colors_for, new_figure
 from labkit.micro import equivalent_stress, mean_stress
-from labkit.visuals import WIDTH, colors_for, new_figure
 
 POINTS = 200
 QUANTITIES = {"p": "p (% of its initial value)", "ratio": "q/p", "e": "e", "Z": "Z"}

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from analysis.other_paths.errors import COMPONENTS, REFERENCE
 from analysis.other_paths.strength import matsuoka_nakai
-from labkit.visuals import WIDTH, colors_for, new_figure
+from labkit.figures import WIDTH, colors_for, new_figure
 
 TESTS = {  # test -> label
     "compression": "compression (cp)",

@@ -19,8 +19,9 @@ from analysis.paper.ends import Runs, main, matching
 from analysis.speed_error.collisions import Collision, restitution, sampled_outcomes
 from analysis.statistics import Estimate
 from analysis.turns import turns
-from labkit.dem import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, REVERSALS, pressure_limit
 from labkit.model import ROOT_3_2
+from labkit.paths import REVERSALS
+from labkit.records import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
 from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE, SHEAR
 
 MPA = 1e6

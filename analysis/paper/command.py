@@ -17,11 +17,10 @@ from analysis.paper.ends import Runs
 from analysis.paper.origins import threads_of
 from analysis.paper.report import report
 from analysis.paper.tables import write_tables
-from labkit.dem import Progress
-from labkit.engines import find_yade
+from labkit.engines import Progress, find_yade
+from labkit.figures import draw_grains, plots
 from labkit.io import make_folder, reporter, write_with_provenance
 from labkit.runs import snapshots
-from labkit.visuals import draw_grains, plots
 
 TESTS = Path(__file__).with_name("paper.yaml")
 PICTURED = "cv-dense"  # run shown in gallery.png, at its start and end

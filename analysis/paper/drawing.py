@@ -21,8 +21,8 @@ from matplotlib.lines import Line2D
 from analysis.paper.ends import Runs
 from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run
 from labkit.errors import InputError
+from labkit.figures import colors_for, plots
 from labkit.model import Model
-from labkit.visuals import plots
 
 Models = Mapping[str, Model]  # name -> model, from analysis.paper.model_runs.models
 Color = str | tuple[float, float, float]
@@ -46,7 +46,7 @@ MODEL_STYLES: dict[str, dict[str, Any]] = {
 
 
 def panels_of(rows: int, names: Sequence[str], height: float = 2.5) -> tuple[Figure, np.ndarray]:
-    """A figure and its panels (rows, len(names)), one column per diagram of labkit.visuals.plots."""
+    """A figure and its panels (rows, len(names)), one column per diagram of labkit.figures.plots."""
     figure, grid = plt.subplots(
         rows, len(names), figsize=(WIDTH, height * rows + 0.6), layout="constrained", squeeze=False
     )
@@ -163,3 +163,28 @@ def start_void_ratio(run: xr.Dataset) -> str:
 def path_and_start(run: xr.Dataset) -> str:
     """Label with the loading path and the initial void ratio."""
     return f"{run.attrs['path'].upper()}, {start_void_ratio(run)}"
+
+
+def is_model(run: xr.Dataset) -> bool:
+    """True for a prediction of the constitutive model."""
+    return run.attrs.get("engine") == "model"
+
+
+def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
+    """Simulations and model predictions in the diagrams `names`, one row of panels per group; a Figure.
+
+    `rows`: title of the row -> (label -> run). If a figure shows both kinds, the model is dotted.
+    """
+    figure = plots.new_figure(plots.WIDTH, 3.1 * len(rows))
+    grid = figure.panels(len(rows), len(names), squeeze=False)
+    both = len({is_model(run) for runs in rows.values() for run in runs.values()}) > 1
+    for panels, (title, runs) in zip(grid, rows.items(), strict=True):
+        for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
+            style = ":" if both and is_model(run) else "-"
+            for axes, name in zip(panels, names, strict=True):
+                axes.plot(*plots.diagram(name)[2](run), style, color=color, lw=1.4, label=label)
+        for axes, name in zip(panels, names, strict=True):
+            axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
+        panels[0].set_title(title, loc="left", fontsize=10)
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    return figure

@@ -13,8 +13,9 @@ from analysis.paper.ends import Runs
 from analysis.paper.force_fits import draw_force_fits
 from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
-from labkit.dem import Progress, read_state
-from labkit.visuals import micro_figures
+from labkit.engines import Progress
+from labkit.figures import micro_figures
+from labkit.grains import read_state
 
 LAYER = ROOT / "results" / "micro" / "stratified.state.nc"
 SHEARED = ("loose", "medium", "dense")

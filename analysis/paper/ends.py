@@ -11,8 +11,8 @@ import pandas
 import xarray as xr
 
 from analysis.paper.estimates import BLOCKS
-from labkit.dem import travelled
 from labkit.io import RECORD
+from labkit.paths import travelled
 from labkit.runs import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
 
 Runs = Mapping[str, xr.Dataset]  # name -> run, as returned by labkit.open_run

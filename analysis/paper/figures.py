@@ -48,10 +48,10 @@ from analysis.paper.ends import Runs, ends, sheared
 from analysis.paper.lines import LINES, both_lines, critical_Lambda, critical_stress, critical_Z
 from analysis.paper.model_runs import TABLE_2
 from labkit.errors import InputError
+from labkit.figures import micro_figures, plots
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.model import ROOT_3_2, Model
 from labkit.runs import SHEAR, critical_states
-from labkit.visuals import micro_figures, plots
 
 DPI = 200
 CV_RUNS = ("cv-loose", "cv_other-loose_low", "cv-medium", "cv_other-medium_high", "cv-dense", "cv_other-dense_high")
@@ -85,7 +85,7 @@ def fig_2(groups: xr.Dataset | None) -> Figure:
     with plt.rc_context(STYLE | {"axes.titlesize": 8, "axes.labelsize": 7.5}):
         if groups is None:
             return say_missing(plt.figure(figsize=(WIDTH, 0.5)), ["stresses of the grain size groups of cv-dense"])
-        return micro_figures.group_stresses(groups, groups["love"], WIDTH)[0]
+        return micro_figures.draw_group_stresses(groups, groups["love"], WIDTH)[0]
 
 
 def fig_4(runs: Runs, models: Models) -> Figure:

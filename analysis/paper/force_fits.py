@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 import labkit as lk
 from analysis.paper.drawing import STYLE, WIDTH
 from analysis.paper.ends import Runs
-from labkit.micro import Fit, contact_anisotropy, contact_arms, fit, normalisation
+from labkit.micro import DirectionalFit, contact_anisotropy, contact_arms, directional_fit, normalisation
 
 BINS = 10  # of |cos(theta)|, equal solid angles
 SHEARED = 0.1  # axial strain from which a snapshot is used
@@ -126,19 +126,19 @@ def _normal(snapshot: lk.Snapshot, overlap: bool = True) -> np.ndarray:
     return factor.mean(axis=1) * snapshot.contacts.normal_force / snapshot.young_modulus
 
 
-def _fits(snapshot: lk.Snapshot) -> dict[str, Fit]:
+def _fits(snapshot: lk.Snapshot) -> dict[str, DirectionalFit]:
     n, force = snapshot.contacts.normal, snapshot.contacts.normal_force
     values = _normal(snapshot)
     A = contact_anisotropy(n)
-    density = fit(n, np.ones(len(n)), order=4)
+    density = directional_fit(n, np.ones(len(n)), order=4)
     weight, fourth = 1.0 / (1.0 + np.einsum("ni,ij,nj->n", n, A, n)), 1.0 / density.shape(n)
     return {
-        PAPER: fit(n, values * weight),
+        PAPER: directional_fit(n, values * weight),
         "bins": _least_squares(*_bins(n, values)),
         "contacts": _least_squares(np.abs(n[:, 2]), values),
-        "fourth": fit(n, values * fourth, order=4),
-        "no_overlap": fit(n, _normal(snapshot, overlap=False) * weight),
-        "raw": fit(n, force * weight),
+        "fourth": directional_fit(n, values * fourth, order=4),
+        "no_overlap": directional_fit(n, _normal(snapshot, overlap=False) * weight),
+        "raw": directional_fit(n, force * weight),
         "raw_bins": _least_squares(*_bins(n, force)),
     }
 
@@ -151,8 +151,8 @@ def _bins(n: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.bincount(bin_of, cosine, BINS) / count, np.bincount(bin_of, values, BINS) / count
 
 
-def _least_squares(cosine: np.ndarray, values: np.ndarray) -> Fit:
+def _least_squares(cosine: np.ndarray, values: np.ndarray) -> DirectionalFit:
     """Axisymmetric fit Lambda [1 + F_zz (3 cos^2 - 1)/2] by least squares."""
     shape = np.column_stack([np.ones_like(cosine), 1.5 * cosine**2 - 0.5])
     mean, part = np.linalg.lstsq(shape, values, rcond=None)[0]
-    return Fit(float(mean), part / mean * np.diag([-0.5, -0.5, 1.0]), np.zeros((3, 3, 3, 3)))
+    return DirectionalFit(float(mean), part / mean * np.diag([-0.5, -0.5, 1.0]), np.zeros((3, 3, 3, 3)))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
-import types
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import pandas
@@ -24,15 +23,23 @@ from labkit.sff import c0_stress
 
 PAPER = Parameters()
 SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda at the end of a test: weights of the joint fit of both lines
-LineParameters: TypeAlias = Parameters | types.SimpleNamespace
 
 
-def critical_Z(e: ArrayLike, parameters: LineParameters = PAPER) -> np.ndarray:
+class CriticalLines(NamedTuple):
+    """Parameters of the critical state lines Z^c(e) and Lambda^c(e)."""
+
+    e_cmax: float
+    c_cZ: float
+    gamma_cZ: float
+    c_cLam: float
+
+
+def critical_Z(e: ArrayLike, parameters: Parameters | CriticalLines = PAPER) -> np.ndarray:
     """Z^c(e) from Table 2 or other Parameters of the model; 4 for e >= e_cmax."""
     return critical_coordination_number(np.asarray(e, dtype=float), parameters)
 
 
-def critical_Lambda(e: ArrayLike, parameters: LineParameters = PAPER) -> np.ndarray:
+def critical_Lambda(e: ArrayLike, parameters: Parameters | CriticalLines = PAPER) -> np.ndarray:
     """Lambda^c(e) from Table 2 or other Parameters; 0 for e >= e_cmax."""
     return critical_force(np.asarray(e, dtype=float), parameters)
 
@@ -100,9 +107,9 @@ def e_p_line(ends: pandas.DataFrame) -> np.ndarray:
     return optimize.least_squares(lambda x: x[0] - x[1] * p ** x[2] - e, start, bounds=bounds, x_scale=start).x
 
 
-def _parameters(x: np.ndarray) -> types.SimpleNamespace:
+def _parameters(x: np.ndarray) -> CriticalLines:
     """The four parameters of `both_lines` by name."""
-    return types.SimpleNamespace(**dict(zip(("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), x, strict=True)))
+    return CriticalLines(*x)
 
 
 Fit = Callable[[pandas.DataFrame], np.ndarray]

@@ -15,10 +15,10 @@ import labkit as lk
 from analysis.netcdf import characters
 from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
-from labkit.dem import travelled
 from labkit.errors import InputError
 from labkit.io import RECORD, provenance_json, whole_file
-from labkit.model import MODEL_ENGINE, Fit, Model, Result, fit, observe, records
+from labkit.model import MODEL_ENGINE, Fit, Model, Result, fit, observe, records_of_result
+from labkit.paths import travelled
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
 LABELS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
@@ -196,7 +196,7 @@ def _dataset(results: Mapping[tuple[str, str], Result]) -> xr.Dataset:
         inner = RECORD[key].dimensions[1:]
         values = np.full((len(names), len(labels), longest, *(3 for _ in inner)), np.nan, dtype="f4")
         for (name, label), result in results.items():
-            values[names.index(name), labels.index(label), : len(result)] = records(result)[key]
+            values[names.index(name), labels.index(label), : len(result)] = records_of_result(result)[key]
         units = {"units": RECORD[key].units, "long_name": RECORD[key].long_name}
         columns[key] = (("run", "parameters", "record", *inner), values, units)
     path = ("run", [next(r.path.name for (n, _), r in results.items() if n == name) for name in names])

@@ -11,15 +11,17 @@ import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from labkit.dem import REVERSALS
+from analysis.paper.drawing import curves
+from labkit.figures import plots
 from labkit.io import make_folder
 from labkit.model import Model, as_run, drive, isotropic_state, model_path, with_inherent_anisotropy
-from labkit.visuals import plots
+from labkit.paths import REVERSALS
 
 FLAT = Model().reading(beyond_e_cmax="flat")
 MPA = 1e6
@@ -46,7 +48,7 @@ def run_of(
     Z: float | None = None,
     a1: float = 0.0,
     angle: float = 0.0,
-    **parameters: float,
+    **parameters: Any,
 ) -> tuple[str, xr.Dataset]:
     """(label, run) of the model with Table 2 along a path; the label gives the initial state.
 
@@ -66,7 +68,7 @@ def fig_4() -> Figure:
     rows = {
         f"CV, e = {e:.3f}": dict(run_of("cv", e, p, strain=0.4) for p in pressures) for e, pressures in starts.items()
     }
-    return plots.curves(rows, ("q-p", "q-strain"))
+    return curves(rows, ("q-p", "q-strain"))
 
 
 def _drained(name: str, held: str) -> Figure:
@@ -74,7 +76,7 @@ def _drained(name: str, held: str) -> Figure:
         f"{name.upper()}, {held} = {p:g} MPa": dict(run_of(name, e, p, strain=0.4) for e in DENSITIES)
         for p in (0.5, 1.0)
     }
-    return plots.curves(rows, ("q-strain", "e-strain"))
+    return curves(rows, ("q-strain", "e-strain"))
 
 
 def fig_5() -> Figure:
@@ -94,7 +96,7 @@ def fig_7() -> Figure:
         runs = [(f"ISOC, {label}", run) for label, run in [run_of("isoc", e, 0.1), run_of("isoc", e, 0.5)]]
         runs += [(f"ISOD, {label}", run) for label, run in [run_of("isod", e, p) for p in (0.5, 1.0)]]
         rows[f"isotropic, e0 = {e:g}"] = dict(runs)
-    return plots.curves(rows, ("e-p", "Z-strain"))
+    return curves(rows, ("e-p", "Z-strain"))
 
 
 def fig_8() -> Figure:
@@ -104,7 +106,7 @@ def fig_8() -> Figure:
         label, cyclic = run_of("cyclic_cp", e, 0.5, reversals=REVERSALS)
         monotonic = run_of("cp", e, 0.5, strain=0.04)[1]
         rows[f"cyclic CP, p = 0.5 MPa, e0 = {e:g}"] = {f"cyclic: {label}": cyclic, "monotonic": monotonic}
-    return plots.curves(rows, ("q-strain", "e-strain"))
+    return curves(rows, ("q-strain", "e-strain"))
 
 
 def fig_9() -> Figure:
@@ -118,7 +120,7 @@ def fig_9() -> Figure:
         runs["isotropic"] = run_of("cr", e, 0.5, strain=0.2)[1]
         Z = runs["isotropic"]["coordination_number"].values[0]
         rows[f"CR, 0.5 MPa, a1 = 0.3, {density}: e0 = {e:g}, Z0 = {Z:.2f}, F0 from C0"] = runs
-    return plots.curves(rows, ("q-strain", "e-strain"))
+    return curves(rows, ("q-strain", "e-strain"))
 
 
 def fig_10() -> Figure:
@@ -129,7 +131,7 @@ def fig_10() -> Figure:
         )
         for density, e in (("loose", 0.77), ("dense", 0.67))
     }
-    return plots.curves(rows, ("q-strain", "e-strain"))
+    return curves(rows, ("q-strain", "e-strain"))
 
 
 FIGURES = {

@@ -7,9 +7,9 @@ from typing import cast
 
 import xarray as xr
 
-from labkit.dem import Path, StressPath
 from labkit.errors import InputError
 from labkit.model import Model, ModelState, Result, as_run, drive, isotropic_state, read_model
+from labkit.paths import Path, StressPath
 from labkit.runs import Run
 
 TABLE_2, CALIBRATED = "Table 2", "calibrated"
@@ -44,8 +44,8 @@ def start_of(run: xr.Dataset, model: Model, path: Path) -> ModelState:
     e, Z, p = float(run["void_ratio_nominal"][0]), float(run["coordination_number"][0]), run.lab.mean_stress()[0]
     if not Z > 0.0 or not p > 0.0:
         raise InputError("the run starts without contact forces, which the model needs: choose another run")
-    held = float(p) if path.control() is None else cast(StressPath, path).pressure
-    return isotropic_state(model, e, held, Z=Z)
+    held = cast(StressPath, path).pressure if path.control() is not None else None
+    return isotropic_state(model, e, float(p) if held is None else held, Z=Z)
 
 
 def follow(run: xr.Dataset, model: Model) -> Result:

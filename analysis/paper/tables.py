@@ -13,7 +13,7 @@ from analysis.paper.force_fits import force_fits, printed_force
 from analysis.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
 from analysis.paper.sff_errors import sff_errors
 from analysis.paper.stationarity import components, stationarity
-from labkit.dem import Progress
+from labkit.engines import Progress
 from labkit.io import make_folder, write_with_provenance
 
 

@@ -18,8 +18,8 @@ from analysis.size_scatter.page import page
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
 from analysis.size_scatter.stored import PREFIX, stored_curves
 from analysis.statistics import adjusted, slope_table, stationarity_table
-from labkit.campaign import read_campaign
-from labkit.dem import Progress
+from labkit.campaigns import read_campaign
+from labkit.engines import Progress
 from labkit.io import reporter, write_text
 
 CAMPAIGN = Path(__file__).with_name("campaign.yaml")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from analysis.critical_state.figures import LABELS
 from analysis.size_scatter.sizes import HALF, SMALL
-from labkit.visuals import WIDTH, colors_for, new_figure
+from labkit.figures import WIDTH, colors_for, new_figure
 
 SHOWN = ("M", "Lambda", "Z", "A", "F", "Ft")
 

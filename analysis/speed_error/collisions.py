@@ -48,9 +48,9 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 import pandas
 
-from labkit.dem import Scene, State, grains_in_cell
 from labkit.engines import FusedEngine
 from labkit.errors import InputError, PhysicsError
+from labkit.grains import Scene, State, grains_in_cell
 
 DURATION = math.pi / math.sqrt(2.0)  # duration of an undamped collision, sqrt(m/kn)
 SAMPLES = 64  # phases within a step at which collisions begin and end
@@ -92,16 +92,16 @@ def tangential_restitution(scene: Scene, slip: float) -> float:
 
 def collisions() -> list[Collision]:
     """The collisions of the study, with the default material."""
-    undamped = {"local_damping": 0.0}
-    free = {"spring_dashpot": {"beta_n": 0.0, "beta_t": 0.0}, "rolling_resistance": undamped}
-    oblique = {"spring_dashpot": {"beta_t": 0.0}, "rolling_resistance": undamped}
+    undamped = Scene(law="rolling_resistance", local_damping=0.0)
+    free = {"spring_dashpot": Scene(law="spring_dashpot", beta_n=0.0, beta_t=0.0), "rolling_resistance": undamped}
+    oblique = {"spring_dashpot": Scene(law="spring_dashpot", beta_t=0.0), "rolling_resistance": undamped}
     result = []
     for law in ("spring_dashpot", "rolling_resistance"):
         scene = Scene(law=law)
         result.append(Collision(scene, 0.0, {"restitution": restitution(scene)}))
-        scene = Scene(law=law, **free[law])
+        scene = free[law]
         result.append(Collision(scene, 0.0, {"energy kept without damping": 1.0}))
-        scene = Scene(law=law, **oblique[law])
+        scene = oblique[law]
         exact = {
             "tangential impulse": tangential_impulse(scene),
             "tangential restitution": tangential_restitution(scene, SLIP),

@@ -23,11 +23,10 @@ from analysis.speed_error.measures import MEASURES, measure_others
 from analysis.speed_error.page import page
 from analysis.speed_error.table import collect, open_study, restore
 from labkit.cli.arguments import positive_int
-from labkit.dem import Progress
-from labkit.engines import find_yade
+from labkit.engines import Progress, find_yade
 from labkit.errors import InputError, Interrupted
+from labkit.figures import plots
 from labkit.io import make_folder, reporter, whole_file, write_provenance, write_with_provenance
-from labkit.visuals import plots
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,10 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from labkit.dem import SETTINGS, STANDARD, Path, Scene, Servo, State, make_path, mean_grain_volume
+from labkit.grains import Scene, State
+from labkit.paths import Path, make_path
+from labkit.servo import STANDARD, Servo
+from labkit.specimens import SETTINGS, mean_grain_volume
 
 VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
 RATE = 10.0  # 1/s, the default of the shear tests for the grains of Table 1

@@ -19,10 +19,13 @@ import labkit as lk
 from analysis.speed_error.design import PRESSURE, RATE, STEP1_FRICTION, VOID_RATIO, Case, Design
 from analysis.speed_error.observables import observables
 from analysis.speed_error.workers import run_calls
-from labkit.dem import ConstantVolume, Progress, State, critical_time_step, read_state, side_for, velocity_gradient
-from labkit.engines import FusedEngine
+from labkit.engines import FusedEngine, Progress
 from labkit.errors import PhysicsError
+from labkit.grains import State, critical_time_step, read_state
 from labkit.io import write_text
+from labkit.paths import ConstantVolume
+from labkit.servo import prescribed_gradient
+from labkit.specimens import side_for
 
 SPECIMEN_COST = 0.05  # approximate cost of making a specimen, as a fraction of a test on it
 YARDSTICK_STEPS, YARDSTICK_ROUNDS = 1500, 5
@@ -135,7 +138,7 @@ def _run(state: State, case: Case, file: Path) -> lk.Run:
 def measure_yardstick(file: str | Path) -> float:
     """Time of YARDSTICK_STEPS steps of a specimen, s: the median of YARDSTICK_ROUNDS rounds."""
     state = read_state(file)
-    engine, gradient = FusedEngine(state), velocity_gradient(ConstantVolume(RATE), 1.0, state.time_step)
+    engine, gradient = FusedEngine(state), prescribed_gradient(ConstantVolume(RATE), state.time_step)
     engine.advance(YARDSTICK_STEPS, gradient)
     seconds = []
     for _ in range(YARDSTICK_ROUNDS):

@@ -1,6 +1,6 @@
 """The CV test in LAMMPS and with the `spring_dashpot` law of the `fused` engine.
 
-`labkit/bench/lammps.py` lists the differences between the two models. Measured with 996 grains, e = 0.67, beta = 0.2,
+`benchmarks/lammps.py` lists the differences between the two models. Measured with 996 grains, e = 0.67, beta = 0.2,
 from the same specimen:
 
 * after settling, the pressure is 2.1 % below that of the specimen; on the `fused` engine with the tangential forces
@@ -27,9 +27,10 @@ import math
 
 import numpy as np
 
-from labkit.bench import deform
-from labkit.dem import ConstantVolume, State
+from benchmarks.lammps import deform
 from labkit.errors import InputError
+from labkit.grains import State
+from labkit.paths import ConstantVolume
 
 CLASSES = 8  # of grain size: stiffnesses of pairs are accurate to 3 %, 0.9 % on average (24 % and 7 % with one class)
 SETTLE = 5000  # steps at rest, in which tangential forces develop: LAMMPS starts without them

@@ -21,13 +21,16 @@ from analysis.speed_error.design import BASELINE, PRESET, Case, Design
 from analysis.speed_error.jobs import make, run_case, run_file
 from analysis.speed_error.lammps import shear_in_lammps
 from analysis.speed_error.observables import strength
-from labkit.bench import bench, measure_all
-from labkit.dem import ConstantVolume, Progress, State, read_state, velocity_gradient
-from labkit.engines import FusedEngine
+from benchmarks.engines import bench
+from benchmarks.model import measure_all
+from labkit.engines import FusedEngine, Progress
+from labkit.figures import micro_figures, plots
+from labkit.grains import State, read_state
 from labkit.io import whole_file
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.model import Adaptive, Model, drive, isotropic_state, model_path
-from labkit.visuals import micro_figures, plots
+from labkit.paths import ConstantVolume
+from labkit.servo import prescribed_gradient
 
 SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # in mean diameters; None: chosen by the engine
 SKIN_STEPS, SKIN_ROUNDS = 2000, 5
@@ -129,7 +132,7 @@ def skin(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
     for case in (design.baseline(), design.of_settings("standard")):
         state = read_state(make(work, case, case.seeds[0]))
         for rate in (10.0, 200.0):
-            seconds, ends = _skins(state, velocity_gradient(ConstantVolume(rate), 1.0, state.time_step))
+            seconds, ends = _skins(state, prescribed_gradient(ConstantVolume(rate), state.time_step))
             for value in SKINS:
                 moved = np.abs(ends[value] - ends[None]).max() / (2.0 * state.radius.mean())
                 rows.append(

@@ -16,7 +16,8 @@ from analysis.speed_error.design import BASELINE, PRESET, RATE
 from analysis.speed_error.figures import WORST
 from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from analysis.speed_error.table import cost
-from labkit.dem import STANDARD, ConstantVolume
+from labkit.paths import ConstantVolume
+from labkit.servo import STANDARD
 
 OTHERS = {
     "engines": others.engines,
@@ -257,8 +258,8 @@ def _time_step(data: xr.Dataset) -> str:
     return """## The time step below and above the stability limit
 
 The checks of the time step and of the energy balance were disabled here, except in the cases that also vary the
-strain rate, to see what happens. The limit is that of `labkit.dem.time_step`, a conservative bound; the table gives the
-mean over the specimens, the range in brackets, and how many of them the check would refuse.
+strain rate, to see what happens. The limit is that of `labkit.grains.time_step`, a conservative bound; the table gives
+the mean over the specimens, the range in brackets, and how many of them the check would refuse.
 
 """ + markdown.table(
         [

@@ -13,8 +13,8 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, cast
 
-from labkit.engines import die_with_parent
 from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.io import die_with_parent
 
 Call = tuple[Callable[..., object], tuple[Any, ...]]  # a function and its arguments
 Connection = multiprocessing.connection.Connection

@@ -10,8 +10,8 @@ from analysis.three_engines.compare import differences, figure, held, pooled, va
 from analysis.three_engines.runs import finished, simulate
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
+from labkit.figures import plots
 from labkit.io import make_folder, reporter, write_with_provenance
-from labkit.visuals import plots
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import labkit as lk
 from analysis.statistics import adjusted, cluster_mean
 from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
-from labkit.visuals import WIDTH, colors_for, new_figure
+from labkit.figures import WIDTH, colors_for, new_figure
 
 END = 0.08  # axial strain from which on the end of a test is averaged
 LABELS = {

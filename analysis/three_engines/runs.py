@@ -15,7 +15,7 @@ from pathlib import Path
 
 import labkit as lk
 from analysis.campaigns import ended
-from labkit.dem import Progress
+from labkit.engines import Progress
 
 CLASSES, VOID_RATIO = 16, 0.67
 PRESSURE, STRAIN, RATE = 1e6, 0.10, 25.0  # Pa, axial strain, 1/s

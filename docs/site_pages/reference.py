@@ -1,6 +1,5 @@
 """The pages of the reference that are derived from the code: commands, parameters, files, campaign keys and API."""
 
-import argparse
 import dataclasses
 import importlib
 import inspect
@@ -8,29 +7,30 @@ import types
 import typing
 from pathlib import Path
 
-from labkit.campaign import keys
-from labkit.cli.descriptions import description_of
+from labkit.campaigns import keys
 from labkit.cli.dispatch import parser_for
 from labkit.cli.parser import summary_of
-from labkit.cli.registry import find, helps
-from labkit.dem.laws import LAWS
-from labkit.dem.paths import PATHS
-from labkit.dem.scene import Scene
-from labkit.dem.schedule import Options
-from labkit.dem.specimen import Recipe
+from labkit.cli.registry import find_command, summaries
 from labkit.errors import shown
 from labkit.exchange.formats import FORMATS
+from labkit.grains.laws import LAWS
+from labkit.grains.scene import Scene
 from labkit.io import conventions, schema
 from labkit.model.parameters import Model, Parameters, Readings
 from labkit.parameters import parameters_of
+from labkit.paths.registry import PATHS
+from labkit.records.schedule import Options
 from labkit.runs.figures import FIGURES
+from labkit.specimens.specimen import Recipe
 from site_pages.repository import write_if_changed
 
-PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.dem", "labkit.engines", "labkit.runs", "labkit.model",
-            "labkit.exchange", "labkit.umat", "labkit.campaign", "labkit.visuals")  # fmt: skip
+PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.grains", "labkit.quantities", "labkit.paths",
+            "labkit.servo", "labkit.records", "labkit.specimens", "labkit.engines", "labkit.runs", "labkit.model",
+            "labkit.exchange", "labkit.umat", "labkit.campaigns", "labkit.figures")  # fmt: skip
+LAW_PARTS = ("law", "pair", "normal", "tangential", "rolling", "damping", "kinematics")
 EQUATIONS = ("labkit.model.equations", "labkit.model.rates", "labkit.model.stiffness", "labkit.sff.c0",
-             "labkit.micro.normalised", "labkit.micro.size_groups", "labkit.micro.directions", "labkit.dem.servo",
-             "labkit.dem.laws.base", "labkit.dem.laws.spring_dashpot")  # fmt: skip
+             "labkit.micro.normalised", "labkit.micro.size_groups", "labkit.micro.directions",
+             "labkit.servo.correction", *(f"labkit.grains.laws.{part}" for part in LAW_PARTS))  # fmt: skip
 
 
 def write(folder: Path) -> None:
@@ -54,12 +54,10 @@ def write(folder: Path) -> None:
 def commands() -> str:
     """The help text of every command."""
     sections = ["# Commands", "The help texts of `labkit COMMAND --help`."]
-    for name, summary in helps().items():
-        parser = parser_for(find(name), [name])
-        choices = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction)).choices
-        assert choices is not None
-        text = choices[name].format_help()
-        sections += [f"(command-{name})=\n## {name}", f"{description_of(name, summary)}", f"```text\n{text}```"]
+    for name in summaries():
+        command = find_command(name)
+        text = parser_for(command, ["--help"]).format_help()
+        sections += [f"(command-{name})=\n## {name}", command.description, f"```text\n{text}```"]
     return "\n\n".join(sections) + "\n"
 
 
@@ -117,7 +115,7 @@ def _fields(value) -> str:
 
 def paths() -> str:
     """Parameters of every loading path."""
-    parts = ["# Loading paths", "Each is a class of `labkit.paths`, or of `labkit.dem`; see also [](/paths.md)."]
+    parts = ["# Loading paths", "Each is a class of `labkit.paths`; see also [](/paths.md)."]
     for name in PATHS:
         kind = PATHS[name]
         parts += [f"(path-{name})=\n## `{name}`", f"`{kind.__name__}`: {_plain(summary_of(kind))}."]
@@ -152,7 +150,7 @@ def files() -> str:
         ]
         return _table(("variable", "dimensions", "type", "units", "meaning"), rows)
 
-    attributes = [(f"`{name}`", kind, schema.MEANING[name]) for name, (_, kind) in schema.ATTRIBUTES.items()]
+    attributes = [(f"`{name}`", kind, meaning) for name, ((_, kind), meaning) in schema.ATTRIBUTES.items()]
     sizes = ", ".join(f"{name} = {size}" for name, size in schema.SIZES.items())
     essential = ", ".join(f"`{name}`" for name in schema.ESSENTIAL)
     parts = [

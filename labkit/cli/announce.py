@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from labkit.dem.engine import Progress
-from labkit.dem.limits import size_warning
-from labkit.engines.tasks import RunTask, Task
+from labkit.engines.base import Progress
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
+from labkit.records.limits import size_warning
+from labkit.runs.tasks import RunTask, Task
 
 
 def announcing(task: Task, title: str) -> Progress:
@@ -16,7 +16,7 @@ def announcing(task: Task, title: str) -> Progress:
 
     It prints with the first progress report, so that an input error, found before that, appears without it.
     """
-    from labkit.campaign.cost import announcement
+    from labkit.campaigns.cost import announcement
 
     steps_done = _steps_done(str(task.output)) if isinstance(task, RunTask) else 0
     reporters: list[Progress] = []

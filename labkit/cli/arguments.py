@@ -1,101 +1,266 @@
-"""Command-line options, built from the parameter table; the same for `labkit`, `yade -n -x` and yade-batch."""
+"""Arguments and options of a command, from the signature of its function and the table of parameters.
+
+    def verify(
+        run: Annotated[list[str], Option("run file")],
+        *,
+        rows: Annotated[int, Option("number of rows of the table")] = 20,
+        computation: Annotated[Start, EngineOptions()],
+    ) -> int:
+
+What stands before `*` is an argument, the rest are options; a default makes either optional. A Section stands for
+several options, for example one for each parameter of a dataclass, whose texts it collects.
+"""
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import inspect
 import os
-import sys
-from collections.abc import Callable, Collection, Iterable
-from typing import Any
+import typing
+from collections.abc import Callable, Collection, Iterable, Sequence
+from types import NoneType
+from typing import Annotated, Literal, Protocol, TypeVar, runtime_checkable
 
-from labkit.cli.parser import Options, Parser
-from labkit.dem.engine import PRECISIONS
-from labkit.dem.paths import Path
-from labkit.dem.settings import SETTINGS
-from labkit.engines import ENGINES, processors
-from labkit.errors import InputError, instead_of, option_name
+from labkit.cli.parser import HELP, Parser, name_list, summary_of
+from labkit.engines import ENGINES, Start, start_of
+from labkit.engines.base import PRECISIONS
+from labkit.errors import InputError, instead_of, option_name, shown
 from labkit.extensions import Registry
 from labkit.parameters import Parameter, help_of, parameters_of
+from labkit.paths.path import Path
+from labkit.paths.registry import PATHS
+from labkit.specimens.settings import SETTINGS
+
+Value = TypeVar("Value")
+Reader = Callable[[str], object]  # makes a value of the text on the command line
+Texts = dict[str, str]  # parameter -> its text on the command line, for those that are given
 
 
-def add_parameters(parser: Options, kind: type, leave_out: Iterable[str] = (), unset: bool = False) -> None:
-    """Adds an option for every parameter of a dataclass; its value is text, which `given` collects.
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """An argument or an option with one value.
 
-    unset: True if the defaults are not those of the class but are determined at run time, so that the help omits them.
+    Args:
+        help: its help; the default is added.
+        metavar: its value in the help (default: N for a number, else the name).
+        type: makes the value of the text (default: the type of the annotation, for `int` a whole number above 0).
+        group: title of its group in the help.
     """
-    for known in parameters_of(kind).values():
-        if known.option and known.name not in leave_out:
-            _add(parser, known, help_of(known, None if unset else known.default))
+
+    help: str
+    metavar: str | None = None
+    type: Reader | None = None
+    group: str | None = None
 
 
-def add_path_parameters(
-    parser: Options,
-    kinds: Iterable[type[Path]],
-    leave_out: Iterable[str] = (),
-    shown: Collection[type[Path]] | None = None,
-) -> None:
-    """Adds an option for every parameter of these paths; its help gives the meaning for each path.
+@runtime_checkable
+class Section(Protocol):
+    """Several options that make one argument of a command's function."""
 
-    shown: the paths whose parameters appear in the help (default: all).
+    def add(self, parser: Parser) -> None:
+        """Adds the options."""
+
+    def read(self, options: argparse.Namespace) -> object:
+        """The argument, from the values of the options."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Single:
+    """The section of one option: a parameter of a function and what its annotation says."""
+
+    parameter: inspect.Parameter
+    kind: object
+    option: Option
+
+    def add(self, parser: Parser) -> None:
+        """Adds the option."""
+        name, default, group = self.parameter.name, self.parameter.default, parser.group(self.option.group)
+        required = default is inspect.Parameter.empty
+        read, metavar, several = _value(self.kind)
+        read, metavar = self.option.type or read, self.option.metavar or metavar
+        help = self.option.help.replace("%", "%%")
+        if not (required or default in (None, False, ()) or "(default" in help):
+            help += f" (default: {shown(default)})"
+        if self.parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
+            nargs = ("+" if required else "*") if several else None if required else "?"
+            kept = None if required or default == () else default
+            metavar = self.option.metavar or name.upper()
+            group.add_argument(name, nargs=nargs, type=read, default=kept, metavar=metavar, help=help)
+            return
+        names = ["-o"] * (name == "output") + [option_name(name)]
+        if self.kind is bool:
+            group.add_argument(*names, action="store_true", help=help)
+            return
+        group.add_argument(
+            *names,
+            nargs="+" if several else None,
+            type=read,
+            default=None if required else default,
+            required=required,
+            metavar=metavar,
+            help=help,
+        )
+
+    def read(self, options: argparse.Namespace) -> object:
+        """The value of the option."""
+        return getattr(options, self.parameter.name)
+
+
+def _value(kind: object) -> tuple[Reader, str | None, bool]:
+    """What reads a value of a type, its name in the help, and whether the type is a list of values."""
+    origin, parts = typing.get_origin(kind), [part for part in typing.get_args(kind) if part is not NoneType]
+    if origin is Literal:
+        return one_of(parts), f"{{{','.join(parts)}}}", False
+    if parts:
+        read, metavar, several = _value(parts[0])
+        return read, metavar, several or origin in (list, Sequence)
+    return (positive_int, "N", False) if kind is int else (typing.cast("Reader", kind), None, False)
+
+
+def sections_of(function: Callable[..., object]) -> dict[str, Section]:
+    """The section of each argument of a command's function, name -> Section."""
+    hints = typing.get_type_hints(function, include_extras=True)
+    sections: dict[str, Section] = {}
+    for name, parameter in inspect.signature(function).parameters.items():
+        kind, *marks = typing.get_args(hints[name])
+        mark = next(one for one in marks if isinstance(one, Option | Section))
+        sections[name] = Single(parameter, kind, mark) if isinstance(mark, Option) else mark
+    return sections
+
+
+# --- sections --------------------------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True)
+class ParameterTexts:
+    """An option for each parameter of a dataclass; the argument is their texts.
+
+    Args:
+        kind: the dataclass.
+        title: of the group in the help; note: the line below it.
+        leave_out: parameters without an option.
+        unset: True if the defaults are determined at run time, so that the help omits them.
     """
-    helps: dict[str, dict[str, list[str]]] = {}
-    first: dict[str, Parameter] = {}
-    for kind in kinds:
-        for known in parameters_of(kind).values():
-            if known.name in leave_out:
-                continue
-            first.setdefault(known.name, known)
-            meanings = helps.setdefault(known.name, {})
-            if shown is None or kind in shown:
-                meanings.setdefault(help_of(known), []).append(kind.name)
-    for name, meanings in helps.items():
-        several = len(meanings) > 1
-        texts = [f"{', '.join(paths)}: {text}" if several else text for text, paths in meanings.items()]
-        _add(parser, first[name], "; ".join(texts) if texts else argparse.SUPPRESS)
+
+    kind: type
+    title: str
+    note: str | None = None
+    leave_out: Collection[str] = ()
+    unset: bool = False
+
+    def add(self, parser: Parser) -> None:
+        """Adds the options."""
+        group = parser.group(self.title, self.note)
+        for known in self._known():
+            _add(group, known, help_of(known, None if self.unset else known.default))
+
+    def read(self, options: argparse.Namespace) -> object:
+        """The texts that are given."""
+        return self.texts(options)
+
+    def texts(self, options: argparse.Namespace) -> Texts:
+        """The texts that are given."""
+        return _given(options, self._known())
+
+    def _known(self) -> list[Parameter]:
+        return [one for one in parameters_of(self.kind).values() if one.option and one.name not in self.leave_out]
 
 
-def _add(parser: Options, known: Parameter, help: str) -> None:
+class Instance(ParameterTexts):
+    """An option for each parameter of a dataclass; the argument is an instance of it."""
+
+    def read(self, options: argparse.Namespace) -> object:
+        """The instance. Raises InputError."""
+        return self.kind(**self.texts(options))
+
+
+@dataclasses.dataclass(frozen=True)
+class PathOptions:
+    """An option for each parameter of the loading paths; if a path is named, the help is limited to that path."""
+
+    leave_out: Collection[str] = ()
+
+    def add(self, parser: Parser) -> None:
+        """Adds the options, whose help gives the meaning for each path."""
+        explained = paths_explained(parser.words)
+        helps: dict[str, dict[str, list[str]]] = {}
+        first: dict[str, Parameter] = {}
+        for kind in PATHS.values():
+            for known in self._of(kind):
+                first.setdefault(known.name, known)
+                meanings = helps.setdefault(known.name, {})
+                if kind in explained:
+                    meanings.setdefault(help_of(known), []).append(kind.name)
+        for name, meanings in helps.items():
+            texts = [f"{', '.join(paths)}: {text}" if len(meanings) > 1 else text for text, paths in meanings.items()]
+            _add(parser.group("loading path"), first[name], "; ".join(texts) if texts else argparse.SUPPRESS)
+
+    def read(self, options: argparse.Namespace) -> Texts:
+        """The texts that are given."""
+        return _given(options, [known for kind in PATHS.values() for known in self._of(kind)])
+
+    def _of(self, kind: type[Path]) -> list[Parameter]:
+        return [known for known in parameters_of(kind).values() if known.name not in self.leave_out]
+
+
+def paths_explained(words: Collection[str]) -> list[type[Path]]:
+    """The loading paths in the help: the one that is named, else all."""
+    named = [PATHS[word] for word in words if word in PATHS][:1] if HELP & set(words) else []
+    return named or list(PATHS.values())
+
+
+def list_of_paths(words: Collection[str]) -> str:
+    """The loading paths for the end of the help of a command."""
+    return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_explained(words)})
+
+
+def _add(group: argparse._ActionsContainer, known: Parameter, help: str) -> None:
     choices = f"; one of {', '.join(known.choices)}" if known.choices is not None else ""
     help = help if help == argparse.SUPPRESS else help + choices
-    parser.add_argument(option_name(known.name), metavar=known.name.upper(), help=help)
+    group.add_argument(option_name(known.name), metavar=known.name.upper(), help=help)
 
 
-def given(options: argparse.Namespace, kind: type) -> dict[str, Any]:
-    """Parameters of a dataclass that are given on the command line, as text."""
-    values = {name: getattr(options, name, None) for name in parameters_of(kind)}
-    return {name: text for name, text in values.items() if text is not None}
+def _given(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
+    return {one.name: text for one in known if (text := getattr(options, one.name)) is not None}
 
 
-def add_engine_options(parser: Options) -> None:
-    """Adds --engine, --threads, --ranks and --precision."""
-    engine = f"simulation engine, one of {', '.join(ENGINES)} (default: yade)"
-    parser.add_argument("--engine", type=one_of(ENGINES), default="yade", help=engine)
-    parser.add_argument("--threads", type=threads, default=1, metavar="N", help="number of threads (default: 1)")
-    ranks = "number of MPI ranks of the engine lammps, instead of threads (default: 1)"
-    parser.add_argument("--ranks", type=positive_int, metavar="N", help=ranks)
-    parser.add_argument(
-        "--precision",
-        type=one_of(PRECISIONS),
-        default="double",
-        help="double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision "
-        "(default: double)",
-    )
+class EngineOptions:
+    """--engine, --threads, --ranks and --precision."""
+
+    def add(self, parser: Parser) -> None:
+        """Adds the options."""
+        group = parser.group("computation")
+        engine = f"simulation engine, one of {', '.join(ENGINES)} (default: yade)"
+        group.add_argument("--engine", type=one_of(ENGINES), default="yade", help=engine)
+        group.add_argument("--threads", type=threads, default=1, metavar="N", help="number of threads (default: 1)")
+        ranks = "number of MPI ranks of the engine lammps, instead of threads (default: 1)"
+        group.add_argument("--ranks", type=positive_int, metavar="N", help=ranks)
+        precision = "double, or mixed on the engines fused and cuda: faster, with half of the numbers in single "
+        group.add_argument(
+            "--precision",
+            type=one_of(PRECISIONS),
+            default="double",
+            help=f"{precision}precision (default: double)",
+        )
+
+    def read(self, options: argparse.Namespace) -> Start:
+        """The engine that is asked for. Raises InputError for ranks of an engine with threads, or the opposite."""
+        return start_of(options.engine, options.threads, options.precision, options.ranks)
 
 
-def computation(options: argparse.Namespace) -> dict[str, Any]:
-    """The fields of a Task that add_engine_options defines."""
-    count = processors(options.engine, options.threads, options.ranks)
-    return {"engine": options.engine, "threads": count, "precision": options.precision}
+class CommandLine:
+    """No option: the command as typed, for the history of a file."""
+
+    def add(self, parser: Parser) -> None:
+        """Adds nothing."""
+
+    def read(self, options: argparse.Namespace) -> str:
+        """The command as typed."""
+        return str(options.command_line)
 
 
-def add_settings_option(parser: Options) -> None:
-    """Adds --settings, a choice from labkit.dem.settings."""
-    parser.add_argument(
-        "--settings",
-        type=one_of(SETTINGS),
-        help=f"trade-off between speed and accuracy, one of {', '.join(SETTINGS)}: chooses the size of a specimen, the "
-        "rate of a run and the time step of both (default: standard)",
-    )
+# --- types of values -------------------------------------------------------------------------------------------------
 
 
 def one_of(choices: Collection[str]) -> Callable[[str], str]:
@@ -136,32 +301,24 @@ def threads(text: str) -> int:
     return value
 
 
-def parse_in_yade(parser: Parser) -> argparse.Namespace:
-    """Options of a script inside YADE, from a row of the yade-batch table if there is one, else from the command line.
-
-    A column of the table has the name of an option with `_` for `-`; strings are quoted.
-    """
-    if not os.environ.get("YADE_BATCH"):
-        return parser.parse_args(sys.argv[1:])
-    from yade import utils
-
-    table, _, line = os.environ["YADE_BATCH"].rpartition(":")
-    row = utils.TableParamReader(table).paramDict()[int(line)]
-    known = {action.dest for action in parser._actions} - {"help"}
-    columns = {name: text for name, text in row.items() if name != "description" and not name.startswith("!")}
-    unknown = sorted(set(columns) - known)
-    if unknown:
-        raise InputError(f"{table} has an unknown column {unknown[0]!r}: use {', '.join(sorted(known))}")
-    positional = [action.dest for action in parser._actions if not action.option_strings]
-    values = {name: text.strip("'\"") for name, text in columns.items() if text != "*"}
-    argv = [values.pop(name) for name in positional if name in values]
-    for name, text in values.items():
-        argv += [f"{option_name(name)}={text}"]
-    return parser.parse_args(argv)
-
-
-def require(value: Any, field: str, example: str | None = None) -> Any:
+def require(value: Value | None, field: str, example: str | None = None) -> Value:
     """Returns the value. Raises InputError if it was not given. example: what to give."""
     if value is None:
         raise InputError(f"is missing: give {example or 'it'} (see --help)", field=field)
     return value
+
+
+# --- options of several commands -------------------------------------------------------------------------------------
+
+Csv = Annotated[str | None, Option("also write the table as CSV, to this file", "FILE")]
+Working = Annotated[Start, EngineOptions()]
+History = Annotated[str, CommandLine()]
+Preset = Annotated[
+    str | None,
+    Option(
+        f"trade-off between speed and accuracy, one of {', '.join(SETTINGS)}: chooses the size of a specimen, the "
+        "rate of a run and the time step of both (default: standard)",
+        type=one_of(SETTINGS),
+        group="computation",
+    ),
+]

@@ -2,103 +2,95 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import positive_int, require
+from labkit.cli.arguments import Option, require
 from labkit.cli.registry import command
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 
 if TYPE_CHECKING:
-    from labkit.campaign.plan import Plan
+    from labkit.campaigns.plan import Plan
 
 
-def campaign_options(parser: argparse.ArgumentParser) -> None:
-    """Options of `labkit campaign`."""
-    parser.add_argument(
-        "file", metavar="FILE", nargs="?", help="campaign file (YAML), or `quick`, an example that comes with labkit"
-    )
-    parser.add_argument(
-        "--folder",
-        help="folder for the results (default: a folder in the current directory, named after the campaign)",
-    )
-    parser.add_argument(
-        "--cores",
-        type=positive_int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="number of cores to use for jobs (default: all)",
-    )
-    parser.add_argument(
-        "--profile", help="where the jobs run: slurm, or a Snakemake profile folder (default: this computer)"
-    )
-    parser.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="only print what would run, how long it would take and how much disk space it needs",
-    )
-    parser.add_argument(
-        "--measure", action="store_true", help="measure the speed of this computer again, for the estimate"
-    )
-    parser.add_argument("--tables", metavar="FOLDER", help="only write the tables for yade-batch to this folder")
-    parser.add_argument(
-        "--crate", action="store_true", help="only describe the finished campaign as an RO-Crate, for an archive"
-    )
-    parser.add_argument(
-        "--snakefile", action="store_true", help="only print the path of the Snakefile, for use with snakemake itself"
-    )
+@command("campaign")
+def campaign_command(
+    file: Annotated[str | None, Option("campaign file (YAML), or `quick`, an example that comes with labkit")] = None,
+    *,
+    folder: Annotated[
+        str | None,
+        Option("folder for the results (default: a folder in the current directory, named after the campaign)"),
+    ] = None,
+    cores: Annotated[int, Option("number of cores to use for jobs (default: all)")] = os.cpu_count() or 1,
+    profile: Annotated[
+        str | None, Option("where the jobs run: slurm, or a Snakemake profile folder (default: this computer)")
+    ] = None,
+    dry_run: Annotated[
+        bool, Option("only print what would run, how long it would take and how much disk space it needs")
+    ] = False,
+    measure: Annotated[bool, Option("measure the speed of this computer again, for the estimate")] = False,
+    tables: Annotated[str | None, Option("only write the tables for yade-batch to this folder", "FOLDER")] = None,
+    crate: Annotated[bool, Option("only describe the finished campaign as an RO-Crate, for an archive")] = False,
+    snakefile: Annotated[bool, Option("only print the path of the Snakefile, for use with snakemake itself")] = False,
+) -> int:
+    """Carries out the specimens and runs defined in one file with Snakemake, here or on a SLURM cluster.
 
+    Writes a folder with all results and report.md. Repeat the same command to resume, or after a change of the file.
+    Exit code 1 if a job failed.
 
-@command("campaign", campaign_options)
-def do_campaign(options: argparse.Namespace, argv: list[str]) -> int:
-    """Returns 1 if a job failed."""
-    from labkit.campaign import cost, crate, speeds, tables, workflow
-    from labkit.campaign.file import campaign_file, read_campaign
-    from labkit.campaign.plan import plan_of
+    Examples:
+        labkit campaign quick --dry-run
+        labkit campaign mine.yaml --cores 4
+        labkit campaign mine.yaml --profile slurm
+        labkit campaign mine.yaml --crate         # after it: ro-crate-metadata.json, for an archive
+    """
+    from labkit.campaigns import cost, speeds, workflow
+    from labkit.campaigns.crate import write_crate
+    from labkit.campaigns.file import campaign_file, read_campaign
+    from labkit.campaigns.plan import plan_of
+    from labkit.campaigns.tables import write_tables
 
-    if options.snakefile:
+    if snakefile:
         print(workflow.SNAKEFILE)
         return 0
-    require(options.file, "file", "a campaign file, or `quick`, which comes with labkit")
-    file = campaign_file(options.file)
-    campaign = read_campaign(file)
+    source = campaign_file(require(file, "file", "a campaign file, or `quick`, which comes with labkit"))
+    campaign = read_campaign(source)
     plan = plan_of(campaign)
-    if options.tables:
-        print(*tables.write_tables(plan, Path(options.tables)), sep="\n")
+    if tables:
+        print(*write_tables(plan, Path(tables)), sep="\n")
         return 0
-    folder = Path(options.folder or campaign.name)
-    if options.crate:
-        print(f"crate: {crate.write_crate(folder)}")
+    results = Path(folder or campaign.name)
+    if crate:
+        print(f"crate: {write_crate(results)}")
         return 0
-    require_possible(plan, folder, options)
-    if options.dry_run or options.measure:
-        known = None if options.measure else speeds.known_speeds(plan.engines)
+    require_resources(plan, results, profile, dry_run)
+    if dry_run or measure:
+        known = None if measure else speeds.known_speeds(plan.engines)
         measured = known or speeds.measure_speeds(plan.engines, reporter("measuring"))
-        if options.dry_run:
-            print(cost.summary(plan, measured, options.cores))
+        if dry_run:
+            print(cost.cost_table(plan, measured, cores))
             return 0
-    text = file.read_text(encoding="utf-8")
-    code = workflow.run_workflow(plan, text, folder, options.cores, options.profile, reporter(campaign.name))
-    return workflow.tell(plan, folder, code)
+    text = source.read_text(encoding="utf-8")
+    code = workflow.run_workflow(plan, text, results, cores, profile, reporter(campaign.name))
+    return workflow.tell(plan, results, code)
 
 
-def require_possible(plan: Plan, folder: Path, options: argparse.Namespace) -> None:
+def require_resources(plan: Plan, folder: Path, profile: str | None, dry_run: bool) -> None:
     """Raises InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
-    from labkit.campaign import workflow
-    from labkit.campaign.batches import batched
+    from labkit.campaigns import workflow
+    from labkit.campaigns.batches import batched
     from labkit.engines import ENGINES, find_yade
     from labkit.errors import InputError
 
-    if "yade" in plan.engines and options.profile is None:
+    if "yade" in plan.engines and profile is None:
         find_yade()
-    if options.profile is None:
+    if profile is None:
         for engine in plan.engines:
-            ENGINES[engine].require_here()
+            ENGINES[engine].abilities.require_computer()
     elif any(map(batched, plan.runs)) and plan.campaign.gpu_memory is None:
         raise InputError("gpu_memory is missing in the campaign file: give that of a GPU of the cluster, e.g. 80 GB")
     require_writable(folder / "campaign.tmp" if folder.exists() else folder.parent / "campaign")
-    if not options.dry_run:
-        workflow.require_snakemake(options.profile)
+    if not dry_run:
+        workflow.require_snakemake(profile)

@@ -2,58 +2,59 @@
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
 
-from labkit.cli.arguments import add_engine_options, add_parameters, given, positive_int
-from labkit.cli.look import figure_name
+from labkit.cli.arguments import Csv, Instance, Option, Working
+from labkit.cli.naming import stem
+from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
-from labkit.dem.scene import Scene
-from labkit.dem.state import read_state, write_state
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.grains.state import read_state, write_state
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
-from labkit.io.provenance import write_with_provenance
 from labkit.micro.void_ratio import void_ratio_nominal
 
 
-def density_options(parser: argparse.ArgumentParser) -> None:
-    """Options of `labkit density`."""
-    parser.add_argument(
-        "specimen", metavar="SPECIMEN", nargs="*", help="state files, or run files, whose first record counts"
-    )
-    parser.add_argument("--grains", type=positive_int, default=1000, metavar="N", help="per specimen (default: 1000)")
-    parser.add_argument("--seeds", type=positive_int, default=3, metavar="N", help="number of specimens (default: 3)")
-    parser.add_argument("--csv", metavar="FILE", help="also write the table as CSV, to this file")
-    add_parameters(parser.add_argument_group("material and contact law"), Scene)
-    add_engine_options(parser)
+@command("density")
+def density_command(
+    specimen: Annotated[Sequence[str], Option("state files, or run files, whose first record counts")] = (),
+    *,
+    grains: Annotated[int, Option("per specimen")] = 1000,
+    seeds: Annotated[int, Option("number of specimens")] = 3,
+    csv: Csv = None,
+    scene: Annotated[Scene, Instance(Scene, "material and contact law")],
+    computation: Working,
+) -> None:
+    """Makes the loosest and the densest specimen of the material by a stated protocol.
 
+    Prints e_min, e_max and the relative density of the specimen.
 
-@command("density", density_options)
-def do_density(options: argparse.Namespace, argv: list[str]) -> None:
-    """Prints e_min, e_max and the relative densities."""
+    Example:
+        labkit density s.state.nc --engine fused
+    """
     from labkit.runs.preparation import density_limits
 
-    if options.csv:
-        require_writable(options.csv)
-    void_ratios = {file: _void_ratio(file) for file in options.specimen}
-    scene = Scene(**given(options, Scene))
+    if csv:
+        require_writable(csv)
+    void_ratios = {file: _void_ratio(file) for file in specimen}
     limits = density_limits(
         scene,
-        options.grains,
-        range(1, options.seeds + 1),
-        engine=options.engine,
+        grains,
+        range(1, seeds + 1),
+        engine=computation,
         progress=reporter("density"),
-        precision=options.precision,
     )
     table = limits.table(void_ratios)
     print(table.to_string(index=False, na_rep="", float_format="%.4f"))
     print(
-        f"nominal void ratios; +-: 95 % intervals from {options.seeds} specimens of {options.grains} grains each, "
+        f"nominal void ratios; +-: 95 % intervals from {seeds} specimens of {grains} grains each, "
         f"compressed from a gas to {limits.pressure / 1e3:g} kPa, without friction (e_min) or with that of the material"
     )
-    if options.csv:
-        write_with_provenance(options.csv, table.to_csv(index=False, float_format="%.5g"), options.specimen)
+    write_table(table, csv, specimen)
 
 
 def _void_ratio(file: str) -> float:
@@ -66,21 +67,25 @@ def _void_ratio(file: str) -> float:
         return float(dataset["void_ratio_nominal"][0])
 
 
-def twins_options(parser: argparse.ArgumentParser) -> None:
-    """Options of `labkit twins`."""
-    parser.add_argument("specimen", metavar="SPECIMEN", help="state file, compressed without friction")
-    add_engine_options(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="state file of the second twin")
+@command("twins")
+def twins_command(
+    specimen: Annotated[str, Option("state file, compressed without friction")],
+    *,
+    computation: Working,
+    output: Annotated[str | None, Option("state file of the second twin", "FILE")] = None,
+) -> None:
+    """Makes a specimen with the void ratio and the pressure of another one and a lower coordination number.
 
+    It does so by small cycles of shear. Writes a state file.
 
-@command("twins", twins_options)
-def do_twins(options: argparse.Namespace, argv: list[str]) -> None:
-    """Makes the second of two specimens with equal e and p and different Z."""
+    Example:
+        labkit twins s.state.nc --engine fused
+    """
     from labkit.runs.preparation import make_twins
 
-    output = options.output or figure_name(options.specimen, "twin").removesuffix(".png") + ".state.nc"
+    output = output or str(Path(specimen).with_name(f"{stem(specimen)}.twin.state.nc"))
     require_writable(output, "state")
-    twins = make_twins(read_state(options.specimen), options.engine, reporter("twins"), options.precision)
+    twins = make_twins(read_state(specimen), computation, reporter("twins"))
     write_state(output, twins.second)
     e, p, Z = twins.differences()
     print(f"{output}: one cycle of {twins.amplitude:.2%}; void ratio {e:+.5f}, pressure {p:+.3%}, Z {Z:+.2f}")

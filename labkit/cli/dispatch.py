@@ -1,27 +1,29 @@
-"""Parses a command line, runs its command and reports an error in one line."""
+"""Parses a command line, calls the function of its command and reports an error in one line."""
 
 from __future__ import annotations
 
 import errno
 import itertools
 import os
+import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import labkit
 from labkit import extensions
-from labkit.cli.descriptions import description_of, examples_of
-from labkit.cli.parser import Parser, named
-from labkit.cli.registry import Command, find, helps
-from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.cli.parser import HELP, Parser, name_list, named
+from labkit.cli.registry import Command, Function, find_command, summaries
+from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, sentence
 from labkit.io import streams
 from labkit.io.interruption import ended_by_signals
-from labkit.io.netcdf import TRUST
+from labkit.plugins import missing
 
-COMMANDS_EPILOG = """\
+DESCRIPTION = "A virtual laboratory for granular soil: makes specimens, tests them and analyses the results."
+EPILOG = """\
 `labkit COMMAND --help` explains a command and gives an example.
 
 exit codes: 0 done; 1 the simulation or a check failed; 2 invalid input; 130 or 143 stopped by a signal"""
+LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")  # of Numba's threads
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -30,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
     argv = sys.argv[1:] if argv is None else argv
-    streams.prepare()
+    streams.prepare_streams()
     code = _reported(argv)
     full = streams.flushed()
     return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
@@ -40,7 +42,7 @@ def _reported(argv: list[str]) -> int:
     """Runs a command line and reports its error; returns its exit code."""
     try:
         with ended_by_signals():
-            return call(argv)
+            return _call(argv)
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, named), exit_code(error))
     except BrokenPipeError:  # the reader of the output closed it, as `head` does, when the results were written
@@ -57,26 +59,66 @@ def _reported(argv: list[str]) -> int:
         return fail("a value is nested too deep: give a file that labkit wrote", 2)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
-    except Exception as error:  # from a user-defined path, law, statistic, engine or figure
+    except Exception as error:  # from a user-defined path, law, statistic, engine, figure or command
         blamed = extensions.blamed(error)
         if blamed is None:
             raise
         return fail(blamed, 2)
 
 
-def call(argv: list[str]) -> int:
+def _call(argv: list[str]) -> int:
     """Runs a command line and returns its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
     os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
     require_environment(os.environ)
     for file in files_to_use(argv):
         extensions.use(file)
-    command = find(argv[0]) if argv else None
-    options = parser_for(command, argv).parse_args(argv)
-    if command is None:  # --help, --version and unknown commands were handled by the parser
-        raise InputError("a command is missing: give one (see labkit --help)")
+    if not argv or argv[0].startswith("-"):
+        _overview().parse_args(argv)
+        raise InputError("COMMAND is missing: give one (see labkit --help)")
+    function, arguments = parse(argv)
+    return function(**arguments) or 0
+
+
+def parse(argv: Sequence[str]) -> tuple[Function, dict[str, object]]:
+    """The function that a command line calls and its arguments. Raises InputError for a line that is not valid."""
+    known = find_command(argv[0])
+    if known is None:
+        allowed = f"{instead_of(summaries(), argv[0])}{missing()}"
+        raise InputError(f"COMMAND {argv[0]!r} is unknown: give {allowed} (see labkit --help)")
+    from labkit.cli.arguments import sections_of
+
+    options = parser_for(known, argv[1:]).parse_args(argv[1:])
+    options.command_line = shlex.join(["labkit", *argv])
     if options.trust:
-        os.environ[TRUST] = "1"  # for the processes of this command too
-    return command.execute(options, argv) or 0
+        from labkit.io.netcdf import TRUST
+
+        os.environ[TRUST] = "1"  # inherited by child processes
+    return known.function, {name: section.read(options) for name, section in sections_of(known.function).items()}
+
+
+def parser_for(command: Command, words: Sequence[str]) -> Parser:
+    """The parser with the options of a command, for these words."""
+    from labkit.cli.arguments import sections_of
+
+    parser = Parser(f"labkit {command.name}", words, command.description)
+    for section in sections_of(command.function).values():
+        section.add(parser)
+    use = "Python file that registers paths, contact laws, statistics, engines, figures or commands"
+    parser.add_argument("--use", action="append", metavar="FILE", help=use)
+    trust = "read files whose hashes show that they are damaged or changed, as far as possible"
+    parser.add_argument("--trust", action="store_true", help=trust)
+    lists = command.epilog(list(words)) if command.epilog and HELP & set(words) else ""
+    parser.epilog = "\n\n".join(text for text in (lists, command.examples) if text)
+    parser.shorten_usage()
+    return parser
+
+
+def _overview() -> Parser:
+    """The parser of `labkit` without a command, for its help."""
+    parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
+    parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
+    parser.epilog = f"{name_list('command', summaries())}\n\n{EPILOG}"
+    return parser
 
 
 def require_environment(variables: Mapping[str, str]) -> None:
@@ -85,45 +127,11 @@ def require_environment(variables: Mapping[str, str]) -> None:
     if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
         raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")
     if layer is not None and layer not in LAYERS:
-        raise InputError(
-            f"the environment variable NUMBA_THREADING_LAYER is {layer!r}: give {', '.join(LAYERS)}, or unset it"
-        )
-
-
-LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")
+        allowed = ", ".join(LAYERS)
+        raise InputError(f"the environment variable NUMBA_THREADING_LAYER is {layer!r}: give {allowed}, or unset it")
 
 
 def files_to_use(argv: list[str]) -> list[str]:
     """Files named with --use; they are loaded first, because the options of a command may depend on them."""
     separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
     return separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]
-
-
-def parser_for(command: Command | None, argv: list[str]) -> Parser:
-    """The parser with the options of this command; other commands are listed by name only."""
-    parser = Parser(
-        prog="labkit",
-        description="A virtual laboratory for granular soil: makes specimens, tests them and analyses the results.",
-        epilog=COMMANDS_EPILOG,
-    )
-    parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for name, summary in helps().items():
-        one: Parser = commands.add_parser(name, help=summary, description=description_of(name, summary))
-        if command is not None and name == command.name:
-            one.command_line = argv[1:]
-            command.options(one)
-            one.add_argument(
-                "--use",
-                action="append",
-                metavar="FILE",
-                help="Python file that registers paths, contact laws, statistics, engines or figures",
-            )
-            one.add_argument(
-                "--trust",
-                action="store_true",
-                help="read files whose hashes show that they are damaged or changed, as far as possible",
-            )
-            one.epilog = "\n\n".join(text for text in (one.epilog, examples_of(name)) if text)
-            one.shorten_usage()
-    return parser

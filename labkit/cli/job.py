@@ -15,20 +15,19 @@ from collections.abc import Callable
 from os.path import exists
 from pathlib import Path
 
-from labkit.campaign.items import Run
-from labkit.campaign.own_files import read_copy
-from labkit.campaign.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
-from labkit.campaign.workflow import PROCESS
+from labkit.campaigns.items import PlannedRun
+from labkit.campaigns.own_files import read_copy
+from labkit.campaigns.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
+from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
-from labkit.cli.dispatch import parser_for
-from labkit.cli.registry import find
-from labkit.cli.simulate import history_of, run_task
-from labkit.engines import die_with_parent
-from labkit.engines.tasks import RunTask
+from labkit.cli.dispatch import parse
+from labkit.cli.simulate import run_task
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.io.interruption import die_with_parent
+from labkit.runs.tasks import RunTask
 
 
-def main(kind: str, *name: str) -> int:
+def run_job(kind: str, *name: str) -> int:
     """Carries out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     die_with_parent()  # after a kill of the workflow, no job continues to write files
@@ -37,7 +36,7 @@ def main(kind: str, *name: str) -> int:
     plan = plan_of(read_copy())
     products: dict[str, Callable[..., None]] = {
         "batch": batch,
-        "statistics": statistics,
+        "statistics": summarise_run,
         "figure": figure,
         "report": report,
     }
@@ -82,28 +81,29 @@ def _run_and_move(job: Job) -> int:
 
 def batch(plan: Plan, name: str) -> None:
     """Carries out the runs of a batch."""
-    from labkit.campaign.batches import batches_of, carry_out
+    from labkit.campaigns.batches import batches_of, carry_out
 
     carry_out(next(one for one in batches_of(plan) if one.name == name), task_of)
 
 
 def task_of(job: Job) -> RunTask:
     """The task of a run that its command describes. Raises InputError."""
-    options = parser_for(find("run"), job.command).parse_args(job.command)
-    return run_task(options, history_of(job.command))
+    build: Callable[..., RunTask] = run_task
+    _, arguments = parse(job.command)
+    return build(**arguments)
 
 
-def statistics(plan: Plan, name: str) -> None:
+def summarise_run(plan: Plan, name: str) -> None:
     """Writes the statistics of a run."""
-    from labkit.campaign import products
+    from labkit.campaigns import products
 
     products.write_statistics(name)
 
 
 def figure(plan: Plan, name: str) -> None:
     """Draws the figure that suits the path of a run."""
+    from labkit.figures import plots
     from labkit.runs.run import Run as RunResult
-    from labkit.visuals import plots
 
     file = Path(RUNS) / f"{name}.run.nc"
     plots.save(RunResult.open(file).plot(), Path(FIGURES) / f"{name}.png", [file])
@@ -111,15 +111,17 @@ def figure(plan: Plan, name: str) -> None:
 
 def report(plan: Plan) -> None:
     """Draws the overview of all finished runs and writes the report."""
-    from labkit.campaign.report import write_report
-    from labkit.visuals import plots
-    from labkit.visuals.campaign_figure import overview
+    from labkit.campaigns.report import write_report
+    from labkit.figures import plots
+    from labkit.figures.campaign_figure import overview
 
-    finished = [(item, job.output) for job in plan.runs if isinstance(item := job.item, Run) and exists(job.output)]
+    finished = [
+        (item, job.output) for job in plan.runs if isinstance(item := job.item, PlannedRun) and exists(job.output)
+    ]
     if finished:
         plots.save(overview(finished), OVERVIEW, [file for _, file in finished])
     write_report(plan)
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(run_job(*sys.argv[1:]))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
 import hashlib
-from collections.abc import Iterable
 from pathlib import Path as File
 
-from labkit.cli.arguments import given
-from labkit.dem.paths import Path
-from labkit.dem.scene import Scene
-from labkit.dem.specimen import SIDE, Recipe
+from labkit.cli.arguments import Texts
 from labkit.errors import shown
+from labkit.grains.scene import Scene
 from labkit.parameters import parameters_of
+from labkit.paths.path import Path
+from labkit.specimens.specimen import SIDE, Recipe
 
 SHORT = {
     "young_modulus": "E",
@@ -46,24 +44,25 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
     return "_".join(parts) + ".state.nc"
 
 
-def run_name(options: argparse.Namespace, kind: type[Path]) -> str:
-    """Name of a run file, built from the specimen, the path and the parameters that were given."""
-    of_path = {name: _part(name, value) for name, value in _read(options, kind).items()}
-    written = File(options.path).suffix != ""  # a path file
-    parts = [stem(options.specimen), File(options.path).stem if written else kind.name]
+def run_name(
+    path: str, specimen: str, kind: type[Path], loading: Texts, material: Texts, settings: str | None = None
+) -> str:
+    """Name of a run file, built from the specimen, the path or its file, and the parameters that were given."""
+    of_path = {name: _part(name, value) for name, value in _read(loading, kind).items()}
+    parts = [stem(specimen), File(path).stem if File(path).suffix else kind.name]
     parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
-    parts += [options.settings] if options.settings is not None else []
-    parts += [_part(name, value) for name, value in _read(options, Scene).items()]
-    return str(File(options.specimen).with_name("_".join([*parts, *of_path.values()]) + ".run.nc"))
+    parts += [settings] if settings is not None else []
+    parts += [_part(name, value) for name, value in _read(material, Scene).items()]
+    return str(File(specimen).with_name("_".join([*parts, *of_path.values()]) + ".run.nc"))
 
 
-def _read(options: argparse.Namespace, kind: type) -> dict[str, object]:
-    """Parameters of a dataclass given on the command line, in SI units, without conditions and other free text."""
+def _read(given: Texts, kind: type) -> dict[str, object]:
+    """Parameters of a dataclass given as text, in SI units, without conditions and other free text."""
     known = parameters_of(kind)
     return {
-        name: known[name].read(text)
-        for name, text in given(options, kind).items()
-        if known[name].choices is not None or known[name].kind in (int, float, bool, tuple)
+        name: known[name].read(given[name])
+        for name in known
+        if name in given and (known[name].choices is not None or known[name].kind in (int, float, bool, tuple))
     }
 
 
@@ -84,16 +83,17 @@ def consolidated_name(specimen: str, pressure: float) -> str:
     return str(File(specimen).with_name(f"{stem(specimen)}_{_part('pressure', pressure)}.state.nc"))
 
 
-def model_name(options: argparse.Namespace, start: type, path: str, kinds: Iterable[type]) -> str:
+def model_name(path: str, kind: type[Path], start: type, given: Texts) -> str:
     """Name of a run file of the constitutive model, built from the parameters that were given."""
-    parts = ["model", path]
-    for kind in (start, *kinds):
-        for name, value in _read(options, kind).items():
-            part = _part(name, value)
-            parts += [part] if part not in parts else []
-    return "_".join(parts) + ".run.nc"
+    known = {**_read(given, start), **_read(given, kind)}
+    return "_".join(["model", path, *(_part(name, value) for name, value in known.items())]) + ".run.nc"
 
 
 def stem(file: str) -> str:
     """Name of a state, run or probes file without folder and extension."""
     return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc")
+
+
+def figure_name(run: str, what: str) -> str:
+    """Name of a figure in the folder of a run, state or probes file."""
+    return str(File(run).with_name(f"{stem(run)}.{what}.png"))

@@ -1,4 +1,4 @@
-"""The command-line parser, its help, and the option name of each parameter."""
+"""The command-line parser and the layout of its help."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import inspect
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from labkit.errors import InputError, instead_of, nearest, option_name
+from labkit.errors import InputError, nearest, option_name
 from labkit.parameters import UNITS
 
 UNIT_NAMES = {name for units in UNITS.values() for name in units}
 POSITIONAL = ("path", "specimen", "figure", "file", "test")
-Options = argparse.ArgumentParser | argparse._ArgumentGroup  # anything to which options can be added
+HELP = {"-h", "--help"}
 
 
 class HelpFormatter(argparse.RawDescriptionHelpFormatter):
@@ -26,50 +26,57 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
             hanging = re.match(r"\s+\S+\s{2,}|\s*", line)
             gap = " " * len(hanging[0] if hanging else "")
             wrapper = textwrap.TextWrapper(width, indent, indent + gap, break_on_hyphens=False, break_long_words=False)
-            wrapped = wrapper.wrap(line)
-            lines += wrapped or [""]
+            lines += wrapper.wrap(line) or [""]
         return "\n".join(lines)
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises InputError with a one-line message instead of printing the usage; accepts no abbreviated options."""
+    """A parser that raises InputError with a one-line message and accepts no abbreviated options.
 
-    def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        """Arguments of argparse.ArgumentParser."""
-        keywords = {"formatter_class": HelpFormatter, **keywords, "allow_abbrev": False}
-        super().__init__(*arguments, **keywords)
-        self.command_line: Sequence[str] = ()  # arguments to be parsed, for help that depends on them
+    words: the words to be parsed, for help that depends on them.
+    """
+
+    def __init__(self, prog: str, words: Sequence[str] = (), description: str = "", usage: str | None = None) -> None:
+        """Starts without options."""
+        super().__init__(prog, usage, description, formatter_class=HelpFormatter, allow_abbrev=False)
+        self.exit_on_error = False  # so that errors arrive with the name of their option
+        self.words = words
+        self._groups: dict[str, argparse._ArgumentGroup] = {}
+
+    def group(self, title: str | None, description: str | None = None) -> argparse._ActionsContainer:
+        """The group of options with this title in the help, or the options without a group."""
+        if title is None:
+            return self
+        if title not in self._groups:
+            self._groups[title] = self.add_argument_group(title, description)
+        return self._groups[title]
 
     def error(self, message: str) -> NoReturn:
         """Raises InputError with the message and the command that prints the help."""
-        message = re.sub(r"^argument (\S+): ", r"\1: ", message)
-        unknown = re.fullmatch(r"(\S+): invalid choice: '(.*)' \(choose from (.*)\)", message)
-        if unknown:
-            choices = re.findall(r"[\w-]+", unknown[3])
-            message = f"{unknown[1]} {unknown[2]!r} is unknown: give {instead_of(choices, unknown[2])}"
         raise InputError(f"{message} (see {self.prog} --help)")
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As argparse's, but raises InputError for an argument that is not known."""
-        options, unknown = super().parse_known_args(args, namespace)
+    def parse_known_args(  # type: ignore[override]  # one of its overloads
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """As argparse's, but raises InputError for an argument that is not known or not valid."""
+        try:
+            options, unknown = super().parse_known_args(args, namespace)
+        except argparse.ArgumentError as error:
+            self.error(f"{error.argument_name}: {error.message}" if error.argument_name else error.message)
+        if unknown and unknown[0] in UNIT_NAMES:
+            advice = f"write the value and its unit without a blank, as in 300{unknown[0]}, or in quotes"
+            self.error(f"{unknown[0]} stands alone: {advice}")
         if unknown:
-            if unknown[0] in UNIT_NAMES:
-                advice = f"write the value and its unit without a blank, as in 300{unknown[0]}, or in quotes"
-                raise InputError(f"{unknown[0]} stands alone: {advice} (see {self.prog} --help)")
             close = nearest(unknown[0].partition("=")[0], self._option_string_actions)
             hint = "" if close is None else f": did you mean {close}?"
-            raise InputError(f"{unknown[0]} is not an option of {self.prog}{hint} (see {self.prog} --help)")
+            self.error(f"{unknown[0]} is not an option of {self.prog}{hint}")
         return options, unknown
 
     def shorten_usage(self) -> None:
         """Replaces the list of all options in the usage line by `[options]`."""
-        positional = [self._usage_of(action) for action in self._actions if not action.option_strings]
-        self.usage = " ".join([self.prog, *positional, "[options]"]).replace("%", "%%")
-
-    @staticmethod
-    def _usage_of(action: argparse.Action) -> str:
-        name = str(action.metavar or action.dest)
-        return f"{name} [{name} ...]" if action.nargs == "+" else name
+        positional = [action for action in self._actions if not action.option_strings]
+        names = [str(action.metavar) + f" [{action.metavar} ...]" * (action.nargs == "+") for action in positional]
+        self.usage = " ".join([self.prog, *names, "[options]"]).replace("%", "%%")
 
 
 def named(field: str) -> str:
@@ -77,7 +84,7 @@ def named(field: str) -> str:
     return field if field in POSITIONAL else option_name(field)
 
 
-def listed(title: str, texts: Mapping[str, str]) -> str:
+def name_list(title: str, texts: Mapping[str, str]) -> str:
     """A list for the end of a help text: names, each with its explanation."""
     width = max(map(len, texts), default=0)
     lines = [f"  {name:<{width}}  {text}".rstrip() for name, text in texts.items()]

@@ -2,66 +2,73 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import add_engine_options, add_parameters, computation, given
-from labkit.cli.model import add_model_options
+from labkit.cli.arguments import History, Instance, Option, Working
+from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.naming import stem
+from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
-from labkit.cli.simulate import history_of
-from labkit.dem.checkpoint import read_checkpoint
-from labkit.dem.probes import Probing
-from labkit.dem.state import State, read_state
-from labkit.engines import require_engine
+from labkit.engines import Start, require_engine
 from labkit.errors import InputError
+from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
+from labkit.records.checkpoint import read_checkpoint
+from labkit.runs.probing import Probing
 
 if TYPE_CHECKING:
+    from labkit.model.parameters import Model
     from labkit.runs.probe_set import Probes
 
 
-def probe_options(parser: argparse.ArgumentParser) -> None:
-    """Options of `labkit probe`."""
-    parser.add_argument("file", metavar="FILE", help="state file, or run file, whose checkpoint is probed")
-    add_parameters(parser.add_argument_group("probes"), Probing)
-    group = parser.add_argument_group("materials", "The grains, and on request:")
-    group.add_argument(
-        "--elastic",
-        action="store_true",
-        help="also probe the grains with friction coefficients so high that no contact slides",
-    )
-    group.add_argument(
-        "--model", action="store_true", help="also probe the constitutive model in the state that the grains have"
-    )
-    add_model_options(group)
-    add_engine_options(parser.add_argument_group("computation"))
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        help="probes file to write, or a table if its name ends in .csv (default: next to FILE)",
-    )
+@command("probe")
+def probe_command(
+    file: Annotated[str, Option("state file, or run file, whose checkpoint is probed")],
+    *,
+    probing: Annotated[Probing, Instance(Probing, "probes")],
+    elastic: Annotated[
+        bool,
+        Option(
+            "also probe the grains with friction coefficients so high that no contact slides", group="more materials"
+        ),
+    ] = False,
+    model: Annotated[
+        bool,
+        Option("also probe the constitutive model in the state that the grains have", group="more materials"),
+    ] = False,
+    beyond_e_cmax: BeyondECmax = "error",
+    parameters: ModelParameters = None,
+    computation: Working,
+    output: Annotated[
+        str | None,
+        Option("probes file to write, or a table if its name ends in .csv (default: next to FILE)", "FILE"),
+    ] = None,
+    history: History,
+) -> None:
+    """Applies small increments of strain or stress in many directions, each to the same state.
 
+    Writes a probes file with all increments, and prints the range of the stiffness and the symmetry of its fit.
+    `labkit figure envelope` draws the file.
 
-@command("probe", probe_options)
-def do_probe(options: argparse.Namespace, argv: list[str]) -> None:
-    """Probes the state in a file, and writes and summarises the result."""
-    from labkit.io.provenance import write_with_provenance
+    Examples:
+        labkit probe r.run.nc --elastic --model --engine fused -o e.probes.nc
+        labkit probe s.state.nc --plane all --elastic --engine fused
+    """
+    from labkit.model.run_file import read_model
 
-    probing = Probing(**given(options, Probing))
-    state = state_in(options.file)
-    require_engine(options.engine, state.scene, options.precision)
-    output = options.output or str(Path(options.file).with_name(f"{stem(options.file)}.probes.nc"))
+    state = state_in(file)
+    require_engine(computation.name, state.scene, computation.precision)
+    output = output or str(Path(file).with_name(f"{stem(file)}.probes.nc"))
     as_table = output.lower().endswith(".csv")
     require_writable(output, None if as_table else "probes")
-    probes = probe_all(state, probing, options)
+    chosen = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax) if model else None
+    probes = probe_all(state, probing, chosen, elastic, computation)
     if as_table:
-        write_with_provenance(output, probes.table().to_csv(index=False, float_format="%.8g"), [options.file])
+        write_table(probes.table(), output, [file], digits=8)
     else:
-        probes.write(output, [options.file], history_of(argv))
+        probes.write(output, [file], history)
     print(f"{output}: {probes!r}")
     print(summary_text(probes))
 
@@ -77,22 +84,18 @@ def summary_text(probes: Probes) -> str:
     return table.rename(columns=names).to_string(index=False, float_format="%.3g", na_rep="-")
 
 
-def probe_all(state: State, probing: Probing, options: argparse.Namespace) -> Probes:
-    """The probes of all materials that the options ask for; the model first, as it may refuse the state."""
+def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool, computation: Start) -> Probes:
+    """The probes of all materials that are asked for; the model first, as it may refuse the state."""
     from labkit.io.progress import reporter
     from labkit.model import probes as of_model
-    from labkit.model.run_file import read_model
     from labkit.model.state import state_of
     from labkit.runs.probes import at_rest, probes_of
 
-    start = at_rest(state, **computation(options))
-    predicted = None
-    if options.model:
-        model = read_model(options.parameters).reading(beyond_e_cmax=options.beyond_e_cmax)
-        predicted = of_model.probes_of(state_of(start.snapshot()), model, probing)
-    found = probes_of(start, probing, False, progress=reporter("probes"), **computation(options))
-    if options.elastic:
-        found += probes_of(start, probing, True, progress=reporter("elastic probes"), **computation(options))
+    start = at_rest(state, computation)
+    predicted = None if model is None else of_model.model_probes(state_of(start.snapshot()), model, probing)
+    found = probes_of(start, probing, False, computation, reporter("probes"))
+    if elastic:
+        found += probes_of(start, probing, True, computation, reporter("elastic probes"))
     return found if predicted is None else found + predicted
 
 

@@ -1,80 +1,120 @@
-"""The registry of commands: which modules define the built-in ones, and how a command registers itself."""
+"""The commands: one decorated function each.
+
+The signature gives the arguments and options (see `arguments`), the docstring the help. labkit's own commands are
+listed here with their modules, which are imported when a command is used; any other file registers its own:
+
+    @command("porosity", "print the porosity of a specimen")
+    def porosity(file: Annotated[str, Option("state file")], *, digits: Annotated[int, Option("of it")] = 3) -> None:
+        ...
+"""
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import importlib
+import inspect
+import re
 from collections.abc import Callable
 
-# name -> (module of this package that registers it, summary); modules are imported when their command is used
-LABKITS = {
-    "specimen": ("simulate", "make a specimen"),
-    "consolidate": ("simulate", "consolidate a specimen isotropically to a pressure"),
-    "density": ("density", "measure e_min and e_max of a material, and relative densities"),
-    "twins": ("density", "make a specimen with the same e and p as another, and fewer contacts"),
-    "run": ("simulate", "load a specimen along a path"),
-    "probe": ("probe", "probe a state with small increments of strain or stress in many directions"),
-    "driver": ("driver", "carry out a test file of the Incremental Driver"),
-    "stratified": ("look", "make the stratified layer of Fig. 3, coarse over fine discs"),
-    "verify": ("look", "compare C0 with Love's stress and check what the path holds"),
-    "critical": ("look", "tabulate the critical states of shear tests"),
-    "figure": ("look", "draw a figure of a run"),
-    "picture": ("look", "draw the grains and the force chains in 3D"),
-    "paraview": ("look", "write grains, contacts and cell for ParaView"),
-    "grading": ("grading", "compare the size distribution of the grains with the grading of the scene"),
-    "watch": ("look", "plot runs in the terminal while they are computed"),
-    "import": ("exchange", "make a specimen from a file of another program"),
-    "export": ("export", "write tables, or files for other programs"),
-    "statistics": ("exchange", "compute the statistics of a contact list, without a simulation"),
-    "info": ("look", "show the contents and the origin of a file"),
-    "model": ("model", "integrate the constitutive model along a loading path"),
-    "calibrate": ("model", "fit the parameters of the model to runs"),
-    "model-speed": ("model", "measure time and error of the model's integrators"),
-    "umat": ("umat", "write the model as a material law for finite-element programs (UMAT, MGIS)"),
-    "umat-speed": ("umat", "measure the speed of the compiled material law"),
-    "campaign": ("campaign", "carry out many runs defined in one file"),
-    "bench": ("bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
-    "bench-statistics": ("bench", "measure the speed and memory of the statistics of a run"),
-    "demo": ("demo", "make a specimen, test it and verify the test, in a few minutes"),
-}
+from labkit import extensions
+from labkit.errors import InputError
+from labkit.plugins import COMMANDS, load_plugins
 
-Options = Callable[[argparse.ArgumentParser], None]
-Execute = Callable[[argparse.Namespace, list[str]], "int | None"]
+Function = Callable[..., "int | None"]
+
+# name -> (module, summary); the plug-ins add theirs
+BUILT_IN = {
+    "specimen": ("labkit.cli.simulate", "make a specimen"),
+    "consolidate": ("labkit.cli.simulate", "consolidate a specimen isotropically to a pressure"),
+    "density": ("labkit.cli.density", "measure e_min and e_max of a material, and relative densities"),
+    "twins": ("labkit.cli.density", "make a specimen with the same e and p as another, and fewer contacts"),
+    "run": ("labkit.cli.simulate", "load a specimen along a path"),
+    "probe": ("labkit.cli.probe", "probe a state with small increments of strain or stress in many directions"),
+    "stratified": ("labkit.cli.simulate", "make the stratified layer of Fig. 3, coarse over fine discs"),
+    "verify": ("labkit.cli.verify", "compare C0 with Love's stress and check what the path holds"),
+    "critical": ("labkit.cli.verify", "tabulate the critical states of shear tests"),
+    "figure": ("labkit.cli.figure", "draw a figure of a run"),
+    "picture": ("labkit.cli.figure", "draw the grains and the force chains in 3D"),
+    "paraview": ("labkit.cli.figure", "write grains, contacts and cell for ParaView"),
+    "grading": ("labkit.cli.figure", "compare the size distribution of the grains with the grading of the scene"),
+    "watch": ("labkit.cli.figure", "plot runs in the terminal while they are computed"),
+    "info": ("labkit.cli.verify", "show the contents and the origin of a file"),
+    "model": ("labkit.cli.model", "integrate the constitutive model along a loading path"),
+    "calibrate": ("labkit.cli.model", "fit the parameters of the model to runs"),
+    "model-speed": ("labkit.cli.bench", "measure time and error of the model's integrators"),
+    "umat-speed": ("labkit.cli.bench", "measure the speed of the compiled material law"),
+    "campaign": ("labkit.cli.campaign", "carry out many runs defined in one file"),
+    "bench": ("labkit.cli.bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
+    "bench-statistics": ("labkit.cli.bench", "measure the speed and memory of the statistics of a run"),
+    "demo": ("labkit.cli.demo", "make a specimen, test it and verify the test, in a few minutes"),
+}
 
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """A command. options(parser) adds its options; execute(options, argv) returns an exit code, or None for 0."""
+    """A command.
+
+    Args:
+        name: its name on the command line.
+        summary: its line in `labkit --help`.
+        function: what it does; returns an exit code, or None for 0.
+        epilog: makes lists for the end of its help, such as that of the loading paths, from the words typed.
+    """
 
     name: str
-    help: str
-    options: Options
-    execute: Execute
+    summary: str
+    function: Function
+    epilog: Callable[[list[str]], str] | None = None
+
+    @property
+    def description(self) -> str:
+        """The docstring of its function in one paragraph, without the examples."""
+        text = (inspect.getdoc(self.function) or "").partition("\n\nExample")[0]
+        return " ".join(text.split()) or f"{self.summary[:1].upper()}{self.summary[1:]}."
+
+    @property
+    def examples(self) -> str:
+        """The examples of the docstring, for the end of the help; empty if there are none."""
+        _, heading, text = (inspect.getdoc(self.function) or "").partition("\n\nExample")
+        text = re.sub(r"\n {5,}", " ", text)  # a deeper indentation continues a line
+        lines = [f"  {line.strip()}" for line in text.splitlines()[1:]]
+        return "\n".join([f"example{'s' * (len(lines) > 1)}:", *lines]) if heading else ""
 
 
 REGISTERED: dict[str, Command] = {}
 
 
-def command(name: str, options: Options, help: str = "") -> Callable[[Execute], Execute]:
-    """A decorator that registers a function as a command; `help`: its summary, unless the command is built in."""
+def command(
+    name: str, summary: str = "", epilog: Callable[[list[str]], str] | None = None
+) -> Callable[[Function], Command]:
+    """A decorator that registers a function as a command; summary: of a command that is not labkit's own."""
 
-    def register(execute: Execute) -> Execute:
-        summary = help or LABKITS.get(name, ("", name))[1]
-        REGISTERED[name] = Command(name, summary, options, execute)
-        return execute
+    def register(function: Function) -> Command:
+        known = offered().get(name)
+        if known is not None and known[0] != function.__module__ and not function.__module__.startswith("benchmarks."):
+            raise InputError("is the name of another command", field="name", value=name, allowed="another name")
+        REGISTERED[name] = Command(name, summary or (known[1] if known else name), function, epilog)
+        return REGISTERED[name]
 
     return register
 
 
-def helps() -> dict[str, str]:
-    """Summary of every command, name -> text."""
-    own = {name: summary for name, (_, summary) in LABKITS.items()}
-    return own | {name: command.help for name, command in REGISTERED.items()}
+def offered() -> dict[str, tuple[str, str]]:
+    """labkit's own commands and those of its plug-ins, name -> (module, summary)."""
+    load_plugins()
+    return BUILT_IN | COMMANDS
 
 
-def find(name: str) -> Command | None:
+def summaries() -> dict[str, str]:
+    """Summary of every command that is installed or loaded, name -> text."""
+    own = {name: summary for name, (_, summary) in offered().items()}
+    return own | {name: known.summary for name, known in REGISTERED.items()}
+
+
+def find_command(name: str) -> Command | None:
     """The command of that name, or None if it is unknown."""
-    if name not in REGISTERED and name in LABKITS:
-        importlib.import_module(f"labkit.cli.{LABKITS[name][0]}")
+    if name not in REGISTERED and name in offered():
+        importlib.import_module(offered()[name][0])
+    if name not in REGISTERED:
+        extensions.load_extensions()
     return REGISTERED.get(name)

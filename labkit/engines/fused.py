@@ -8,16 +8,12 @@ The results are bit-identical for any number of threads.
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numba
 import numpy as np
 
 import labkit
-from labkit.dem.energy import kinetic_energy
-from labkit.dem.engine import Engine
-from labkit.dem.laws.base import Features
-from labkit.dem.state import State
+from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.arranging import touching
 from labkit.engines.kernel.build import kernel_of
 from labkit.engines.kernel.compiling import CONFIG, rounded
@@ -30,12 +26,14 @@ from labkit.engines.kernel.layout import (
     ROLLING_LOSS,
     WIDTH,
 )
-from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, Grains, History, Packing, pack
+from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, GrainArrays, History, PackedArrays, pack
 from labkit.engines.kernel.sites import image_sites
 from labkit.engines.kernel.steps import Motion
-from labkit.engines.threads import ThreadChoice, report
+from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.state import State
 from labkit.io.memory import return_large_arrays
+from labkit.records.energy import kinetic_energy
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin lasts about a thousand steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -70,7 +68,7 @@ class FusedEngine(Engine):
     """
 
     name = "fused"
-    precisions = ("double", "mixed")
+    abilities = Abilities(precisions=("double", "mixed"))
     version = labkit.__version__
     energy = True  # sum work and losses; only `labkit bench` switches this off
 
@@ -90,20 +88,21 @@ class FusedEngine(Engine):
     def load(self, state: State) -> None:
         scene = state.scene
         self._start = state.replace(**dict.fromkeys(IN_KERNEL))
-        self._packing: Packing | None = None
+        self._packing: PackedArrays | None = None
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
-        self._features = scene.contact_law.features(scene)
+        features = scene.contact_law.features(scene)
+        self._law, self._damping = rounded(features, self._kind is np.float32), scene.contact_law.local_damping(scene)
         self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
             values
             for values, kept in (
-                (state.tangential_force, self._features.friction),
-                (state.rolling_moment, self._features.rolling),
+                (state.tangential_force, features.friction),
+                (state.rolling_moment, features.rolling or features.twisting),
             )
             if kept is not None
         ]
@@ -122,15 +121,15 @@ class FusedEngine(Engine):
                 raise
             reason = next((line for line in str(error).splitlines() if line.strip()), "")
             raise InputError(
-                f"contact law {scene.law} cannot be compiled ({reason.strip()}): write its `pair` using only numbers, "
-                "tuples and functions from labkit.dem.laws.vectors"
+                f"contact law {scene.law} cannot be compiled ({reason.strip()}): write its parts using only numbers "
+                "and the functions of labkit.laws"
             ) from error
 
     def _divide_work(self) -> None:
         """Choose the compiled loop and the largest useful number of threads for the loaded specimen."""
         most = min(self._threads, len(self.packing.arrays.contact_first))
         if most < self._threads:
-            report(
+            warn_once(
                 f"the fused engine runs on {most} thread{'s' * (most > 1)}, not {self._threads}: it can use one thread "
                 f"per {GRAINS_PER_DOMAIN:,} grains"
             )
@@ -139,7 +138,7 @@ class FusedEngine(Engine):
         self._advance = self._kernel.advance if most == 1 else self._kernel.advance_threads
 
     @property
-    def packing(self) -> Packing:
+    def packing(self) -> PackedArrays:
         """The arrays of the kernel since the last neighbour search."""
         assert self._packing is not None, "no state is loaded"
         return self._packing
@@ -178,7 +177,6 @@ class FusedEngine(Engine):
         """Call the compiled loop (labkit.engines.kernel.steps.advance)."""
         if self._choice.most > 1:
             numba.set_num_threads(self._choice.count)
-        law = Features(*(self._of_kind(value) for value in self._features))
         motion = Motion(
             self._cell, self._before, self._first_cell, self._spread, 2.0 * self._start.radius.max(), self._margin
         )
@@ -190,18 +188,10 @@ class FusedEngine(Engine):
             motion,
             self.packing.arrays,
             self._kind(dt),
-            law.constants,
-            law.friction,
-            law.rolling,
-            law.dashpots,
-            self._features.damping,
+            self._law,
+            self._damping,
             gradient.astype(self._kind) if self.energy else None,
-            law.turning,
         )
-
-    def _of_kind(self, value: Any) -> Any:
-        """A parameter of the contact law, in the precision of the contacts."""
-        return rounded(value, self._kind is np.float32)
 
     def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
         """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
@@ -209,7 +199,7 @@ class FusedEngine(Engine):
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, radius = self._start.scene, self._start.radius
         self._packing = p = pack(
-            Grains(*kinematics, radius, *self._mass),
+            GrainArrays(*kinematics, radius, *self._mass),
             history,
             self._cell,
             self._margin,
@@ -238,7 +228,7 @@ class FusedEngine(Engine):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
     def stress(self) -> np.ndarray:
-        total = self._kernel.branch_force(self.packing.arrays, self._of_kind(self._features.friction))
+        total = self._kernel.branch_force(self.packing.arrays, self._law)
         return -total / np.linalg.det(self._cell)
 
     def stop_grains(self) -> None:
@@ -256,7 +246,7 @@ class FusedEngine(Engine):
         )
         rows = history.rows[order] * sign[:, None]
         zero = np.zeros((len(order), 3))
-        friction, rolling = self._features.friction is not None, self._features.rolling is not None
+        law = self._law
         return self._start.replace(
             position=position,
             velocity=velocity,
@@ -265,8 +255,8 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=contact_grain,
             contact_shift=contact_shift,
-            tangential_force=rows[:, :3].astype(float) if friction else zero,
-            rolling_moment=rows[:, -3:].astype(float) if rolling else zero,
+            tangential_force=rows[:, :3].astype(float) if law.friction is not None else zero,
+            rolling_moment=rows[:, -3:].astype(float) if law.rolling or law.twisting else zero,
             time=self._time,
             step=self._step,
             engine=self.name,

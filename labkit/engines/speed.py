@@ -1,6 +1,6 @@
-"""Speed of an engine, measured in a separate process: YADE for the YADE engine, Python for the others.
+"""Speed of an engine in a CV test, and the cost of a record and of the stress for the servo, in a separate process.
 
-`python -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints the same lines as yade_scripts/speed.py inside YADE.
+`python -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints one line for each quantity.
 """
 
 from __future__ import annotations
@@ -8,47 +8,64 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable
 
-from labkit.dem.speed import measure_speed
-from labkit.dem.state import read_state
-from labkit.engines import ENGINES, starter
-from labkit.engines.yade_process import find_script, find_yade, yade_environment
+from labkit.engines import starter
+from labkit.engines.base import Start
 from labkit.errors import PhysicsError
+from labkit.grains.state import State, read_state
+from labkit.paths.rates import on_grains
+from labkit.paths.standard import ConstantVolume
+from labkit.records.measure import measure
+from labkit.servo.correction import prescribed_gradient
 
 
 def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:
-    """Measure labkit.dem.speed's quantities for an engine on the specimen of a state file, quantity -> value.
+    """Measure the quantities of `measure_speed` for an engine and the specimen of a state file, quantity -> value.
 
     Raises PhysicsError if the engine fails.
     """
-    kind = ENGINES.require(engine)
-    if not kind.here() and kind.parallel == "threads":  # one rank of MPI needs no mpiexec
-        return in_yade("speed.py", file, steps, threads)
     command = [sys.executable, "-m", "labkit.engines.speed", engine, str(file), str(steps), str(threads)]
-    return _quantities(command, None)
-
-
-def in_yade(script: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:
-    """Run a measuring script of yade_scripts in a separate YADE process, quantity -> value. Raises PhysicsError."""
-    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(script)), str(file), str(steps)]
-    return _quantities(command, yade_environment())
-
-
-def _quantities(command: Sequence[str], environment: Mapping[str, str] | None) -> dict[str, float]:
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    lines = [line.split() for line in done.stdout.splitlines() if line.startswith("steps_per_")]
-    if done.returncode or not lines:
+    done = subprocess.run(command, capture_output=True, text=True)
+    values = read_speeds(done.stdout)
+    if done.returncode or not values:
         reason = done.stderr.strip()[-300:]
         raise PhysicsError(f"the speed measurement ended with exit status {done.returncode}: {reason}")
+    return values
+
+
+def read_speeds(text: str) -> dict[str, float]:
+    """The values in the output of a measurement."""
+    lines = (line.split() for line in text.splitlines() if line.startswith("steps_per_"))
     return {name: float(value) for name, value in lines}
 
 
-def print_speed(engine: str, file: str, steps: int, threads: int) -> None:
-    """Measure the speed in this process and print one line per quantity."""
-    for name, value in measure_speed(starter(engine, threads), read_state(file), steps).items():
-        print(name, value)
+def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
+    """Steps per second over `steps` steps, and the cost of a stress evaluation and of a record in equivalent steps."""
+    gradient = prescribed_gradient(on_grains(ConstantVolume(), state.scene), state.time_step)
+    engine = start(state)
+    engine.advance(max(1, steps // 5), gradient)
+    rate = steps / _seconds(lambda: engine.advance(steps, gradient))
+    stress = [
+        lambda: engine.advance(0, gradient),
+        engine.stress,
+    ]  # YADE computes the stress when it stops, fused on demand
+    _seconds(stress[1])
+    return {
+        "steps_per_second": rate,
+        "steps_per_stress": rate * _seconds(lambda: [f() for _ in range(20) for f in stress]) / 20,
+        "steps_per_record": rate * _seconds(lambda: [measure(engine.state(), state.cell) for _ in range(3)]) / 3,
+    }
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
 
 
 if __name__ == "__main__":
-    print_speed(sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]))
+    name, file, steps, threads = sys.argv[1:]
+    for quantity, value in measure_speed(starter(name, int(threads)), read_state(file), int(steps)).items():
+        print(quantity, value)

@@ -66,7 +66,7 @@ class ThreadChoice:
         self._pause = max(lost, WINDOW) / COST
         self._failures = 0 if several_help else self._failures + 1
         if self._failures == 2:
-            report(
+            warn_once(
                 f"the fused engine continues on 1 thread: {self.most} threads are slower at present, probably because "
                 "other programs use the cores; it tries them again from time to time"
             )
@@ -74,6 +74,6 @@ class ThreadChoice:
 
 
 @functools.cache
-def report(message: str) -> None:
+def warn_once(message: str) -> None:
     """Log a warning, once per process."""
     logging.getLogger("labkit").warning("labkit: %s", message)

@@ -1,21 +1,18 @@
-"""Starts YADE as a child process."""
+"""Finds YADE and runs scripts in it."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from labkit.dem.engine import Progress
-from labkit.engines.child import Program, run_child
-from labkit.errors import InputError
-from labkit.io.progress import PIPE
+from labkit.errors import InputError, PhysicsError
 
 PACKAGE = Path(__file__).resolve().parents[1]
 PROGRAMS = ("yade", "yadedaily")
-NOISE = ("Welcome to Yade", "Using python version", "TCP python prompt", "XMLRPC info", "Running script")
 
 
 def yade_program() -> str | None:
@@ -36,8 +33,8 @@ def find_yade() -> str:
     program = yade_program()
     if program is None:
         raise InputError(
-            "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade "
-            "python3-netcdf4`; elsewhere see https://yade-dem.org/doc/installation.html"
+            "YADE is not installed: on Debian or Ubuntu install it with `./lab` or `sudo apt-get install yade`; "
+            "elsewhere see https://yade-dem.org/doc/installation.html"
         )
     return program
 
@@ -51,17 +48,26 @@ def find_script(name: str) -> Path:
 
 
 def yade_environment() -> dict[str, str]:
-    """Environment of a YADE process: labkit on the path, without variables of a virtual environment.
+    """Environment of a YADE process: without variables of a virtual environment.
 
     Waiting OpenMP threads sleep: spinning threads halve YADE's speed on a computer that is busy with other work.
     """
-    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "LABKIT_ROOT": str(PACKAGE.parent)}
+    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
         environment.pop(unwanted, None)
     return environment
 
 
-def run_script(name: str, arguments: Sequence[str], threads: int, progress: Progress) -> None:
-    """Run a script in YADE. Raises InputError, PhysicsError or Interrupted with the message of the child."""
-    command = [find_yade(), "-n", "-x", f"-j{threads}", str(find_script(name)), *arguments]
-    run_child(command, {**yade_environment(), PIPE: "1"}, progress, Program("YADE", NOISE))
+def yade_command(script: Path, arguments: Sequence[str], threads: int = 1) -> list[str]:
+    """Command that runs a script in YADE. Raises InputError if YADE is missing."""
+    return [find_yade(), "-n", "-x", f"-j{threads}", str(script), *arguments]
+
+
+def run_script(script: Path, arguments: Sequence[str], threads: int = 1) -> str:
+    """Output of a script in YADE. Raises PhysicsError if it fails."""
+    command = yade_command(script, arguments, threads)
+    done = subprocess.run(command, env=yade_environment(), stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if done.returncode:
+        reason = done.stderr.strip()[-300:]
+        raise PhysicsError(f"{script.name} in YADE ended with exit status {done.returncode}: {reason}")
+    return done.stdout

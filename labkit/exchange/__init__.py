@@ -7,21 +7,22 @@ importing      from a file to a State or a Snapshot
 summary        statistics of one Snapshot as text, CSV and JSON
 """
 
+from typing import TYPE_CHECKING
+
 from labkit.lazy import attach
 
-_NAMES = {
-    "FORMATS": "formats",
-    "Answers": "answers",
-    "ContactList": "packing",
-    "Finding": "checks",
-    "Format": "formats",
-    "Imported": "importing",
-    "Packing": "packing",
-    "import_snapshot": "importing",
-    "import_state": "importing",
-    "read": "importing",
-    "register_format": "formats",
-    "state_of": "importing",
-}
-
-__getattr__, __dir__, __all__ = attach(__name__, _NAMES)
+if TYPE_CHECKING:
+    from labkit.exchange.answers import Answers as Answers
+    from labkit.exchange.checks import Doubt as Doubt
+    from labkit.exchange.formats import FORMATS as FORMATS
+    from labkit.exchange.formats import Format as Format
+    from labkit.exchange.formats import register_format as register_format
+    from labkit.exchange.importing import Imported as Imported
+    from labkit.exchange.importing import import_snapshot as import_snapshot
+    from labkit.exchange.importing import import_state as import_state
+    from labkit.exchange.importing import read as read
+    from labkit.exchange.importing import state_of_snapshot as state_of_snapshot
+    from labkit.exchange.packing import ContactList as ContactList
+    from labkit.exchange.packing import Packing as Packing
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

@@ -10,7 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError, option_name
 from labkit.exchange.packing import COMPRESSION, DIAMETER, FIRST, RADIUS, SECOND, TENSION, ContactList, Packing
-from labkit.parameters import Named, check_parameters, parameter
+from labkit.parameters import Named, Number, check_parameters, parameter
 
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
@@ -43,7 +43,7 @@ class Answers(Named):
     force_on: str | None = parameter(
         None, kind=str, choices=(FIRST, SECOND), help="grain of a contact on which the force vectors in the file act"
     )
-    first_id: int | None = parameter(
+    first_id: Number[int | None] = parameter(
         None, kind=int, low=0, high=1, help="number of the first grain in a contact list, if grains have no ids"
     )
     columns: str | None = parameter(
@@ -52,7 +52,7 @@ class Answers(Named):
     contact_columns: str | None = parameter(
         None, kind=str, help="columns of the contacts, if their file does not name them, e.g. id1,id2,fx,fy,fz"
     )
-    frame: int | None = parameter(
+    frame: Number[int | None] = parameter(
         None, kind=int, low=-(10**9), high=10**9, help="number of the frame in a file with several (default: the last)"
     )
 
@@ -62,12 +62,8 @@ class Answers(Named):
             object.__setattr__(self, "box", ",".join(map(str, np.ravel(self.box))))
         check_parameters(self)
         self.cell()
-        for value, units, field in (
-            (self.length_unit, LENGTHS, "length_unit"),
-            (self.force_unit, FORCES, "force_unit"),
-        ):
-            if value is not None:
-                unit_of(value, units, field)
+        _unit(self.length_unit, LENGTHS, "length_unit")
+        _unit(self.force_unit, FORCES, "force_unit")
 
     def cell(self) -> np.ndarray | None:
         """The periodic box as a matrix (3, 3), None if it was not given."""
@@ -88,44 +84,27 @@ class Answers(Named):
 
     def applied(self, packing: Packing) -> Packing:
         """The packing with these answers, in m, N and radii. Raises InputError for the questions left open."""
-        cell = self.cell()
-        cell = packing.cell if cell is None else cell
         if packing.size is None and self.diameter is not None:
-            sizes = np.full(len(packing), _number(self.diameter, "diameter"))
+            sizes = np.full(len(packing), _length(self.diameter, "diameter"))
             packing = dataclasses.replace(packing, size=sizes, size_is=DIAMETER)
+        cell = packing.cell if self.box is None else self.cell()
+        size, size_is = packing.size, packing.size_is or self.size
+        metre = _unit(self.length_unit, LENGTHS, "length_unit") or packing.length_unit
+        _require(box=cell, diameter=size, size=size is None or size_is, length_unit=metre)
+        assert size is not None and cell is not None and metre is not None
         contacts = packing.contacts
-        size_is = packing.size_is or self.size
-        metre = packing.length_unit
-        if self.length_unit is not None:
-            metre = unit_of(self.length_unit, LENGTHS, "length_unit")
-        units = f"one of {', '.join(LENGTHS)}, or e.g. '0.17 mm'"
-        _require(
-            (cell, "box", "no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file"),
-            (packing.size, "diameter", "no grain sizes", "the diameter of the grains"),
-            (
-                packing.size is None or size_is,
-                "size",
-                "no word on whether sizes are radii or diameters",
-                "radius or diameter",
-            ),
-            (metre, "length_unit", "no length unit", units),
-        )
-        assert packing.size is not None and cell is not None and metre is not None
-        radius = packing.size * metre * (0.5 if size_is == DIAMETER else 1.0)
         if contacts is not None:
-            newton = packing.force_unit
-            if self.force_unit is not None:
-                newton = unit_of(self.force_unit, FORCES, "force_unit")
+            newton = _unit(self.force_unit, FORCES, "force_unit") or packing.force_unit
             if contacts.has_forces:
-                _require((newton, "force_unit", "no force unit", f"one of {', '.join(FORCES)}"))
+                _require(force_unit=newton)
             contacts = self._contacts(contacts, newton or 1.0, metre)
         return dataclasses.replace(
             packing,
             position=packing.position * metre,
-            size=radius,
+            size=size * metre * (0.5 if size_is == DIAMETER else 1.0),
             size_is=RADIUS,
             cell=cell * metre,
-            origin=None if packing.origin is None else packing.origin * metre,
+            origin=_times(packing.origin, metre),
             contacts=contacts,
             length_unit=1.0,
             force_unit=1.0,
@@ -133,28 +112,31 @@ class Answers(Named):
 
     def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
         """Contacts in N and m, with compression positive and vectors on the first grain."""
-        normal, tangential, force = contacts.normal_force, contacts.tangential_force, contacts.force
-        if normal is not None:
-            positive = contacts.positive or self.force_sign
-            _require((positive, "force_sign", "no word on which normal force is positive", "compression or tension"))
-            normal = normal * newton * (1.0 if positive == COMPRESSION else -1.0)
-        acts_on = contacts.acts_on or self.force_on
-        if tangential is not None or force is not None:
-            _require((acts_on, "force_on", "no word on which grain the forces act on", "first or second"))
-        sign = newton * (1.0 if acts_on == FIRST else -1.0)
+        positive, acts_on = contacts.positive or self.force_sign, contacts.acts_on or self.force_on
+        if contacts.normal_force is not None:
+            _require(force_sign=positive)
+        if contacts.tangential_force is not None or contacts.force is not None:
+            _require(force_on=acts_on)
+        on_first = newton if acts_on == FIRST else -newton
         return dataclasses.replace(
             contacts,
-            normal_force=normal,
+            normal_force=_times(contacts.normal_force, newton if positive == COMPRESSION else -newton),
             positive=COMPRESSION,
-            tangential_force=None if tangential is None else tangential * sign,
-            force=None if force is None else force * sign,
+            tangential_force=_times(contacts.tangential_force, on_first),
+            force=_times(contacts.force, on_first),
             acts_on=FIRST,
-            overlap=None if contacts.overlap is None else contacts.overlap * metre,
+            overlap=_times(contacts.overlap, metre),
         )
 
 
-def unit_of(text: str, units: dict[str, float], field: str) -> float:
-    """Size in SI units of a unit such as `mm` or `0.17 mm`. Raises InputError."""
+def _times(values: np.ndarray | None, factor: float) -> np.ndarray | None:
+    return None if values is None else values * factor
+
+
+def _unit(text: str | None, units: dict[str, float], field: str) -> float | None:
+    """Size in SI units of a unit such as `mm` or `0.17 mm`, None if it was not given. Raises InputError."""
+    if text is None:
+        return None
     match = UNIT.fullmatch(text)
     if match is None or match[2] not in units:
         allowed = f"one of {', '.join(units)}, with or without a number"
@@ -165,12 +147,12 @@ def unit_of(text: str, units: dict[str, float], field: str) -> float:
     return size
 
 
-def names_of(columns: str | None) -> Sequence[str] | None:
+def answer_names(columns: str | None) -> Sequence[str] | None:
     """The names in a list of columns given by the user."""
     return None if columns is None else [name.strip() for name in columns.split(",")]
 
 
-def _number(text: str, field: str) -> float:
+def _length(text: str, field: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -180,11 +162,22 @@ def _number(text: str, field: str) -> float:
     return value
 
 
-def _require(*questions: tuple[object, str, str, str]) -> None:
-    """Raises InputError with all questions (value, field, what is missing, allowed) whose value is unknown."""
+QUESTIONS = {  # field of Answers -> what the file does not have, and what to give
+    "box": ("no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file"),
+    "diameter": ("no grain sizes", "the diameter of the grains"),
+    "size": ("no word on whether sizes are radii or diameters", "radius or diameter"),
+    "length_unit": ("no length unit", f"one of {', '.join(LENGTHS)}, or e.g. '0.17 mm'"),
+    "force_unit": ("no force unit", f"one of {', '.join(FORCES)}"),
+    "force_sign": ("no word on which normal force is positive", "compression or tension"),
+    "force_on": ("no word on which grain the forces act on", "first or second"),
+}
+
+
+def _require(**known: object) -> None:
+    """Raises InputError with the questions of all fields that are None."""
     missing = [
-        f"{what}: give {option_name(field)} (in Python {field}=), {allowed}"
-        for value, field, what, allowed in questions
+        f"{QUESTIONS[field][0]}: give {option_name(field)} (in Python {field}=), {QUESTIONS[field][1]}"
+        for field, value in known.items()
         if value is None
     ]
     if missing:

@@ -22,7 +22,7 @@ SIZES = (1e-6, 0.1)  # m: likely mean diameters of soil and of its models
 
 
 @dataclasses.dataclass(frozen=True)
-class Finding:
+class Doubt:
     """Something unlikely in a file. serious: True if a state made from it would be useless."""
 
     text: str
@@ -39,36 +39,34 @@ def check_grains(
     origin: np.ndarray | None,
     overlap: np.ndarray,
     grain: np.ndarray,
-) -> list[Finding]:
+) -> list[Doubt]:
     """Findings about grains (SI units) and their overlapping pairs: overlap (m,) and grain (m, 2)."""
     found = []
     diameter = 2.0 * radius.mean()
     if not SIZES[0] < diameter < SIZES[1]:
-        found.append(Finding(f"the mean diameter is {diameter:.3g} m: is --length-unit right?"))
+        found.append(Doubt(f"the mean diameter is {diameter:.3g} m: is --length-unit right?"))
     if widths(cell).min() < 2.0 * 2.0 * radius.max():
         text = f"the box is {widths(cell).min():.3g} m wide, less than two grains of {2 * radius.max():.3g} m"
-        found.append(Finding(f"{text}: is --box right?", True))
+        found.append(Doubt(f"{text}: is --box right?", True))
     found += _outside(position, cell, origin)
     distance = radius[grain].sum(axis=1) - overlap
     same = int((distance < SAME_PLACE * diameter).sum())
     if same:
-        found.append(
-            Finding(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True)
-        )
+        found.append(Doubt(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True))
     e = np.linalg.det(cell) / grain_volume(radius) - 1.0
     ratio = overlap.mean() / diameter if len(overlap) else 0.0
     if ratio > DEEP or e < DENSE:
         text = f"the mean overlap is {ratio:.0%} of the diameter and the void ratio {e:.2f}"
         serious = bool(ratio > TOO_DEEP or e < DENSE)
-        found.append(Finding(f"{text}: are the sizes diameters, not radii? is --box right?", serious))
+        found.append(Doubt(f"{text}: are the sizes diameters, not radii? is --box right?", serious))
     elif not len(overlap) and e > THIN:
-        found.append(Finding(f"no grains touch and the void ratio is {e:.1f}: are the sizes radii, not diameters?"))
+        found.append(Doubt(f"no grains touch and the void ratio is {e:.1f}: are the sizes radii, not diameters?"))
     return found
 
 
 def check_contacts(
     grain: np.ndarray, overlap: np.ndarray, listed: np.ndarray | None, normal_force: np.ndarray | None, diameter: float
-) -> list[Finding]:
+) -> list[Doubt]:
     """Findings about a contact list: overlaps (n,) of the grains and as listed, and normal forces, in SI units."""
     found = []
     apart = overlap < -1e-6 * diameter
@@ -76,26 +74,26 @@ def check_contacts(
         gap = -overlap[apart].mean() / diameter
         text = f"{apart.mean():.1%} of the listed contacts are between grains that do not touch, {gap:.1%} of D apart"
         question = "are sizes, units, box and the numbers of the grains right?"
-        found.append(Finding(f"{text}: {question}", bool(apart.mean() > MANY)))
+        found.append(Doubt(f"{text}: {question}", bool(apart.mean() > MANY)))
     if listed is not None and len(overlap) and np.isfinite(listed).all():
         size = np.abs(listed).mean()
         if size > 0.0 and np.abs(overlap - listed).mean() > DIFFERENT * size:
             text = f"the overlaps in the file, {size / diameter:.2%} of D, differ from those of the grains"
-            found.append(Finding(f"{text}, {overlap.mean() / diameter:.2%}: are sizes, units and box right?"))
+            found.append(Doubt(f"{text}, {overlap.mean() / diameter:.2%}: are sizes, units and box right?"))
     if normal_force is not None and len(normal_force):
         touching = overlap > 0.0
         pulling = float((normal_force[touching] < 0.0).mean()) if touching.any() else 0.0
         if pulling > TENSE:
             text = f"{pulling:.0%} of the overlapping contacts are in tension"
-            found.append(Finding(f"{text}: are the sign of the forces and the columns right?", True))
+            found.append(Doubt(f"{text}: are the sign of the forces and the columns right?", True))
         elif pulling > 0.0:
-            found.append(Finding(f"{pulling:.1%} of the overlapping contacts are in tension"))
+            found.append(Doubt(f"{pulling:.1%} of the overlapping contacts are in tension"))
     return found
 
 
 def check_missing(
     grain: np.ndarray, pairs: np.ndarray, shift: np.ndarray, overlap: np.ndarray, diameter: float
-) -> list[Finding]:
+) -> list[Doubt]:
     """A finding if overlapping pairs (m, 2) with shift (m, 3) and overlap (m,) are not in the contact list (n, 2)."""
     deep = overlap > 1e-9 * diameter
     keys = {tuple(pair) for pair in np.sort(grain, axis=1).tolist()}
@@ -105,12 +103,12 @@ def check_missing(
     across = int((missing & (shift[deep] != 0).any(axis=1)).sum())
     text = f"{int(missing.sum())} of {int(deep.sum())} overlapping pairs of grains are not in the contact list"
     where = f", {across} of them across faces of the box" if across else ""
-    return [Finding(f"{text}{where}: Z and stress are too low", bool(missing.mean() > MANY))]
+    return [Doubt(f"{text}{where}: Z and stress are too low", bool(missing.mean() > MANY))]
 
 
 def check_balance(
     grain: np.ndarray, normal: np.ndarray, normal_force: np.ndarray, tangential_force: np.ndarray, grains: int
-) -> list[Finding]:
+) -> list[Doubt]:
     """A finding if the forces on grains balance much better with the tangential forces (n, 3) reversed.
 
     normal (n, 3), normal_force (n,): as in Contacts; at rest, the resultant force on each grain is zero.
@@ -125,19 +123,19 @@ def check_balance(
     if resultant[1] >= BALANCED * resultant[0]:
         return []
     return [
-        Finding("the forces on grains balance only if tangential forces act on the other grain: is --force-on right?")
+        Doubt("the forces on grains balance only if tangential forces act on the other grain: is --force-on right?")
     ]
 
 
-def _outside(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Finding]:
+def _outside(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Doubt]:
     """Grains outside the box; without a known corner, grains that no box of this size can hold."""
     if origin is not None:
         fraction = np.linalg.solve(cell, (position - origin).T).T
         outside = int(((fraction < 0.0) | (fraction > 1.0)).any(axis=1).sum())
-        return [Finding(f"{outside} grains lie outside the box: they count as periodic images")] if outside else []
+        return [Doubt(f"{outside} grains lie outside the box: they count as periodic images")] if outside else []
     fraction = np.linalg.solve(cell, position.T).T
     wide = np.ptp(fraction, axis=0) > 1.0 + 1e-9
     if not wide.any():
         return []
     axes = ", ".join(np.array(list("xyz"))[wide])
-    return [Finding(f"the grains extend beyond the box in {axes}: they count as periodic images; is --box right?")]
+    return [Doubt(f"the grains extend beyond the box in {axes}: they count as periodic images; is --box right?")]

@@ -1,92 +1,158 @@
-"""Names of columns in tables of grains and contacts, as other programs spell them, and the arrays made from them."""
+"""Names of columns in tables of grains and contacts, as other programs spell them, and what is made from them."""
 
 from __future__ import annotations
 
+import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.answers import FORCES, LENGTHS
-from labkit.exchange.packing import DIAMETER, RADIUS, ContactList
+from labkit.exchange.packing import DIAMETER, RADIUS, ContactList, Packing
 
 SKIP = "-"
-GRAIN = {  # name -> spellings, in lower case without units
-    "id": ("id", "grain", "grain_id", "body_id", "bodyid", "particle", "particleid"),
-    "x": ("x", "xu", "position_x", "pos_x", "posx", "points:0", "coordinates:0", "px", "state.pos[0]"),
-    "y": ("y", "yu", "position_y", "pos_y", "posy", "points:1", "coordinates:1", "py", "state.pos[1]"),
-    "z": ("z", "zu", "position_z", "pos_z", "posz", "points:2", "coordinates:2", "pz", "state.pos[2]"),
-    "radius": ("radius", "r", "rad", "radii", "shape.radius"),
-    "diameter": ("diameter", "d", "diam", "diameters"),
-}
-CONTACT = {
-    "id1": ("id1", "i", "p1", "grain1", "contact_grain_1", "first_grain", "source", "sources", "patom1", "contacts_i"),
-    "id2": ("id2", "j", "p2", "grain2", "contact_grain_2", "second_grain", "destinations", "patom2", "contacts_j"),
-    "fn": ("fn", "normal_force", "normalforce", "forcen", "f_n"),
-    "overlap": ("overlap", "penetration_depth", "penetrationdepth", "geom.penetrationdepth", "delta", "un"),
-}
-VECTORS = {  # components x, y and z
-    "force": ("f{}", "force_{}", "f_{}", "contact_force_{}"),
-    "normal_force_vector": ("fn{}", "fn_{}", "normal_force_{}", "normalforce_{}"),
-    "tangential_force": ("ft{}", "fs{}", "ft_{}", "fs_{}", "tangential_force_{}", "shear_force_{}", "shearforce_{}"),
-}
-for _name, _spellings in VECTORS.items():
-    for _number, _axis in enumerate("xyz"):
-        _long = {"normal_force_vector": "phys.normalforce", "tangential_force": "phys.shearforce"}.get(_name)
-        CONTACT[f"{_name}_{_axis}"] = (
-            *(spelling.format(_axis) for spelling in _spellings),
-            *((f"{_long}[{_number}]",) if _long else ()),
-        )
 BRACKET = re.compile(r"\s*[\[(]\s*([A-Za-z]+)\s*[\])]\s*$")
+AXES = "xyz"
+BARE = ("x", "y", "z", "size")  # four columns without names
 
 
-def canonical(name: str, known: Mapping[str, Sequence[str]]) -> str | None:
-    """The name used here for a column, None for a column that is not used."""
-    plain = BRACKET.sub("", name).strip().lower().replace(" ", "_")
-    return next((own for own, spellings in known.items() if plain == own or plain in spellings), None)
+@dataclasses.dataclass(frozen=True)
+class Vocabulary:
+    """What the columns of a table are called.
+
+    Args:
+        spellings: name used here -> spellings of other programs, in lower case and without units.
+        units: units that a header may give in brackets, in SI units.
+        bare: names of columns whose unit does not count.
+        option: command-line option that names the columns.
+        example: of the value of this option.
+    """
+
+    spellings: Mapping[str, Collection[str]]
+    units: Mapping[str, float]
+    bare: Collection[str]
+    option: str
+    example: str
+
+    def canonical(self, name: str) -> str | None:
+        """The name used here for a column, None for a column that is not used."""
+        plain = BRACKET.sub("", name).strip().lower().replace(" ", "_")
+        return next((own for own, known in self.spellings.items() if plain == own or plain in known), None)
+
+    def columns(
+        self, names: Sequence[str] | None, values: np.ndarray, where: object
+    ) -> tuple[dict[str, np.ndarray], float | None]:
+        """The columns of `values` (n, k) that are used, by name, and the unit that their headers agree on.
+
+        Raises InputError if the names are unknown or do not match the columns.
+        """
+        if names is None:
+            raise InputError(
+                f"{where} has {values.shape[1]} columns without names: give {self.option}, e.g. {self.example}"
+            )
+        if len(names) != values.shape[1]:
+            raise InputError(f"{where} has {values.shape[1]} columns, but {len(names)} names: {', '.join(names)}")
+        spelled: dict[str, str] = {}
+        columns: dict[str, np.ndarray] = {}
+        for column, name in zip(values.T, names, strict=True):
+            own = None if name == SKIP else self.canonical(name)
+            if own is not None and own in columns:
+                raise InputError(
+                    f"{where} has two columns for {own}, {spelled[own]} and {name}: skip one (-) in {self.option}"
+                )
+            if own is not None:
+                columns[own], spelled[own] = column, name
+        found = {self._unit_in(name) for own, name in spelled.items() if own not in self.bare}
+        return columns, found.pop() if len(found) == 1 else None
+
+    def arrays(
+        self, arrays: Mapping[str, np.ndarray], where: object, renamed: Mapping[str, str] | None = None
+    ) -> dict[str, np.ndarray]:
+        """The columns in named arrays (n,) and vectors (n, 3), which may be in the plural. renamed: theirs -> ours."""
+        columns: dict[str, np.ndarray] = {}
+        for name, values in arrays.items():
+            parts = {(renamed or {}).get(name, name): values}
+            if values.ndim != 1:
+                parts = self._split(*parts.popitem(), where)
+            for part, column in parts.items():
+                own = self.canonical(part)
+                if own is not None:
+                    columns.setdefault(own, column)
+        return columns
+
+    def _split(self, name: str, values: np.ndarray, where: object) -> dict[str, np.ndarray]:
+        """The components of a vector (n, 3), none if it is not used."""
+        stem = name if self.canonical(f"{name}_x") else name.removesuffix("s")
+        if self.canonical(f"{stem}_x") is None:
+            return {}
+        if values.shape[1:] != (3,):
+            problem = f"its {name.removesuffix('s')}s have the shape {values.shape}, not (n, 3)"
+            raise InputError(f"{where} is damaged ({problem}): give another file")
+        return {f"{stem}_{axis}": column for axis, column in zip(AXES, values.T, strict=True)}
+
+    def _unit_in(self, name: str) -> float | None:
+        match = BRACKET.search(name)
+        return self.units.get(match[1]) if match else None
 
 
-def unit_in(name: str, units: Mapping[str, float]) -> float | None:
-    """The unit in brackets after the name of a column, in SI units; None if there is none."""
-    match = BRACKET.search(name)
-    return units.get(match[1]) if match else None
+def _components(*names: str) -> dict[str, tuple[str, ...]]:
+    """Spellings of the components of a vector, x to z -> names in which {} stands for x and [{n}] for its number."""
+    return {axis: tuple(name.format(axis, n=number) for name in names) for number, axis in enumerate(AXES)}
 
 
-def chosen(
-    names: Sequence[str], values: np.ndarray, known: Mapping[str, Sequence[str]], where: object
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """(name -> column, name -> its spelling) for the columns of `values` (n, k) that are used. Raises InputError."""
-    if len(names) != values.shape[1]:
-        raise InputError(f"{where} has {values.shape[1]} columns, but {len(names)} names: {', '.join(names)}")
-    columns: dict[str, np.ndarray] = {}
-    spelled: dict[str, str] = {}
-    for number, name in enumerate(names):
-        own = None if name == SKIP else canonical(name, known)
-        if own is not None and own in columns:
-            raise InputError(f"{where} has two columns for {own}, {spelled[own]} and {name}: skip one (-) in --columns")
-        if own is not None:
-            columns[own], spelled[own] = values[:, number], name
-    return columns, spelled
+GRAIN = Vocabulary(
+    {
+        "id": ("grain", "grain_id", "body_id", "bodyid", "particle", "particleid"),
+        **_components(
+            *("{}u", "position_{}", "pos_{}", "pos{}", "points:{n}", "point_{}", "center_{}"),
+            *("coordinates:{n}", "p{}", "state.pos[{n}]"),
+        ),
+        "radius": ("r", "rad", "radii", "shape.radius"),
+        "diameter": ("d", "diam", "diameters"),
+        "size": (),
+    },
+    LENGTHS,
+    ("id",),
+    "--columns",
+    "x,y,z,radius,-",
+)
+VECTORS = {
+    "force": _components("f{}", "force_{}", "f_{}", "contact_force_{}"),
+    "normal_force_vector": _components("fn{}", "fn_{}", "normal_force_{}", "normalforce_{}", "phys.normalforce[{n}]"),
+    "tangential_force": _components(
+        *("ft{}", "fs{}", "ft_{}", "fs_{}", "tangential_force_{}", "shear_force_{}", "shearforce_{}"),
+        "phys.shearforce[{n}]",
+    ),
+}
+CONTACT = Vocabulary(
+    {
+        "id1": ("i", "p1", "grain1", "contact_grain_1", "first_grain", "source", "sources", "patom1", "contacts_i"),
+        "id2": ("j", "p2", "grain2", "contact_grain_2", "second_grain", "destinations", "patom2", "contacts_j"),
+        "fn": ("normal_force", "normalforce", "forcen", "f_n"),
+        "overlap": ("penetration_depth", "penetrationdepth", "geom.penetrationdepth", "delta", "un"),
+        **{f"{name}_{axis}": known for name, axes in VECTORS.items() for axis, known in axes.items()},
+    },
+    FORCES,
+    ("id1", "id2", "overlap"),
+    "--contact-columns",
+    "id1,id2,fx,fy,fz",
+)
 
 
-def unit_from(spelled: Mapping[str, str], names: Sequence[str], units: Mapping[str, float]) -> float | None:
-    """The unit that the headers of some columns agree on, None if a header lacks it."""
-    found = {unit_in(spelled[name], units) for name in names if name in spelled}
-    return found.pop() if len(found) == 1 else None
-
-
-def grains_from(
-    columns: Mapping[str, np.ndarray], where: object
-) -> tuple[np.ndarray, np.ndarray | None, str | None, np.ndarray | None]:
-    """(position, size, size_is, id) from columns named as in GRAIN. Raises InputError if a position is missing."""
-    missing = [axis for axis in "xyz" if axis not in columns]
+def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
+    """The grains in columns named as in GRAIN. Raises InputError if a position is missing."""
+    missing = [axis for axis in AXES if axis not in columns]
     if missing:
         raise InputError(f"{where} has no column {missing[0]}: name its columns with --columns, e.g. x,y,z,radius")
     size_is = next((name for name in (RADIUS, DIAMETER) if name in columns), None)
-    size = columns[size_is] if size_is else columns.get("size")
-    identity = _whole(columns["id"], where) if "id" in columns else None
-    return np.stack([columns[axis] for axis in "xyz"], axis=1), size, size_is, identity
+    return Packing(
+        position=np.stack([columns[axis] for axis in AXES], axis=1),
+        size=columns.get(size_is or "size"),
+        size_is=size_is,
+        id=_whole(columns["id"], where) if "id" in columns else None,
+    )
 
 
 def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactList:
@@ -98,11 +164,9 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
             )
     if len(columns["id1"]) != len(columns["id2"]):
         raise InputError(f"{where} names {len(columns['id1'])} first and {len(columns['id2'])} second grains")
-    vectors = {name: _vector(columns, name, where) for name in VECTORS}
-    force, normal = vectors["force"], vectors["normal_force_vector"]
-    tangential = vectors["tangential_force"]
+    force, normal, tangential = (_vector(columns, name, where) for name in VECTORS)
     if force is None and normal is not None:
-        force, tangential = normal if tangential is None else normal + tangential, None
+        force = normal if tangential is None else normal + tangential
     return ContactList(
         grain=np.stack([_whole(columns["id1"], where), _whole(columns["id2"], where)], axis=1),
         normal_force=None if force is not None else columns.get("fn"),
@@ -120,6 +184,15 @@ def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
     return np.array(rows)
 
 
+def is_number(word: str) -> bool:
+    """True for the text of a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
 def _whole(values: np.ndarray, where: object) -> np.ndarray:
     """Ids as integers. Raises InputError if they are not whole numbers."""
     if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or (values != np.rint(values)).any():
@@ -127,20 +200,8 @@ def _whole(values: np.ndarray, where: object) -> np.ndarray:
     return values.astype(np.int64)
 
 
-def contact_units(spelled: Mapping[str, str]) -> float | None:
-    """The force unit in the headers of a contact list, None if it has none."""
-    names = [name for name in CONTACT if name not in ("id1", "id2", "overlap")]
-    return unit_from(spelled, names, FORCES)
-
-
-def grain_units(spelled: Mapping[str, str]) -> float | None:
-    """The length unit in the headers of a table of grains, None if it has none."""
-    return unit_from(spelled, [name for name in GRAIN if name != "id"], LENGTHS)
-
-
 def _vector(columns: Mapping[str, np.ndarray], name: str, where: object) -> np.ndarray | None:
-    components = [columns.get(f"{name}_{axis}") for axis in "xyz"]
-    given = [each for each in components if each is not None]
+    given = [columns[f"{name}_{axis}"] for axis in AXES if f"{name}_{axis}" in columns]
     if given and len(given) != 3:
         raise InputError(f"{where} has only {len(given)} of the three components of {name.replace('_', ' ')}")
     return np.stack(given, axis=1) if given else None

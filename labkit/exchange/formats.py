@@ -11,7 +11,7 @@ import gzip
 import importlib
 import types
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, BinaryIO, ClassVar, TypeVar, cast
 
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
@@ -20,7 +20,7 @@ from labkit.extensions import Registry
 from labkit.io.extras import install_command
 
 if TYPE_CHECKING:
-    from labkit.dem.state import State
+    from labkit.grains.state import State
 
 HEAD = 4096  # bytes from which a format is recognised
 
@@ -67,8 +67,10 @@ class Format(abc.ABC):
         return type(self).write is not Format.write
 
 
+Kind = TypeVar("Kind", bound=Format)
+
 # In the order in which a file is compared with them; a table is whatever else is text.
-FORMATS: Registry = Registry(
+FORMATS = Registry[type[Format]](
     "file format",
     {
         "sphere_pack": "labkit.exchange.sphere_pack:SpherePack",
@@ -82,12 +84,12 @@ FORMATS: Registry = Registry(
         "vtk": "labkit.exchange.vtk:Vtk",
         "numpy": "labkit.exchange.numpy_arrays:NumpyArrays",
         "zarr": "labkit.exchange.zarr_store:ZarrStore",
-        "table": "labkit.exchange.tables:Table",
+        "table": "labkit.exchange.tables:TextTable",
     },
 )
 
 
-def register_format(kind: type[Format]) -> type[Format]:
+def register_format(kind: type[Kind]) -> type[Kind]:
     """Registers a subclass of Format under its `name` and returns it; a decorator."""
     return FORMATS.register(kind)
 
@@ -101,7 +103,7 @@ def format_of(file: Path, name: str | None = None) -> Format:
     head = head_of(file)
     order = sorted(FORMATS, key=lambda known: known == "table")  # formats of the user come before it
     for known in order:
-        found: Format = FORMATS[known]()
+        found = FORMATS[known]()
         if found.recognises(file, head):
             return found
     raise InputError(
@@ -135,14 +137,14 @@ def head_of(file: Path) -> str:
         return handle.read(HEAD).decode("utf-8", "replace")
 
 
-def open_maybe_compressed(file: Path) -> Any:
+def open_maybe_compressed(file: Path) -> BinaryIO:
     """The file, or its content if it is compressed with gzip, open for reading bytes."""
     with open(file, "rb") as handle:
         compressed = handle.read(2) == b"\x1f\x8b"
-    return gzip.open(file, "rb") if compressed else open(file, "rb")
+    return cast(BinaryIO, gzip.open(file, "rb")) if compressed else open(file, "rb")
 
 
-def text_of(file: Path) -> str:
+def whole_text(file: Path) -> str:
     """The whole text of a file, after decompression. Raises InputError if it is not text."""
     with open_maybe_compressed(file) as handle:
         try:
@@ -159,6 +161,6 @@ def require_library(name: str, what: str) -> types.ModuleType:
         raise InputError(f"{what} need {name.split('.')[0]}: {install_command('formats')}") from None
 
 
-def damaged(file: Path, problem: object) -> InputError:
+def damaged_file(file: Path, problem: object) -> InputError:
     """The InputError for a file that cannot be read."""
     return InputError(f"{file} is damaged or of an unknown version ({problem}): give another file")

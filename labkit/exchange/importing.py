@@ -11,23 +11,21 @@ from typing import Any, cast
 
 import numpy as np
 
-from labkit.dem.scene import Scene
-from labkit.dem.state import FAR, State, grains_in_cell
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
-from labkit.exchange.checks import Finding, check_balance, check_contacts, check_grains, check_missing
+from labkit.exchange.checks import Doubt, check_balance, check_contacts, check_grains, check_missing
 from labkit.exchange.formats import FORMATS, format_of
 from labkit.exchange.packing import ContactList, Packing
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
-from labkit.exchange.tables import Table, contact_table_units
-from labkit.io.provenance import provenance
+from labkit.grains.scene import Scene
+from labkit.grains.state import FAR, State, grains_in_cell
+from labkit.io.provenance import provenance_json
 from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
 from labkit.micro.snapshot import Snapshot
 
 Name = str | os.PathLike[str]
 WIDEST = 2.0  # size of a grain over the width of its box
-MADE_FROM = ("mean_diameter", "diameter_spread")  # of the scene: taken from the grains
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Imported:
     normal_force: np.ndarray | None
     tangential_force: np.ndarray
     listed: bool
-    findings: tuple[Finding, ...]
+    findings: tuple[Doubt, ...]
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with the mean and the spread of these grains' diameters.
@@ -105,35 +103,33 @@ def imported(packing: Packing, first_id: int | None = None) -> Imported:
     position, radius, cell = packing.position, packing.size, packing.cell
     assert radius is not None and cell is not None
     pairs, shift, overlap = overlapping_pairs(position, radius, cell)
-    findings = [Finding(note) for note in packing.notes]
+    findings = [Doubt(note) for note in packing.notes]
     findings += check_grains(position, radius, cell, packing.origin, overlap, pairs)
     if packing.origin is not None:
         position = position - packing.origin
-    contacts = packing.contacts
-    if contacts is None:
+    if packing.contacts is None:
         zero = np.zeros((len(pairs), 3))
         return Imported(radius, position, cell, pairs, shift, None, zero, False, tuple(findings))
-    rows, grain, notes = _grains_of(contacts, packing, first_id)
-    own = nearest_shift(position, cell, grain)
-    branch = branch_vectors(position, cell, grain, own)
+    contacts, notes = _between_grains(packing.contacts, packing, first_id)
+    own = nearest_shift(position, cell, contacts.grain)
+    branch = branch_vectors(position, cell, contacts.grain, own)
     distance = np.linalg.norm(branch, axis=1)
-    depth = radius[grain].sum(axis=1) - distance
+    depth = radius[contacts.grain].sum(axis=1) - distance
     direction = branch / distance[:, None]
-    normal, tangential = _forces(contacts, rows, direction)
+    normal, tangential = _forces(contacts, direction)
     kept = (depth > 0.0) if normal is None else (normal != 0.0) | (depth > 0.0)
     if not kept.all():
         notes.append(f"{int((~kept).sum())} listed pairs neither touch nor carry a force: they are left out")
+    contacts, normal = contacts.rows(kept), None if normal is None else normal[kept]
+    own, depth, direction, tangential = own[kept], depth[kept], direction[kept], tangential[kept]
     diameter = 2.0 * float(radius.mean())
-    listed = None if contacts.overlap is None else contacts.overlap[rows][kept]
-    grain, own, depth, tangential, direction = (v[kept] for v in (grain, own, depth, tangential, direction))
-    normal = None if normal is None else normal[kept]
-    findings += [Finding(note) for note in notes]
-    findings += check_contacts(grain, depth, listed, normal, diameter)
+    findings += [Doubt(note) for note in notes]
+    findings += check_contacts(contacts.grain, depth, contacts.overlap, normal, diameter)
     if normal is not None:
-        findings += check_balance(grain, direction, normal, tangential, len(radius))
-    findings += check_missing(grain, pairs, shift, overlap, diameter)
-    grain, own, normal, tangential = _sorted(grain, own, normal, tangential)
-    return Imported(radius, position, cell, grain, own, normal, tangential, True, tuple(findings))
+        findings += check_balance(contacts.grain, direction, normal, tangential, len(radius))
+    findings += check_missing(contacts.grain, pairs, shift, overlap, diameter)
+    listed = _sorted(contacts.grain, own, normal, tangential)
+    return Imported(radius, position, cell, *listed, True, tuple(findings))
 
 
 def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
@@ -143,8 +139,7 @@ def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
         names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
         raise InputError(f"{file} is a {found.name} file without a contact list: give a file of {names}")
     contacts = found.read_contacts(file, answers)
-    newton = contact_table_units(file) if isinstance(found, Table) else None
-    return dataclasses.replace(packing, contacts=contacts, force_unit=newton or packing.force_unit)
+    return dataclasses.replace(packing, contacts=contacts, force_unit=contacts.force_unit or packing.force_unit)
 
 
 def _require_usable(packing: Packing, file: Path) -> None:
@@ -183,11 +178,9 @@ def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: st
         raise InputError(f"{where} has {what} with values that are not numbers: repair the file")
 
 
-def _grains_of(
-    contacts: ContactList, packing: Packing, first_id: int | None
-) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """(rows of the list, grain (n, 2) by number, notes), without contacts with other bodies and second listings."""
-    identity, notes = packing.id, []
+def _between_grains(contacts: ContactList, packing: Packing, first_id: int | None) -> tuple[ContactList, list[str]]:
+    """Contacts between two grains, whose numbers replace their ids, each listed once; and notes on the others."""
+    identity = packing.id
     if identity is None:
         first = _first_id(contacts.grain, len(packing)) if first_id is None else first_id
         identity = np.arange(first, first + len(packing))
@@ -196,19 +189,15 @@ def _grains_of(
     known = (identity[order][place] == contacts.grain).all(axis=1)
     if not known.any() and len(known):
         raise InputError("the contact list names no grain of the file of grains: do the two files belong together?")
-    if not known.all():
-        notes.append(f"{int((~known).sum())} contacts with bodies that are not among the grains are left out")
     own = known & (contacts.grain[:, 0] == contacts.grain[:, 1])
-    if own.any():
-        notes.append(f"{int(own.sum())} contacts of a grain with itself are left out")
-    rows = np.flatnonzero(known & ~own)
-    grain = order[place[rows]]
-    _, unique = np.unique(np.sort(grain, axis=1), axis=0, return_index=True)
-    if len(unique) < len(rows):
-        notes.append(f"{len(rows) - len(unique)} contacts are listed twice: the first of each is used")
-        unique.sort()
-        rows, grain = rows[unique], grain[unique]
-    return rows, grain, notes
+    contacts = dataclasses.replace(contacts, grain=order[place]).rows(known & ~own)
+    _, first_listed = np.unique(np.sort(contacts.grain, axis=1), axis=0, return_index=True)
+    notes = (
+        (int((~known).sum()), "contacts with bodies that are not among the grains are left out"),
+        (int(own.sum()), "contacts of a grain with itself are left out"),
+        (len(contacts) - len(first_listed), "contacts are listed twice: the first of each is used"),
+    )
+    return contacts.rows(np.sort(first_listed)), [f"{count} {what}" for count, what in notes if count]
 
 
 def _first_id(grain: np.ndarray, grains: int) -> int:
@@ -220,14 +209,13 @@ def _first_id(grain: np.ndarray, grains: int) -> int:
     raise InputError("the contact list may count grains from 0 or from 1: give --first-id, 0 or 1")
 
 
-def _forces(contacts: ContactList, rows: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
+def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     """(normal force (n,) or None, tangential force on the first grain (n, 3)). The whole force is ft - fn n."""
     if contacts.force is not None:
-        force = contacts.force[rows]
-        size = -np.einsum("ci,ci->c", force, normal)
-        return size, force + size[:, None] * normal
-    tangential = np.zeros((len(rows), 3)) if contacts.tangential_force is None else contacts.tangential_force[rows]
-    return None if contacts.normal_force is None else contacts.normal_force[rows], tangential
+        size = -np.einsum("ci,ci->c", contacts.force, normal)
+        return size, contacts.force + size[:, None] * normal
+    tangential = contacts.tangential_force
+    return contacts.normal_force, np.zeros((len(contacts), 3)) if tangential is None else tangential
 
 
 def _sorted(
@@ -248,7 +236,7 @@ def import_state(
     contacts: Name | None = None,
     format: str | None = None,
     accept: bool = False,
-    **answers: Any,
+    **answers: object,
 ) -> State:
     """A State at rest made from a file of another program; the sizes of the scene become those of the grains.
 
@@ -256,12 +244,12 @@ def import_state(
     labkit.exchange.answers.Answers. Raises InputError for an open question or a serious finding.
     """
     found = read(file, contacts, format, **answers)
-    require_sane(found.findings, accept)
+    require_accepted(found.findings, accept)
     for finding in found.findings:
         warnings.warn(str(finding), stacklevel=2)
     state = found.state(scene or Scene())
     inputs = [name for name in (file, contacts) if name is not None]
-    return state.replace(provenance=provenance(None, inputs), engine="import")
+    return state.replace(provenance=provenance_json(None, inputs), engine="import")
 
 
 def import_snapshot(
@@ -270,22 +258,22 @@ def import_snapshot(
     contacts: Name | None = None,
     format: str | None = None,
     accept: bool = False,
-    **answers: Any,
+    **answers: object,
 ) -> Snapshot:
     """A Snapshot with the contact forces of a file of another program. Arguments and errors as for `import_state`."""
     found = read(file, contacts, format, **answers)
-    require_sane(found.findings, accept)
+    require_accepted(found.findings, accept)
     return found.snapshot(scene or Scene())
 
 
-def require_sane(findings: Sequence[Finding], accept: bool) -> None:
+def require_accepted(findings: Sequence[Doubt], accept: bool) -> None:
     """Raises InputError for serious findings unless they are accepted."""
     serious = [str(finding) for finding in findings if finding.serious]
     if serious and not accept:
         raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")
 
 
-def state_of(snapshot: Snapshot) -> State:
+def state_of_snapshot(snapshot: Snapshot) -> State:
     """A State with the grains and contacts of a snapshot, e.g. of a run file; grains at rest if it has no velocities.
 
     Raises ValueError if the snapshot has no positions.

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
 import numpy as np
 
-from labkit.dem.state import State
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, names_of
-from labkit.exchange.columns import GRAIN, chosen, grains_from, same_length
-from labkit.exchange.formats import Format, damaged, text_of
+from labkit.exchange.answers import Answers, answer_names
+from labkit.exchange.columns import GRAIN, grains_from, same_length
+from labkit.exchange.formats import Format, damaged_file, whole_text
 from labkit.exchange.lammps_units import units_of_style
 from labkit.exchange.packing import Packing, triclinic
 from labkit.exchange.pairs import wrapped_with_images
+from labkit.grains.state import State
 from labkit.io.atomic import write_text
 
 STYLES = {  # columns of the section Atoms
@@ -40,15 +41,15 @@ class LammpsData(Format):
         return bool(COUNT.search(head) and BOUNDS.search(head)) or bool(COUNT.search(head) and VECTORS.search(head))
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        text = text_of(file)
+        text = whole_text(file)
         first, _, _ = text.partition("\n")
         section, count = ATOMS.search(text), COUNT.search(text)
         if section is None or count is None:
-            raise damaged(file, "it has no section Atoms")
+            raise damaged_file(file, "it has no section Atoms")
         lines = text[section.end() :].splitlines()
         rows = [line.partition("#")[0].split() for line in lines if line.strip()][: int(count[1])]
         style = section[1]
-        names = names_of(answers.columns) or STYLES.get(style or "sphere")
+        names = answer_names(answers.columns) or STYLES.get(style or "sphere")
         if names is None or (style is None and rows and len(rows[0]) not in (7, 10)):
             raise InputError(
                 f"{file} has atom style {style or 'unknown'}: name its columns with --columns, "
@@ -57,14 +58,16 @@ class LammpsData(Format):
         try:
             values = same_length([[float(word) for word in row[: len(names)]] for row in rows])
         except ValueError as error:
-            raise damaged(file, error) from None
+            raise damaged_file(file, error) from None
         if len(values) != int(count[1]) or values.ndim != 2:
-            raise damaged(file, f"it has {len(rows)} of {count[1]} atoms")
-        position, size, size_is, identity = grains_from(chosen(names, values, GRAIN, file)[0], file)
-        cell, origin = box_of(text, file)
+            raise damaged_file(file, f"it has {len(rows)} of {count[1]} atoms")
+        columns, _ = GRAIN.columns(names, values, file)
+        cell, origin = _cell_and_origin(text, file)
         units = re.search(r"units\s*=\s*(\w+)", first)
         metre, newton = units_of_style(units[1] if units else None)
-        return Packing(position, size, size_is, identity, cell, origin, length_unit=metre, force_unit=newton)
+        return dataclasses.replace(
+            grains_from(columns, file), cell=cell, origin=origin, length_unit=metre, force_unit=newton
+        )
 
     def write(self, state: State, file: Path) -> None:
         """Writes the grains in SI units, in LAMMPS's orientation of the cell (see `standard_orientation`)."""
@@ -87,7 +90,7 @@ class LammpsData(Format):
         write_text(file, "\n".join(lines) + "\n")
 
 
-def box_of(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
+def _cell_and_origin(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
     """(cell, origin) in the header of a data file. Raises InputError if there is none."""
     vectors = {found[4]: [float(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
     if set(vectors) == {"a", "b", "c"}:
@@ -96,7 +99,7 @@ def box_of(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
         return np.array([vectors[name] for name in "abc"]).T, corner
     bounds = {found[3]: (float(found[1]), float(found[2])) for found in BOUNDS.finditer(text)}
     if set(bounds) != {"x", "y", "z"}:
-        raise damaged(file, "it has no box")
+        raise damaged_file(file, "it has no box")
     low, high = (np.array([bounds[axis][k] for axis in "xyz"]) for k in (0, 1))
     tilts = TILTS.search(text)
     return triclinic(high - low, *([] if tilts is None else [float(tilts[k]) for k in (1, 2, 3)])), low

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, names_of
-from labkit.exchange.columns import CONTACT, GRAIN, chosen, contacts_from, grains_from
-from labkit.exchange.formats import Format, damaged, text_of
+from labkit.exchange.answers import Answers, answer_names
+from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, is_number, same_length
+from labkit.exchange.formats import Format, damaged_file, whole_text
 from labkit.exchange.lammps_units import units_of_style
 from labkit.exchange.packing import FIRST, ContactList, Packing, triclinic
 
@@ -19,14 +20,14 @@ SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """One frame: step, box, names of the columns after ITEM: ATOMS or ENTRIES, and their values (n, k)."""
+    """One frame: box, names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), and notes."""
 
-    step: int
     cell: np.ndarray
     origin: np.ndarray
-    periodic: str
     names: tuple[str, ...]
     values: np.ndarray
+    notes: tuple[str, ...]
+    units: str | None
 
 
 class LammpsDump(Format):
@@ -40,8 +41,8 @@ class LammpsDump(Format):
         return head.lstrip().startswith("ITEM:") and "ITEM: ATOMS" in head
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        frame, units, note = frame_of(file, answers)
-        names = names_of(answers.columns) or frame.names
+        frame = frame_of(file, answers)
+        names = answer_names(answers.columns) or frame.names
         values = frame.values
         for scaled in SCALED:
             if set(scaled) <= set(names) and not {"x", "xu"} & set(names):
@@ -51,17 +52,15 @@ class LammpsDump(Format):
                 names = ["xyz"[scaled.index(name)] if name in scaled else name for name in names]
         if {"x", "xu"} <= set(names):
             names = ["-" if name in ("xu", "yu", "zu") else name for name in names]
-        columns, _ = chosen(list(names), values, GRAIN, file)
-        position, size, size_is, identity = grains_from(columns, file)
-        if identity is not None:
-            order = np.argsort(identity)
-            position, identity = position[order], identity[order]
-            size = None if size is None else size[order]
-        metre, newton = units_of_style(units)
-        packing = Packing(
-            position, size, size_is, identity, frame.cell, frame.origin, length_unit=metre, force_unit=newton
+        columns, _ = GRAIN.columns(names, values, file)
+        if "id" in columns:
+            order = np.argsort(columns["id"])
+            columns = {name: column[order] for name, column in columns.items()}
+        metre, newton = units_of_style(frame.units)
+        packing = dataclasses.replace(
+            grains_from(columns, file), cell=frame.cell, origin=frame.origin, length_unit=metre, force_unit=newton
         )
-        return packing.noting(*note, *not_periodic(frame))
+        return packing.noting(*frame.notes)
 
 
 class LammpsLocal(Format):
@@ -78,55 +77,61 @@ class LammpsLocal(Format):
         return head.lstrip().startswith("ITEM:") and "ITEM: ATOMS" not in head
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
-        frame, _, _ = frame_of(file, answers)
-        names = names_of(answers.contact_columns) or frame.names
-        columns, _ = chosen(list(names), frame.values, CONTACT, file)
+        frame = frame_of(file, answers)
+        names = answer_names(answers.contact_columns) or frame.names
+        columns, _ = CONTACT.columns(names, frame.values, file)
         return dataclasses.replace(contacts_from(columns, file), acts_on=FIRST)
 
 
-def frame_of(file: Path, answers: Answers) -> tuple[Frame, str | None, list[str]]:
-    """(frame, unit style, notes): the chosen or the last frame of a dump file. Raises InputError."""
-    lines = text_of(file).splitlines()
+def frame_of(file: Path, answers: Answers) -> Frame:
+    """The chosen or the last frame of a dump file. Raises InputError."""
+    lines = whole_text(file).splitlines()
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
     units = next((lines[k + 1].strip() for k, line in enumerate(lines[:20]) if line.startswith("ITEM: UNITS")), None)
     if not starts:
-        raise damaged(file, "it has no ITEM: TIMESTEP")
+        raise damaged_file(file, "it has no ITEM: TIMESTEP")
     number = -1 if answers.frame is None else answers.frame
     if not -len(starts) <= number < len(starts):
         raise InputError(
             f"is not in {file}, which has {len(starts)}", field="frame", value=number, allowed="another number"
         )
-    first = starts[number]
+    end = [*starts[1:], len(lines)][number]
     try:
-        frame = _parsed(lines, first)
-    except (ValueError, IndexError, KeyError) as error:
-        raise damaged(file, error) from None
-    many = len(starts) > 1 and answers.frame is None
-    return frame, units, [f"step {frame.step} is read, the last of {len(starts)} frames"] if many else []
+        frame, step = _parsed(lines[starts[number] : end], units)
+    except (ValueError, IndexError) as error:
+        raise damaged_file(file, error) from None
+    if len(starts) > 1 and answers.frame is None:
+        note = f"step {step} is read, the last of {len(starts)} frames"
+        frame = dataclasses.replace(frame, notes=(note, *frame.notes))
+    return frame
 
 
-def _parsed(lines: list[str], first: int) -> Frame:
-    step, count, at = int(lines[first + 1]), 0, first + 2
-    cell, origin, flags = np.zeros((3, 3)), np.zeros(3), ""
-    while True:
-        words = lines[at].split()
-        if words[1:3] == ["NUMBER", "OF"]:
-            count, at = int(lines[at + 1]), at + 2
-        elif words[1:3] == ["BOX", "BOUNDS"]:
-            rows = np.array([[float(word) for word in line.split()] for line in lines[at + 1 : at + 4]])
-            cell, origin = box_of(words[3:], rows)
-            flags, at = " ".join(word for word in words[3:] if len(word) == 2 and set(word) <= set("pfsm")), at + 4
-        elif words[1] in ("ATOMS", "ENTRIES"):
-            words_of = [line.split() for line in lines[at + 1 : at + 1 + count]]
-            names = tuple(words[2:])
-            number = [k for k, name in enumerate(names) if all(_is_number(row[k]) for row in words_of[:1])]
-            values = np.array([[float(row[k]) for k in number] for row in words_of]).reshape(count, len(number))
-            return Frame(step, cell, origin, flags, tuple(names[k] for k in number), values)
-        else:  # ITEM: UNITS, TIME and others
-            at += 2
+def _parsed(lines: list[str], units: str | None) -> tuple[Frame, int]:
+    """A frame and its step. Raises ValueError or IndexError if it is damaged."""
+    marks = [k for k, line in enumerate(lines) if line.startswith("ITEM:")]
+    items = {lines[a]: lines[a + 1 : b] for a, b in itertools.pairwise([*marks, len(lines)])}
+
+    def item(*names: str) -> tuple[list[str], list[str]]:
+        """The words after one of these names, and the lines below."""
+        found = next((words for words in items if words.split()[1] in names), None)
+        if found is None:
+            raise ValueError(f"it has no ITEM: {names[0]}")
+        return found.split()[2:], items[found]
+
+    step, count = int(item("TIMESTEP")[1][0]), int(item("NUMBER")[1][0])
+    (_, *bounds), box = item("BOX")
+    names, rows = item("ATOMS", "ENTRIES")
+    cell, origin = _cell_and_origin(bounds, same_length([[float(word) for word in line.split()] for line in box[:3]]))
+    words = [line.split() for line in rows[:count]]
+    used = [k for k in range(len(names)) if not words or is_number(words[0][k])]
+    values = np.array([[float(row[k]) for k in used] for row in words]).reshape(count, len(used))
+    flags = [word for word in bounds if len(word) == 2 and set(word) <= set("pfsm")]
+    axes = ", ".join(axis for axis, flag in zip("xyz", flags, strict=False) if flag != "pp")
+    note = f"the box is not periodic in {axes}; labkit's cell is periodic in x, y and z"
+    return Frame(cell, origin, tuple(names[k] for k in used), values, (note,) if axes else (), units), step
 
 
-def box_of(words: list[str], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _cell_and_origin(words: list[str], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(cell, origin) from the words after BOX BOUNDS and the three rows below.
 
     In a restricted triclinic dump the bounds are those of the bounding box, xlo + min(0, xy, xz, xy + xz) and so on; in
@@ -143,17 +148,3 @@ def box_of(words: list[str], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     low[1] -= min(0.0, yz)
     high[1] -= max(0.0, yz)
     return triclinic(high - low, xy, xz, yz), low
-
-
-def not_periodic(frame: Frame) -> list[str]:
-    """A note if the box of a dump is not periodic in some direction."""
-    axes = [axis for axis, flag in zip("xyz", frame.periodic.split(), strict=False) if flag != "pp"]
-    return [f"the box is not periodic in {', '.join(axes)}; labkit's cell is periodic in x, y and z"] if axes else []
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

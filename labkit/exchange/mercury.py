@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from labkit.exchange.answers import Answers
-from labkit.exchange.formats import Format, damaged, text_of
+from labkit.exchange.formats import Format, damaged_file, whole_text
 from labkit.exchange.packing import FIRST, RADIUS, ContactList, Packing
 
 DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")
@@ -26,19 +26,19 @@ class MercuryRestart(Format):
         return head.startswith("MercuryDPM") or ("restartFile" in head and "Species" in head)
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        lines = text_of(file).splitlines()
+        lines = whole_text(file).splitlines()
         try:
             particles = [line.split() for line in section(lines, "Particles")]
             interactions = [line.split() for line in section(lines, "Interactions")]
             position = np.array([after(words, "position", 3) for words in particles])
             radius = np.array([after(words, "radius", 1)[0] for words in particles])
             identity = np.array([int(after(words, "id", 1)[0]) for words in particles])
-            cell, origin, notes = box_of(lines)
+            cell, origin, notes = _cell_and_origin(lines)
             pairs = [words for words in interactions if "particleIds" in words]
             grains = np.array([after(words, "particleIds", 2) for words in pairs], dtype=np.int64).reshape(-1, 2)
             force = np.array([after(words, "force", 3) for words in pairs]).reshape(-1, 3)
         except (ValueError, IndexError) as error:
-            raise damaged(file, error) from None
+            raise damaged_file(file, error) from None
         contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
         packing = Packing(position, radius, RADIUS, identity, cell, origin, contacts)
         walls = len(interactions) - len(pairs)
@@ -60,7 +60,7 @@ def after(words: list[str], name: str, count: int) -> list[float]:
     return [float(word) for word in words[first : first + count]]
 
 
-def box_of(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, list[str]]:
+def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, list[str]]:
     """(cell, origin, notes) from the domain and the boundaries; the cell is None if a direction is not periodic."""
     text = "\n".join(lines[:30])
     domain = DOMAIN.search(text)

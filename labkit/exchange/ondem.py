@@ -10,18 +10,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from labkit.dem.state import State
 from labkit.exchange.answers import Answers
-from labkit.exchange.formats import Format, damaged, require_library
+from labkit.exchange.formats import Format, damaged_file, require_library
 from labkit.exchange.packing import FIRST, RADIUS, TENSION, ContactList, Packing
+from labkit.grains.state import State
 from labkit.io.atomic import whole_file
 
+if TYPE_CHECKING:
+    import h5py
+
 WHAT = "ON-DEM files"
-SIGNATURE = "\x89HDF"
 LENGTHS = {"meter": 1.0, "metre": 1.0, "m": 1.0, "centimeter": 1e-2, "millimeter": 1e-3, "micrometer": 1e-6}
 MASSES = {"kilogram": 1.0, "kg": 1.0, "gram": 1e-3, "tonne": 1e3}
 TIMES = {"second": 1.0, "s": 1.0, "millisecond": 1e-3, "microsecond": 1e-6}
@@ -42,8 +44,8 @@ class OnDem(Format):
         try:
             with h5py.File(file) as data:
                 return _packing(data)
-        except (KeyError, OSError, ValueError) as error:
-            raise damaged(file, error) from None
+        except (KeyError, OSError, RuntimeError, ValueError) as error:
+            raise damaged_file(file, error) from None
 
     def write(self, state: State, file: Path) -> None:
         """Writes grains, periodic box, material and contacts in SI units; normal forces positive in traction."""
@@ -62,46 +64,37 @@ class OnDem(Format):
             _write_contacts(data.create_group("ONDEM/Interactions"), state)
 
 
-def _packing(data: Any) -> Packing:
+def _packing(data: h5py.Group) -> Packing:
     points = data["VTKHDF/PointData"]
-    position = np.array(data["VTKHDF/Points"], dtype=float)
-    radius = np.array(points["radius"], dtype=float) if "radius" in points else None
-    identity = np.array(points["body_id"], dtype=np.int64) if "body_id" in points else None
+    grains = {"position": np.array(data["VTKHDF/Points"], dtype=float)}
+    grains |= {
+        own: np.array(points[name], dtype=kind)
+        for own, name, kind in (("radius", "radius", float), ("id", "body_id", np.int64))
+        if name in points
+    }
     notes = []
-    if radius is not None and (~(radius > 0.0)).any():  # bodies of other shapes are points too
-        kept = radius > 0.0
-        notes.append(f"{int((~kept).sum())} bodies that are not spheres are left out")
-        position, radius = position[kept], radius[kept]
-        identity = None if identity is None else identity[kept]
-    if "clump_id" in points and (clumped := int((np.array(points["clump_id"]) >= 0).sum())):
+    if "radius" in grains and not (real := grains["radius"] > 0.0).all():  # bodies of other shapes are points too
+        notes.append(f"{int((~real).sum())} bodies that are not spheres are left out")
+        grains = {name: values[real] for name, values in grains.items()}
+    if clumped := int((np.array(points["clump_id"]) >= 0).sum()) if "clump_id" in points else 0:
         notes.append(f"{clumped} grains are parts of clumps: they become separate grains")
     metre, newton = _units(data)
-    box = next((data[name] for name in _groups(data, "periodic_box")), None)
-    cell = None if box is None else np.array(box["shape"], dtype=float)
-    origin = None if cell is None else np.zeros(3)
-    contacts = _contacts([data["ONDEM/Interactions"]] if "ONDEM/Interactions" in data else [])
-    packing = Packing(
-        position,
-        radius,
-        None if radius is None else RADIUS,
-        identity,
+    path = data.visit(lambda path: path if path.split("/")[-1] == "periodic_box" else None)
+    cell = None if path is None else np.array(data[path]["shape"], dtype=float)
+    return Packing(
+        grains["position"],
+        grains.get("radius"),
+        RADIUS if "radius" in grains else None,
+        grains.get("id"),
         cell,
-        origin,
-        contacts,
+        None if cell is None else np.zeros(3),
+        _contacts(data["ONDEM/Interactions"]) if "ONDEM/Interactions" in data else None,
         metre,
         newton,
-    )
-    return packing.noting(*notes)
+    ).noting(*notes)
 
 
-def _groups(data: Any, name: str) -> list[str]:
-    """Names of all groups that end in `name`."""
-    found: list[str] = []
-    data.visit(lambda path: found.append(path) if path.split("/")[-1] == name else None)
-    return found
-
-
-def _units(data: Any) -> tuple[float | None, float | None]:
+def _units(data: h5py.Group) -> tuple[float | None, float | None]:
     """(length in m, force in N) from ONDEM/Scene: the names of the units of time, length and mass."""
     scene = data["ONDEM/Scene"] if "ONDEM/Scene" in data else {}
     given = scene["units"][:] if "units" in scene else getattr(scene, "attrs", {}).get("units", ())
@@ -114,29 +107,32 @@ def _units(data: Any) -> tuple[float | None, float | None]:
     return metre, kilogram * metre / second**2
 
 
-def _contacts(groups: list[Any]) -> ContactList | None:
+def _contacts(interactions: h5py.Group) -> ContactList | None:
     """The contacts of ONDEM/Interactions, or of its subgroups by contact law, in which case they are joined."""
-    tables = [table for group in groups for table in _tables(group)]
-    if not tables:
+    groups = list(_leaves(interactions))
+    if not groups:
         return None
-    joined = {name: np.concatenate([table[name] for table in tables]) for name in set.intersection(*map(set, tables))}
+    first = groups[0]
+    joined = {
+        name: np.concatenate([group[name][()] for group in groups])
+        for name in ("id1", "id2", "normal_force", "shear_force", "overlap", "virtual")
+        if all(name in group for group in groups)
+    }
     if "virtual" in joined:
         real = joined["virtual"] == 0
         joined = {name: values[real] for name, values in joined.items()}
-    first = next(iter(_leaves(groups[0])))
-    normal = first["normal_force"] if "normal_force" in first else None
-    shear = first["shear_force"] if "shear_force" in first else None
     return ContactList(
         grain=np.stack([joined["id1"], joined["id2"]], axis=1).astype(np.int64),
         normal_force=joined.get("normal_force"),
-        positive=_attribute(normal, "positive"),
+        positive=_attribute(first, "normal_force", "positive"),
         tangential_force=joined.get("shear_force"),
-        acts_on=_attribute(shear, "acts_on"),
+        acts_on=_attribute(first, "shear_force", "acts_on"),
         overlap=joined.get("overlap"),
     )
 
 
-def _leaves(group: Any) -> Iterator[Any]:
+def _leaves(group: h5py.Group) -> Iterator[h5py.Group]:
+    """The groups in a group, itself included, that hold contacts."""
     if "id1" in group:
         yield group
     for name in group:
@@ -144,17 +140,11 @@ def _leaves(group: Any) -> Iterator[Any]:
             yield from _leaves(group[name])
 
 
-def _tables(group: Any) -> Iterator[dict[str, np.ndarray]]:
-    used = ("id1", "id2", "normal_force", "shear_force", "overlap", "virtual")
-    for leaf in _leaves(group):
-        yield {name: np.array(leaf[name]) for name in used if name in leaf}
+def _attribute(group: h5py.Group, name: str, attribute: str) -> str | None:
+    return str(group[name].attrs[attribute]) if name in group and attribute in group[name].attrs else None
 
 
-def _attribute(values: Any, name: str) -> str | None:
-    return None if values is None or name not in values.attrs else str(values.attrs[name])
-
-
-def _write_points(data: Any, state: State) -> None:
+def _write_points(data: h5py.Group, state: State) -> None:
     grains, scene = state.number_of_grains, state.scene
     vtk = data.create_group("VTKHDF")
     vtk.attrs.create("Type", np.bytes_("PolyData"))
@@ -183,7 +173,7 @@ def _write_points(data: Any, state: State) -> None:
         vtk[f"PointData/{name}"] = array
 
 
-def _write_contacts(group: Any, state: State) -> None:
+def _write_contacts(group: h5py.Group, state: State) -> None:
     contacts = state.snapshot().contacts
     group.attrs["count"] = len(contacts)
     group["id1"], group["id2"] = contacts.grain[:, 0].astype(np.int32), contacts.grain[:, 1].astype(np.int32)

@@ -18,6 +18,7 @@ class ContactList:
     grain (n, 2): ids of the two grains. Either `normal_force` (n,) with `positive`, the sign that means compression
     (`compression` or `tension`), or `force` (n, 3), the whole contact force. tangential_force (n, 3). The vectors act
     on the grain `acts_on` (`first` or `second`). overlap (n,) is only compared with that of the grains.
+    force_unit: N, None if it is that of the file of grains.
     """
 
     grain: np.ndarray
@@ -27,9 +28,15 @@ class ContactList:
     force: np.ndarray | None = None
     acts_on: str | None = None
     overlap: np.ndarray | None = None
+    force_unit: float | None = None
 
     def __len__(self) -> int:
         return len(self.grain)
+
+    def rows(self, index: np.ndarray) -> ContactList:
+        """The contacts with these numbers, or where this mask is true."""
+        arrays = {name: values[index] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return dataclasses.replace(self, **arrays)
 
     @property
     def has_forces(self) -> bool:

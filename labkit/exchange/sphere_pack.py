@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.dem.state import State
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
 from labkit.exchange.columns import same_length
-from labkit.exchange.formats import Format, damaged, text_of
+from labkit.exchange.formats import Format, damaged_file, whole_text
 from labkit.exchange.packing import RADIUS, Packing
+from labkit.grains.state import State
 from labkit.io.atomic import write_text
 
 MARK = "##PERIODIC::"
@@ -28,16 +28,16 @@ class SpherePack(Format):
         return head.lstrip().startswith(MARK)
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        rows = [line.split() for line in text_of(file).splitlines() if line.strip()]
+        rows = [line.split() for line in whole_text(file).splitlines() if line.strip()]
         boxes = [words for words in rows if words[0].startswith("##PERIODIC")]
         rows = [words for words in rows if not words[0].startswith("#")]
         try:
             box = np.array([float(word) for word in boxes[0][1:4]]) if boxes else None
             values = same_length([[float(word) for word in words[:5]] for words in rows])
         except ValueError as error:
-            raise damaged(file, error) from None
+            raise damaged_file(file, error) from None
         if values.ndim != 2 or values.shape[1] < 4 or (box is not None and box.shape != (3,)):
-            raise damaged(file, "its rows are not x y z radius")
+            raise damaged_file(file, "its rows are not x y z radius")
         packing = Packing(values[:, :3], values[:, 3], RADIUS)
         if box is not None:
             packing = Packing(values[:, :3], values[:, 3], RADIUS, cell=np.diag(box), origin=np.zeros(3))

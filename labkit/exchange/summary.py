@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 import numpy as np
 import pandas
@@ -16,18 +15,11 @@ from labkit.micro.stress import love_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.sff.c0 import sff_stress
 
-
-@dataclasses.dataclass(frozen=True)
-class Quantity:
-    """A statistic: name and unit as in run files, value () or (3, 3)."""
-
-    name: str
-    units: str
-    value: np.ndarray
+Quantities = Mapping[str, tuple[str, np.ndarray]]  # name, as in run files -> its unit and its value, () or (3, 3)
 
 
-def quantities(snapshot: Snapshot) -> list[Quantity]:
-    """Statistics and stresses of a snapshot, named as in run files; `sff_error` is |C0 - Love|/|Love|."""
+def snapshot_quantities(snapshot: Snapshot) -> Quantities:
+    """Statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|."""
     love, c0 = love_stress(snapshot), sff_stress(snapshot)
     values = {
         **vars(statistics(snapshot)),
@@ -44,44 +36,36 @@ def quantities(snapshot: Snapshot) -> list[Quantity]:
     }
     units = {name: variable.units for name, variable in RECORD.items()}
     units |= {"mean_diameter": "m", "volume": "m3", "young_modulus": "Pa"}
-    return [Quantity(name, units.get(name, "1"), np.asarray(value)) for name, value in values.items()]
+    return {name: (units.get(name, "1"), np.asarray(value)) for name, value in values.items()}
 
 
-def as_json(found: Iterable[Quantity]) -> str:
+def as_json(found: Quantities) -> str:
     """The quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
-    values = {each.name: _plain(each.value.tolist()) for each in found}
+    values = {}
+    for name, (_, value) in found.items():
+        plain = value.astype(object)
+        plain[~np.isfinite(value)] = None
+        values[name] = plain.tolist()
     return json.dumps(values, indent=1) + "\n"
 
 
-def as_csv(found: Iterable[Quantity]) -> str:
+def as_csv(found: Quantities) -> str:
     """The quantities as CSV with the columns name, units and value; a tensor has nine rows, e.g. stress_xz."""
+    labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> of the components
     rows = [
-        {"name": f"{each.name}{label}", "units": each.units, "value": float(value)}
-        for each in found
-        for label, value in _components(each.value)
+        (f"{name}{label}", units, float(component))
+        for name, (units, value) in found.items()
+        for label, component in zip(labels[value.ndim], value.flat, strict=True)
     ]
-    return pandas.DataFrame(rows).to_csv(index=False)
+    return pandas.DataFrame(rows, columns=["name", "units", "value"]).to_csv(index=False)
 
 
-def as_text(found: Iterable[Quantity]) -> str:
+def as_text(found: Quantities) -> str:
     """The quantities as lines of text; a tensor has three rows."""
     lines = []
-    for each in found:
-        unit = "" if each.units == "1" else f" [{each.units}]"
-        rows = np.atleast_2d(each.value) if each.value.ndim else [[each.value]]
-        for number, row in enumerate(rows):
-            label = f"{each.name}{unit}" if number == 0 else ""
-            lines.append(f"{label:<32}" + "".join(f"{float(value):>14.6g}" for value in row))
+    for name, (units, value) in found.items():
+        label = name if units == "1" else f"{name} [{units}]"
+        for row in np.atleast_2d(value):
+            lines.append(f"{label:<32}" + "".join(f"{float(component):>14.6g}" for component in row))
+            label = ""
     return "\n".join(lines)
-
-
-def _components(value: np.ndarray) -> list[tuple[str, float]]:
-    if value.ndim == 0:
-        return [("", float(value))]
-    return [(f"_{'xyz'[i]}{'xyz'[j]}", float(value[i, j])) for i in range(3) for j in range(3)]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, list):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

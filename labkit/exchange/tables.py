@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, names_of
-from labkit.exchange.columns import (
-    CONTACT,
-    GRAIN,
-    canonical,
-    chosen,
-    contact_units,
-    contacts_from,
-    grain_units,
-    grains_from,
-)
-from labkit.exchange.formats import Format, text_of
+from labkit.exchange.answers import Answers, answer_names
+from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from, is_number
+from labkit.exchange.formats import Format, whole_text
 from labkit.exchange.packing import ContactList, Packing
-from labkit.io.atomic import write_text
-
-BARE = ("x", "y", "z", "size")  # four columns without a header
 
 
-class Table(Format):
+class TextTable(Format):
     """Columns x y z and radius or diameter; a second file of the same kind lists the contacts.
 
     A header may be a first line of names, in a comment or not (`# x y z r`), or the line `#format x_y_z_r` of YADE's
@@ -43,42 +31,29 @@ class Table(Format):
         if file.is_dir() or "\0" in head:
             return False
         rows = [line for line in head.splitlines()[:50] if line.strip() and not line.lstrip().startswith("#")]
-        return bool(rows) and any(_numeric(_split(line)) for line in rows[:2])
+        return bool(rows) and any(all(map(is_number, _split(line))) for line in rows[:2])
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        header, values = rows_of(file)
-        names = names_of(answers.columns) or header or (BARE if values.shape[1] == len(BARE) else None)
-        if names is None:
-            raise InputError(f"{file} has {values.shape[1]} columns without names: give --columns, e.g. x,y,z,radius,-")
-        columns, spelled = chosen(names, values, {**GRAIN, "size": ("size",)}, file)
-        position, size, size_is, identity = grains_from(columns, file)
-        return Packing(position, size, size_is, identity, length_unit=grain_units(spelled))
+        header, values = table_rows(file)
+        bare = BARE if values.shape[1] == len(BARE) else None
+        columns, unit = GRAIN.columns(answer_names(answers.columns) or header or bare, values, file)
+        return dataclasses.replace(grains_from(columns, file), length_unit=unit)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
-        header, values = rows_of(file)
-        names = names_of(answers.contact_columns) or header
-        if names is None:
-            raise InputError(f"{file} does not name its columns: give --contact-columns, e.g. id1,id2,fx,fy,fz")
-        columns, _ = chosen(names, values, CONTACT, file)
-        return contacts_from(columns, file)
+        header, values = table_rows(file)
+        columns, unit = CONTACT.columns(answer_names(answers.contact_columns) or header, values, file)
+        return dataclasses.replace(contacts_from(columns, file), force_unit=unit)
 
 
-def contact_table_units(file: Path) -> float | None:
-    """The force unit in the header of a table of contacts, in N; None if it has none."""
-    header, _ = rows_of(file)
-    spelled = {own: name for name in header or () if (own := canonical(name, CONTACT)) is not None}
-    return contact_units(spelled)
-
-
-def rows_of(file: Path) -> tuple[list[str] | None, np.ndarray]:
+def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
     """(names of the columns or None, values (n, k)) of a table. Raises InputError if it is not one."""
-    lines = [line for line in text_of(file).splitlines() if line.strip()]
+    lines = [line for line in whole_text(file).splitlines() if line.strip()]
     comments = [line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")]
     lines = [line for line in lines if not line.lstrip().startswith("#")]
     if not lines:
         raise InputError(f"{file} is empty: give a table of grains or contacts")
     first = _split(lines[0])
-    header = None if _numeric(first) else first
+    header = None if all(map(is_number, first)) else first
     if header is None:
         header = next((names for line in reversed(comments) if (names := _names(line, len(first)))), None)
     else:
@@ -100,22 +75,10 @@ def _names(comment: str, count: int) -> list[str] | None:
         names = comment.split()[1].split("_")
     else:
         names = _split(comment)
-    known = [name for name in names if canonical(name, {**GRAIN, **CONTACT}) is not None]
+    known = [name for name in names if GRAIN.canonical(name) or CONTACT.canonical(name)]
     return names if len(names) == count and len(known) >= 2 else None
 
 
 def _split(line: str) -> list[str]:
     separator = next((mark for mark in ",;\t" if mark in line), None)
     return [word.strip().strip('"') for word in line.split(separator)]
-
-
-def _numeric(words: Sequence[str]) -> bool:
-    try:
-        return bool([float(word) for word in words])
-    except ValueError:
-        return False
-
-
-def write_table(file: Path, columns: Mapping[str, np.ndarray]) -> None:
-    """Writes a CSV file whose header has these names; the numbers keep all their digits."""
-    write_text(file, pandas.DataFrame(dict(columns)).to_csv(index=False))

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, names_of
-from labkit.exchange.columns import CONTACT, GRAIN, canonical, contacts_from
-from labkit.exchange.formats import Format, damaged, require_library
+from labkit.exchange.answers import Answers, answer_names
+from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from
+from labkit.exchange.formats import Format, damaged_file, require_library
 from labkit.exchange.packing import ContactList, Packing
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkFieldData
 
 WHAT = "VTK files"
 
@@ -31,20 +35,23 @@ class Vtk(Format):
 
     def read(self, file: Path, answers: Answers) -> Packing:
         position, arrays, _ = _read(file)
-        columns = _renamed(arrays, answers.columns, GRAIN)
-        size_is = next((name for name in ("radius", "diameter") if name in columns), None)
-        identity = columns["id"].astype(np.int64) if "id" in columns else None
-        return Packing(position, columns[size_is] if size_is else None, size_is, identity)
+        columns = GRAIN.arrays({"position": position, **arrays}, file, _renamed(answers.columns))
+        return grains_from(columns, file)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
         _, _, arrays = _read(file)
-        columns = _renamed(arrays, answers.contact_columns, CONTACT)
+        columns = CONTACT.arrays(arrays, file, _renamed(answers.contact_columns))
         if "id1" not in columns:
             raise InputError(
                 f"{file} does not name the grains of its lines: give --contact-columns, e.g. first_grain=id1,"
                 "second_grain=id2,forceN=fn"
             )
         return contacts_from(columns, file)
+
+
+def _renamed(given: str | None) -> dict[str, str]:
+    """Name in the file -> name used here, from `their=ours` pairs separated by commas."""
+    return dict(part.split("=", 1) for part in answer_names(given) or () if "=" in part)
 
 
 def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -63,34 +70,16 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
     reader.Update()
     data = reader.GetOutput()
     if data is None or not hasattr(data, "GetPoints") or data.GetPoints() is None:
-        raise damaged(file, "it has no points")
+        raise damaged_file(file, "it has no points")
     to_numpy = require_library("vtkmodules.util.numpy_support", WHAT).vtk_to_numpy
     position = np.array(to_numpy(data.GetPoints().GetData()), dtype=float)
     return position, _arrays(data.GetPointData(), to_numpy), _arrays(data.GetCellData(), to_numpy)
 
 
-def _arrays(attributes: Any, to_numpy: Any) -> dict[str, np.ndarray]:
+def _arrays(attributes: vtkFieldData, to_numpy: Callable[[object], np.ndarray]) -> dict[str, np.ndarray]:
     found = {}
     for number in range(attributes.GetNumberOfArrays()):
         array = attributes.GetArray(number)
         if array is not None:  # None for text
             found[attributes.GetArrayName(number)] = np.array(to_numpy(array), dtype=float)
     return found
-
-
-def _renamed(
-    arrays: dict[str, np.ndarray], given: str | None, known: dict[str, tuple[str, ...]]
-) -> dict[str, np.ndarray]:
-    """Arrays by the names used here; vectors by component. given: `their=ours` pairs, separated by commas."""
-    pairs = dict(part.split("=", 1) for part in names_of(given) or () if "=" in part)
-    columns: dict[str, np.ndarray] = {}
-    for name, values in arrays.items():
-        own = pairs.get(name, name)
-        parts = {own: values}
-        if values.ndim == 2 and values.shape[1] == 3:
-            parts = {f"{own}_{axis}": values[:, k] for k, axis in enumerate("xyz")}
-        for part, column in parts.items():
-            found = canonical(part, known)
-            if found is not None and found not in columns and column.ndim == 1:
-                columns[found] = column
-    return columns

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.dem.engine import silent
-from labkit.engines.yade_process import run_script
+from labkit.engines.yade_process import find_script, run_script
 from labkit.errors import PhysicsError
 from labkit.exchange.answers import Answers
-from labkit.exchange.formats import Format, damaged
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, ContactList, Packing
 
 SCRIPT = "read_save.py"
@@ -31,9 +30,9 @@ class YadeSave(Format):
         with tempfile.TemporaryDirectory() as folder:
             output = Path(folder) / "grains.npz"
             try:
-                run_script(SCRIPT, [str(file.resolve()), str(output)], 1, silent)
+                run_script(find_script(SCRIPT), [str(file.resolve()), str(output)])
             except PhysicsError as error:
-                raise damaged(file, f"YADE cannot load it: {error}") from None
+                raise damaged_file(file, f"YADE cannot load it: {error}") from None
             with np.load(output) as arrays:
                 saved = {name: arrays[name] for name in arrays.files}
         return packing_of(saved)

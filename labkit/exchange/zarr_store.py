@@ -8,9 +8,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from labkit.dem.state import ATTRIBUTES, State
 from labkit.errors import InputError
 from labkit.exchange.formats import Format, require_library
+from labkit.grains.state import ATTRIBUTES, State
 from labkit.io.schema import STATE
 
 WHAT = "Zarr stores"

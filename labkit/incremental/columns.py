@@ -11,9 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 import xarray
 
-from labkit.dem.steps import PROGRESS, Steps
 from labkit.incremental.conventions import STRESS_UNITS, components
 from labkit.micro.tensors import symmetric
+from labkit.paths.programme import PROGRESS
+from labkit.paths.steps import Steps
 
 STATE = ("void_ratio_nominal", "coordination_number", "mean_normalised_force")
 TENSORS = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
@@ -45,17 +46,17 @@ def elapsed_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
     """
     number, share = (np.asarray(progress[name]) for name in PROGRESS)
     time, before = np.zeros(len(number)), 0.0
-    for leg in range(path.legs()):
+    for leg in range(len(path.order)):
         at = np.flatnonzero(number == leg + 1)
         if len(at):
-            durations = path.step(leg).durations or (0.0,)
+            durations = path.steps[path.order[leg]].durations or (0.0,)
             ends = np.concatenate([[0.0], np.cumsum(durations)])
             time[at] = before + np.interp(share[at] * len(durations), np.arange(len(ends)), ends)
             before = time[at[-1]]
     return time
 
 
-def text_of(rows: np.ndarray, heading: str = "") -> str:
+def output_text(rows: np.ndarray, heading: str = "") -> str:
     """The output file as text: the names of the columns, the heading if there is one, and the rows."""
     lines = ["".join(f"{name:>20}" for name in NAMES)]
     lines += [heading] if heading else []

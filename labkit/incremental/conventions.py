@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.dem.variables import VARIABLES, Variables
+from labkit.paths.variables import VARIABLES, Variables
 
 AXES = (2, 0, 1)  # labkit's axis, 0 to 2 for x, y, z, of the driver's axes 1, 2, 3
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of the driver's axes, in the order of its components

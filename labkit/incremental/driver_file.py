@@ -6,12 +6,12 @@ import dataclasses
 import os
 from pathlib import Path
 
-from labkit.dem.step import Step
-from labkit.dem.steps import MOST_STEPS, Steps
 from labkit.errors import InputError
 from labkit.incremental.conventions import STRESS_UNITS
-from labkit.incremental.keywords import Reader
-from labkit.incremental.source import Line, Source, separated
+from labkit.incremental.keywords import StepReader
+from labkit.incremental.source import Line, Source
+from labkit.paths.phase import Phase
+from labkit.paths.steps import MOST_STEPS, Steps
 
 MOST_REPETITIONS = 1_000_000
 
@@ -28,14 +28,14 @@ class DriverFile:
     file: Path
     output: str
     heading: str
-    steps: tuple[Step, ...]
+    steps: tuple[Phase, ...]
     order: tuple[int, ...]
     notes: tuple[str, ...]
 
     def path(self, rate: float | str | None = None, pressure: float | None = None) -> Steps:
         """The loading path. rate: largest prescribed strain rate, 1/s; pressure: of a consolidation before it, Pa."""
         given = {} if pressure is None else {"pressure": f"{pressure!r} Pa"}
-        return Steps(rate=rate, steps=self.steps, order=self.order, **given)  # type: ignore[arg-type]
+        return Steps(rate=rate, steps=self.steps, order=self.order, **given)
 
 
 def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverFile:
@@ -48,11 +48,11 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverF
         raise InputError("is unknown", field="stress_unit", value=stress_unit, allowed=allowed)
     source = Source(Path(file))
     output, heading = _output(source)
-    reader = Reader(source, stress_unit)
-    steps: list[Step] = []
+    reader = StepReader(source, stress_unit)
+    steps: list[Phase] = []
     order: list[int] = []
     while (line := source.next()) is not None:
-        keyword = separated(line.text)[0].lower()
+        keyword = line.first.lower()
         if keyword == "*end":
             break
         if keyword == "*repetition":
@@ -60,13 +60,13 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverF
             repeated = range(len(steps), len(steps) + number)
             steps += [reader.step(_inner(source, line, k, number)) for k in range(number)]
             if len(order) + number * times > MOST_STEPS:
-                raise source.error(line.number, f"this makes more than {MOST_STEPS} steps: give fewer repetitions")
+                raise line.error(f"this makes more than {MOST_STEPS} steps: give fewer repetitions")
             order += list(repeated) * times
         else:
             order.append(len(steps))
             steps.append(reader.step(line))
     if not steps:
-        raise source.error(max(source.number, 1), "there are no steps: give at least one, e.g. *TriaxialE1")
+        raise source.last.error("there are no steps: give at least one, e.g. *TriaxialE1")
     return DriverFile(source.file, output, heading, tuple(steps), tuple(order), _notes(steps))
 
 
@@ -74,37 +74,36 @@ def _output(source: Source) -> tuple[str, str]:
     """Name of the output file and heading, in the first line."""
     first = source.whole_line()
     if first is None or not first.strip():
-        raise source.error(1, "the first line is empty: it names the output file, e.g. output.out")
+        raise source.last.error("the first line is empty: it names the output file, e.g. output.out")
     name, _, heading = first.partition("#")
     name = name.strip()
     if name.startswith("*"):
-        raise source.error(1, f"{name[:40]!r} is not the name of an output file: the first line must be one")
+        raise source.last.error(f"{name[:40]!r} is not the name of an output file: the first line must be one")
     if not name:
-        raise source.error(1, "no output file is named before #: give one, e.g. output.out # heading")
+        raise source.last.error("no output file is named before #: give one, e.g. output.out # heading")
     return name, heading.strip()
 
 
 def _repetition(source: Source, line: Line) -> tuple[int, int]:
     """Number of steps and of repetitions."""
     data = source.data("the numbers of steps and of repetitions")
-    words = separated(data.text)
+    words = data.words
     if len(words) < 2:
-        raise source.error(data.number, f"{data.text[:40]!r} where the numbers of steps and of repetitions should be")
-    number = source.whole(data, words[0], 1, MOST_STEPS, "a number of steps")
-    return number, source.whole(data, words[1], 1, MOST_REPETITIONS, "a number of repetitions")
+        raise data.error(f"{data.text[:40]!r} where the numbers of steps and of repetitions should be")
+    number = data.whole(words[0], 1, MOST_STEPS, "a number of steps")
+    return number, data.whole(words[1], 1, MOST_REPETITIONS, "a number of repetitions")
 
 
 def _inner(source: Source, start: Line, done: int, number: int) -> Line:
     """The keyword of a step within *Repetition."""
     line = source.next()
-    if line is None or separated(line.text)[0].lower() == "*end":
-        where = source.number if line is None else line.number
+    if line is None or line.first.lower() == "*end":
         problem = f"*Repetition in line {start.number} announces {number} steps, and {done} follow: give the others"
-        raise source.error(max(where, 1), problem)
+        raise source.last.error(problem)
     return line
 
 
-def _notes(steps: list[Step]) -> tuple[str, ...]:
+def _notes(steps: list[Phase]) -> tuple[str, ...]:
     """A sentence for each step that holds stresses or strains over time."""
     return tuple(
         f"{step.label}: the stresses or strains are held, but nothing creeps or relaxes, because there is no viscosity"

@@ -11,7 +11,7 @@ import re
 
 from labkit.errors import InputError
 from labkit.incremental.conventions import NAMES
-from labkit.incremental.source import REAL, shortened
+from labkit.incremental.source import REAL, real_of, shortened, signed_terms
 
 _PAIRS = ("1", "2", "3", "12", "13", "23")
 _STATE = ("void_ratio_nominal", "coordination_number", "mean_normalised_force", *(f"A_{name}" for name in NAMES))
@@ -44,18 +44,11 @@ def translated(text: str, unit: str) -> str:
     left, sign, right = parts[0], parts[1], parts[2].strip()
     if not REAL.fullmatch(right):
         raise InputError(f"{shortened(right)} is not a number: the right side of an exit condition must be one")
-    terms, at = [], 0
-    while at < len(left):
-        match = _TERM.match(left, at)
-        if not match or (at > 0 and not match[1]):
-            raise InputError(
-                f"{shortened(left[at:].strip())} is not understood in an exit condition: write e.g. s1 + 2*s3"
-            )
-        terms.append(_term(match[1] or "+", match[2], match[3], unit))
-        at = match.end()
+    matches = signed_terms(_TERM, left, " in an exit condition: write e.g. s1 + 2*s3")
+    terms = [_term(match[1] or "+", match[2], match[3], unit) for match in matches]
     if not terms:
         raise InputError("the exit condition has no variable on its left side: write e.g. ? s1 < -200")
-    return f"{' '.join(terms)} {sign} {_number(right)!r}"
+    return f"{' '.join(terms)} {sign} {real_of(right)!r}"
 
 
 def _term(sign: str, factor: str | None, name: str, unit: str) -> str:
@@ -68,11 +61,4 @@ def _term(sign: str, factor: str | None, name: str, unit: str) -> str:
     else:
         allowed = ", ".join([*STRESSES, *OTHERS])
         raise InputError(f"{shortened(name)} is not a variable of an exit condition: use {allowed}")
-    return f"{sign} {_number(factor or '1')!r}*({value})"
-
-
-def _number(text: str) -> float:
-    value = float(text.lower().replace("d", "e"))
-    if not math.isfinite(value):
-        raise InputError(f"{shortened(text)} is too large: give a smaller number")
-    return value
+    return f"{sign} {real_of(factor or '1')!r}*({value})"

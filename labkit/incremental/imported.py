@@ -7,37 +7,35 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.incremental.source import REAL, Line, Source, separated, shortened, without_comment
+from labkit.incremental.source import REAL, Line, Source, shortened
 
 MOST_ROWS = 20_000
 MOST_COLUMNS = 100
 
 
-def table(source: Source, line: Line, name: str, columns: int, increments: int) -> np.ndarray:
+def imported_rows(source: Source, line: Line, name: str, columns: int, increments: int) -> np.ndarray:
     """The first `increments` + 1 rows of `columns` numbers in a file beside the test file, (n, columns).
 
     Lines before the first one that starts with a number are left out. Raises InputError with the line that names the
     file, or with the line of the table.
     """
     if not name or "\0" in name:
-        raise source.error(line.number, "*ImportFile names no file: write *ImportFile FILE | COLUMNS")
+        raise line.error("*ImportFile names no file: write *ImportFile FILE | COLUMNS")
     file = source.file.parent / Path(name)
     if not file.is_file():
-        raise source.error(line.number, f"the file {shortened(name)} does not exist: give one in {file.parent}")
+        raise line.error(f"the file {shortened(name)} does not exist: give one in {file.parent}")
     try:
         rows = _rows(Source(file), columns, min(increments, MOST_ROWS) + 1)
     except InputError as error:
-        raise source.error(line.number, str(error)) from None
+        raise line.error(str(error)) from None
     if len(rows) < 2:
-        raise source.error(line.number, f"{file} has {len(rows)} rows of numbers: give at least two")
+        raise line.error(f"{file} has {len(rows)} rows of numbers: give at least two")
     return np.array(rows)
 
 
 def _rows(source: Source, columns: int, most: int) -> list[list[float]]:
     rows: list[list[float]] = []
-    while len(rows) < most and (text := source.whole_line()) is not None:
-        text = without_comment(text)
-        if not text or (not rows and not REAL.match(separated(text)[0])):
-            continue
-        rows.append(source.split(Line(source.number, text), columns, f"{columns} columns"))
+    while len(rows) < most and (line := source.next()) is not None:
+        if rows or REAL.match(line.first):
+            rows.append(line.reals(columns, f"{columns} columns"))
     return rows

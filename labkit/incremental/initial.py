@@ -10,7 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.incremental.conventions import STRESS_UNITS, tensor
-from labkit.incremental.source import Line, Source, separated
+from labkit.incremental.source import Source
 
 MOST_VALUES = 10_000
 ISOTROPIC = 1e-3  # largest deviator of a stress that counts as isotropic, divided by its mean
@@ -38,17 +38,17 @@ class InitialConditions:
 def read_initial(file: str | os.PathLike[str], stress_unit: str = "kPa") -> InitialConditions:
     """Reads initialconditions.inp. Raises InputError with the line, and for a mean stress that is not compressive."""
     source = Source(Path(file))
-    number = _count(source, "the number of stress components", 1, 6)
+    number = source.count("the number of stress components", 1, 6)
     stress = np.zeros(6)
     for k in range(number):
         stress[k] = source.reals(1, f"stress component {k + 1} of {number}")[0]
-    variables = _count(source, "the number of state variables", 0, MOST_VALUES)
+    variables = source.count("the number of state variables", 0, MOST_VALUES)
     state = []
     for k in range(variables):
         line = source.next()
         if line is None:
             break
-        state.append(source.split(line, 1, f"state variable {k + 1} of {variables}")[0])
+        state.append(line.reals(1, f"state variable {k + 1} of {variables}")[0])
     initial = InitialConditions(
         source.file, tensor(stress) * STRESS_UNITS[stress_unit], (*state, *(0.0,) * (variables - len(state)))
     )
@@ -61,7 +61,7 @@ def read_initial(file: str | os.PathLike[str], stress_unit: str = "kPa") -> Init
 
 
 @dataclasses.dataclass(frozen=True)
-class Material:
+class MaterialConstants:
     """A material of parameters.inp: its name and its constants as written."""
 
     file: Path
@@ -69,15 +69,10 @@ class Material:
     constants: tuple[float, ...]
 
 
-def read_material(file: str | os.PathLike[str]) -> Material:
+def read_material(file: str | os.PathLike[str]) -> MaterialConstants:
     """Reads parameters.inp. Raises InputError with the line."""
     source = Source(Path(file))
     name = source.need("the name of the material").text
-    number = _count(source, "the number of constants", 0, MOST_VALUES)
+    number = source.count("the number of constants", 0, MOST_VALUES)
     constants = [source.reals(1, f"constant {k + 1} of {number}")[0] for k in range(number)]
-    return Material(source.file, name, tuple(constants))
-
-
-def _count(source: Source, what: str, low: int, high: int) -> int:
-    line: Line = source.data(what)
-    return source.whole(line, separated(line.text)[0], low, high, what)
+    return MaterialConstants(source.file, name, tuple(constants))

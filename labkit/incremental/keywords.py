@@ -1,4 +1,4 @@
-"""The steps of test.inp: each keyword of the Incremental Driver, read from its lines and turned into a Step.
+"""The steps of test.inp: each keyword of the Incremental Driver, read from its lines and turned into a Phase.
 
 Formats: programmer's manual of 27 March 2020 and the guide to the input files. The numbers of iterations in an
 increment are read and have no effect here.
@@ -12,12 +12,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from labkit.dem.step import Step, components_of
-from labkit.dem.variables import mixed_step
 from labkit.errors import InputError, nearest
 from labkit.incremental import exit_condition, imported, restrictions
 from labkit.incremental.conventions import STRESS_UNITS, SYSTEMS, rotated, system
 from labkit.incremental.source import Line, Source, separated, shortened
+from labkit.paths.phase import Phase, components_of
+from labkit.paths.variables import mixed_step
 
 MOST_INCREMENTS = 10_000_000
 MOST_RECORDS = 500  # of a step
@@ -26,7 +26,7 @@ LARGEST_STRAIN = 5.0  # of a step, logarithmic
 
 
 @dataclasses.dataclass(frozen=True)
-class Common:
+class StepHead:
     """What every step begins with: its line, keyword, number of increments, duration in s, rows, and exit condition."""
 
     line: Line
@@ -47,25 +47,25 @@ class Common:
         return min(-(-self.increments // (1 if self.until else self.every)), MOST_RECORDS)
 
 
-class Reader:
+class StepReader:
     """Reads the steps of a test file. stress_unit: of the stresses in the file."""
 
     def __init__(self, source: Source, stress_unit: str) -> None:
         """Does not read yet."""
         self.source, self.stress_unit, self.pascals = source, stress_unit, STRESS_UNITS[stress_unit]
 
-    def step(self, line: Line) -> Step:
+    def step(self, line: Line) -> Phase:
         """The step whose keyword is in this line. Raises InputError with the line and the word that is not valid."""
         keyword, question, condition = line.text.partition("?")
         name = (separated(keyword.replace("|", " ")) or [""])[0]
         read = _KEYWORDS.get(name.lower())
         if read is None:
-            raise self.source.error(line.number, _unknown(name))
+            raise line.error(_unknown(name))
         canonical = next(one for one in NAMES if one.lower() == name.lower())
         try:
             until = exit_condition.translated(condition, self.stress_unit) if question else None
         except InputError as error:
-            raise self.source.error(line.number, str(error)) from None
+            raise line.error(str(error)) from None
         common = self._common(line, canonical, until)
         try:
             return read(self, common)
@@ -73,9 +73,9 @@ class Reader:
             text = str(error)
             if text.startswith(str(self.source.file)):
                 raise
-            raise self.source.error(line.number, f"{canonical}: {text}") from None
+            raise line.error(f"{canonical}: {text}") from None
 
-    def _common(self, line: Line, keyword: str, until: str | None) -> Common:
+    def _common(self, line: Line, keyword: str, until: str | None) -> StepHead:
         """The line `ninc maxiter deltaTime : every`."""
         what = "the number of increments, of iterations, and the time"
         data = self.source.data(what)
@@ -83,38 +83,34 @@ class Reader:
         words = separated(left)
         if len(words) < 3:
             problem = f"{data.text[:40]!r} where {what} should be: give three numbers, e.g. 100 10 1.0 : 10"
-            raise self.source.error(data.number, problem)
-        increments = self.source.whole(data, words[0], 1, MOST_INCREMENTS, "a number of increments")
-        self.source.whole(data, words[1], 0, MOST_INCREMENTS, "a number of iterations")
-        duration = self.source.real(data, words[2])
+            raise data.error(problem)
+        increments = data.whole(words[0], 1, MOST_INCREMENTS, "a number of increments")
+        data.whole(words[1], 0, MOST_INCREMENTS, "a number of iterations")
+        duration = data.real(words[2])
         temperature = f" {data.text} ".partition(" T ")[2].split()
-        if temperature and self.source.real(data, temperature[0]) != 0.0:
-            raise self.source.error(
-                data.number, "a change of temperature has no effect here: leave out T and its value"
-            )
+        if temperature and data.real(temperature[0]) != 0.0:
+            raise data.error("a change of temperature has no effect here: leave out T and its value")
         every = separated(right)[:1]
-        number = self.source.whole(data, every[0], 1, MOST_INCREMENTS, "a number after the colon") if every else 1
+        number = data.whole(every[0], 1, MOST_INCREMENTS, "a number after the colon") if every else 1
         if colon and not every:
-            raise self.source.error(data.number, "no number follows the colon: give one, e.g. 100 10 1.0 : 10")
+            raise data.error("no number follows the colon: give one, e.g. 100 10 1.0 : 10")
         if duration <= 0.0 and keyword != "*ImportFile":
-            raise self.source.error(data.number, f"the time {words[2]} is not valid: give a number above 0")
-        return Common(line, keyword, increments, duration, number, until)
+            raise data.error(f"the time {words[2]} is not valid: give a number above 0")
+        return StepHead(line, keyword, increments, duration, number, until)
 
     def system(self) -> str:
         """The keyword of a set of variables, such as *Roscoe."""
         line = self.source.need("the variables, e.g. *Cartesian")
-        name = separated(line.text)[0]
+        name = line.first
         if name.lower() not in SYSTEMS:
             known = "*Cartesian, *Roscoe, *RoscoeIsomorph or *Rendulic"
-            raise self.source.error(line.number, f"{shortened(name)} are not known variables: give {known}")
+            raise line.error(f"{shortened(name)} are not known variables: give {known}")
         return name
 
     def flag(self, line: Line, text: str) -> bool:
         """True for 1, a prescribed stress, False for 0, a prescribed strain."""
         if text not in ("0", "1"):
-            raise self.source.error(
-                line.number, f"{shortened(text)} is not valid: give 0 for a strain or 1 for a stress"
-            )
+            raise line.error(f"{shortened(text)} is not valid: give 0 for a strain or 1 for a stress")
         return text == "1"
 
     def rows(self, count: int) -> tuple[tuple[bool, ...], np.ndarray]:
@@ -123,20 +119,20 @@ class Reader:
         for k in range(6):
             what = f"component {k + 1} of 6"
             line = self.source.data(what)
-            numbers = self.source.split(line, count + 1, f"{what}, a flag and {count} number{'s' * (count > 1)},")
-            flags.append(self.flag(line, separated(line.text)[0]))
+            numbers = line.reals(count + 1, f"{what}, a flag and {count} number{'s' * (count > 1)},")
+            flags.append(self.flag(line, line.first))
             values.append(numbers[1:])
         return tuple(flags), np.array(values)
 
     def mixed(
         self,
-        common: Common,
+        common: StepHead,
         keyword: str,
         flags: Sequence[bool],
         changes: np.ndarray,
         durations: Sequence[float] | None = None,
-    ) -> Step:
-        """A Step from changes (n, 6) of the driver's variables. durations: of the pieces, s (default: equal)."""
+    ) -> Phase:
+        """A Phase from changes (n, 6) of the driver's variables. durations: of the pieces, s (default: equal)."""
         variables, signs = system(keyword)
         on_stress = tuple(flags)
         scale = signs * np.where(on_stress, self.pascals, 1.0)
@@ -154,13 +150,13 @@ class Reader:
         )
 
 
-def _linear(reader: Reader, common: Common) -> Step:
+def _linear(reader: StepReader, common: StepHead) -> Phase:
     keyword = reader.system()
     flags, loads = reader.rows(1)
     return reader.mixed(common, keyword, flags, loads[:, 0])
 
 
-def _circulating(reader: Reader, common: Common) -> Step:
+def _circulating(reader: StepReader, common: StepHead) -> Phase:
     """One period of A (sin(2 pi t/T + phi) - sin(phi)) + B t/T, in straight pieces of equal time."""
     keyword = reader.system()
     flags, values = reader.rows(3)
@@ -170,7 +166,7 @@ def _circulating(reader: Reader, common: Common) -> Step:
     return reader.mixed(common, keyword, flags, np.diff(path, axis=0))
 
 
-def _deformation_gradient(reader: Reader, common: Common) -> Step:
+def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
     """F(t) = 1 + (F - 1) t/T, in pieces with constant velocity gradients, whose exponentials give F exactly."""
     from scipy.linalg import logm  # takes a second to import
 
@@ -181,7 +177,7 @@ def _deformation_gradient(reader: Reader, common: Common) -> Step:
     if not all(1e-3 < np.linalg.det(one) < 1e3 for one in gradients):
         raise InputError("the deformation gradient is not a possible deformation: give one with a determinant near 1")
     steps = [-rotated(np.real(logm(after @ np.linalg.inv(before)))) for before, after in itertools.pairwise(gradients)]
-    return Step(
+    return Phase(
         strain=tuple(np.ravel(steps)),
         durations=(common.duration / pieces,) * pieces,
         until=common.until,
@@ -190,54 +186,54 @@ def _deformation_gradient(reader: Reader, common: Common) -> Step:
     )
 
 
-def _import_file(reader: Reader, common: Common) -> Step:
+def _import_file(reader: StepReader, common: StepHead) -> Phase:
     source, text = reader.source, common.line.text.partition("?")[0]
     name, bar, number = text[len("*ImportFile") :].partition("|")
     if not bar or not number.split():
         problem = "*ImportFile lacks the number of columns: write *ImportFile FILE | COLUMNS"
-        raise source.error(common.line.number, problem)
-    columns = source.whole(common.line, number.split()[0], 1, imported.MOST_COLUMNS, "a number of columns")
+        raise common.line.error(problem)
+    columns = common.line.whole(number.split()[0], 1, imported.MOST_COLUMNS, "a number of columns")
     keyword = reader.system()
     flags, chosen, factors = [], [], []
     for k in range(6):
         line = source.data(f"component {k + 1} of 6, a flag and a column")
-        flag, *rest = separated(line.text)
+        flag, *rest = line.words
         flags.append(reader.flag(line, flag))
-        column, factor = _column(source, line, " ".join(rest), columns, low=0)
+        column, factor = _column(line, " ".join(rest), columns, low=0)
         chosen.append(column)
         factors.append(factor)
     clock = None
     if common.duration <= 0.0:
         line = source.data("the column of the time, because the time is not above 0")
-        clock = _column(source, line, line.text, columns, low=1)
-    rows = imported.table(source, common.line, name.strip(), columns, common.increments)
+        clock = _column(line, line.text, columns, low=1)
+    rows = imported.imported_rows(source, common.line, name.strip(), columns, common.increments)
     path = np.column_stack([rows, np.zeros(len(rows))])[:, [column - 1 for column in chosen]] * factors
     durations = [common.duration] * (len(rows) - 1)
     if clock is not None:
         durations = list(np.diff(rows[:, clock[0] - 1]) * clock[1])
         if min(durations) < 0.0:
-            raise source.error(common.line.number, "the time of the imported file decreases: give another column")
+            raise common.line.error("the time of the imported file decreases: give another column")
     common = dataclasses.replace(common, increments=min(common.increments, len(rows) - 1))
     return reader.mixed(common, keyword, flags, np.diff(path, axis=0), durations)
 
 
-def _column(source: Source, line: Line, text: str, most: int, low: int) -> tuple[int, float]:
+def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
     """The number of a column, from 1 (0: no column), and its factor, from text such as `5 * 0.01`."""
     number, star, factor = text.partition("*")
     words = separated(number)
     if not words:
-        raise source.error(line.number, f"{line.text[:40]!r} lacks the number of a column: give one, {low} to {most}")
-    column = source.whole(line, words[0], low, most, "a column")
+        raise line.error(f"{line.text[:40]!r} lacks the number of a column: give one, {low} to {most}")
+    column = line.whole(words[0], low, most, "a column")
     words = separated(factor)
     if star and not words:
-        raise source.error(line.number, f"{line.text[:40]!r} lacks the factor after *: give one, e.g. 5 * 0.01")
-    return column, source.real(line, words[0]) if words else 1.0
+        raise line.error(f"{line.text[:40]!r} lacks the factor after *: give one, e.g. 5 * 0.01")
+    return column, line.real(words[0]) if words else 1.0
 
 
-def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[[Reader, Common], Step]:
+def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[[StepReader, StepHead], Phase]:
     """A step of which the file gives at most one number, the change of the variable with the number `place`."""
 
-    def read(reader: Reader, common: Common) -> Step:
+    def read(reader: StepReader, common: StepHead) -> Phase:
         loads = np.zeros(6)
         if place is not None:
             loads[place] = reader.source.reals(1, f"the change of component {place + 1}")[0]
@@ -246,14 +242,14 @@ def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[
     return read
 
 
-def _restricted(reader: Reader, common: Common) -> Step:
+def _restricted(reader: StepReader, common: StepHead) -> Phase:
     mt, me, m = restrictions.restrictions(reader.source)
     strains = me.any(axis=1)
     found = restrictions.solved(me[strains], m[strains])
     if found is None:
         raise InputError("the restrictions on strains contradict or repeat one another: give independent ones")
     solution, basis = found
-    return Step(
+    return Phase(
         strain=tuple(restrictions.strain_tensors(solution).ravel()),
         free=components_of(restrictions.strain_tensors(basis)),
         measured=components_of(restrictions.stress_measures(mt[~strains])),
@@ -265,15 +261,15 @@ def _restricted(reader: Reader, common: Common) -> Step:
     )
 
 
-def _perturbations(reader: Reader, common: Common) -> Step:
+def _perturbations(reader: StepReader, common: StepHead) -> Phase:
     raise InputError("probes from one state are not steps of a path: leave them out, and use `labkit probe` for them")
 
 
-def _random_walk(reader: Reader, common: Common) -> Step:
+def _random_walk(reader: StepReader, common: StepHead) -> Phase:
     raise InputError("a random path cannot be repeated: leave it out, or import its increments with *ImportFile")
 
 
-NAMES: dict[str, Callable[[Reader, Common], Step]] = {
+NAMES: dict[str, Callable[[StepReader, StepHead], Phase]] = {
     "*LinearLoad": _linear,
     "*CirculatingLoad": _circulating,
     "*DeformationGradient": _deformation_gradient,

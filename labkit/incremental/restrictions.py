@@ -13,8 +13,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.incremental.conventions import tensor
-from labkit.incremental.source import REAL, Line, Source, shortened
+from labkit.incremental.source import REAL, Line, Source, shortened, signed_terms
 
 _TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([se])d([1-6])\s*")
 SINGULAR = 1e-9
@@ -27,35 +28,31 @@ def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         line = source.data(f"restriction {row + 1} of 6")
         sides = line.text.split("=")
         if len(sides) != 2:
-            raise source.error(line.number, f"{shortened(line.text)} is not a restriction: write e.g. sd1 + sd2 = 0")
-        for sign, factor, kind, number in _terms(source, line, sides[0]):
+            raise line.error(f"{shortened(line.text)} is not a restriction: write e.g. sd1 + sd2 = 0")
+        for factor, kind, number in _terms(line, sides[0]):
             matrix = mt if kind == "s" else me
             if matrix[row, number] != 0.0:
-                raise source.error(line.number, f"{kind}d{number + 1} appears twice: write each component once")
-            matrix[row, number] = sign * factor
-        m[row] = source.real(line, re.sub(r"^([+-])\s+", r"\1", sides[1].strip()).split(" ")[0])
+                raise line.error(f"{kind}d{number + 1} appears twice: write each component once")
+            matrix[row, number] = factor
+        m[row] = line.real(re.sub(r"^([+-])\s+", r"\1", sides[1].strip()).split(" ")[0])
         if mt[row].any() and me[row].any():
             problem = "a restriction on both stresses and strains is not supported: write it for one of them"
-            raise source.error(line.number, problem)
+            raise line.error(problem)
         if not mt[row].any() and not me[row].any():
-            raise source.error(
-                line.number, f"{shortened(line.text)} restricts no stress or strain: name one, e.g. ed1 = 0"
-            )
+            raise line.error(f"{shortened(line.text)} restricts no stress or strain: name one, e.g. ed1 = 0")
     return mt, me, m
 
 
-def _terms(source: Source, line: Line, text: str) -> list[tuple[float, float, str, int]]:
-    """(sign, factor, s or e, number of the component from 0) of each term of a left side."""
-    terms, at = [], 0
-    while at < len(text):
-        match = _TERM.match(text, at)
-        if not match or (at > 0 and not match[1]):
-            problem = f"{shortened(text[at:].strip())} is not understood: write a sum such as sd1 + 2.0*sd2 - sd3"
-            raise source.error(line.number, problem)
-        factor = source.real(line, match[2]) if match[2] else 1.0
-        terms.append((-1.0 if match[1] == "-" else 1.0, factor, match[3], int(match[4]) - 1))
-        at = match.end()
-    return terms
+def _terms(line: Line, text: str) -> list[tuple[float, str, int]]:
+    """(factor, s or e, number of the component from 0) of each term of a left side."""
+    try:
+        matches = signed_terms(_TERM, text, ": write a sum such as sd1 + 2.0*sd2 - sd3")
+    except InputError as error:
+        raise line.error(str(error)) from None
+    return [
+        ((-1.0 if sign == "-" else 1.0) * (line.real(factor) if factor else 1.0), kind, int(number) - 1)
+        for sign, factor, kind, number in (match.groups() for match in matches)
+    ]
 
 
 def solved(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

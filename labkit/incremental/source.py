@@ -20,10 +20,47 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f\x7f-\x9f]")
 
 
 class Line(NamedTuple):
-    """A line without its comment, and its number from 1."""
+    """A line of a file without its comment, and its number from 1."""
 
+    file: Path
     number: int
     text: str
+
+    @property
+    def words(self) -> list[str]:
+        """Its values."""
+        return separated(self.text)
+
+    @property
+    def first(self) -> str:
+        """Its first value, or the whole line if it consists of commas."""
+        return (self.words or [self.text])[0]
+
+    def error(self, problem: str) -> InputError:
+        """The InputError for a problem in this line."""
+        return InputError(f"{self.file}, line {self.number}: {problem}")
+
+    def reals(self, count: int, what: str) -> list[float]:
+        """The first `count` numbers of the line. Raises InputError."""
+        if len(self.words) < count:
+            plural = "" if count == 1 else "s"
+            raise self.error(f"{self.text[:40]!r} where {what} should be: give {count} number{plural}")
+        return [self.real(one) for one in self.words[:count]]
+
+    def real(self, text: str) -> float:
+        """A number, in which the exponent may be written with d. Raises InputError."""
+        if not REAL.fullmatch(text):
+            raise self.error(f"{shortened(text)} is not a number: give one, e.g. -0.15 or 1.0d-3")
+        try:
+            return real_of(text)
+        except InputError as error:
+            raise self.error(str(error)) from None
+
+    def whole(self, text: str, low: int, high: int, what: str) -> int:
+        """A whole number from `low` to `high`. Raises InputError."""
+        if not WHOLE.fullmatch(text) or len(text) > 20 or not low <= int(text) <= high:
+            raise self.error(f"{shortened(text)} is not valid as {what}: give a whole number, {low} to {high}")
+        return int(text)
 
 
 class Source:
@@ -35,14 +72,11 @@ class Source:
         self.raw = _text(file).splitlines()
         self._at = 0  # lines read so far
 
-    def error(self, line: int, problem: str) -> InputError:
-        """The InputError for a problem in a line."""
-        return InputError(f"{self.file}, line {line}: {problem}")
-
     @property
-    def number(self) -> int:
-        """Number of the line read last."""
-        return self._at
+    def last(self) -> Line:
+        """The line read last; the first one before any was read."""
+        number = max(self._at, 1)
+        return Line(self.file, number, without_comment("".join(self.raw[number - 1 : number])))
 
     def whole_line(self) -> str | None:
         """The next line with its comment, or None at the end of the file."""
@@ -53,55 +87,33 @@ class Source:
 
     def next(self) -> Line | None:
         """The next line that is not empty, or None at the end of the file."""
-        while (line := self.whole_line()) is not None:
-            text = without_comment(line)
-            if text:
-                return Line(self._at, text)
+        while self.whole_line() is not None:
+            if self.last.text:
+                return self.last
         return None
 
     def need(self, what: str) -> Line:
         """The next line that is not empty. Raises InputError, naming `what` it should hold, if there is none."""
         line = self.next()
         if line is None:
-            raise self.error(max(self._at, 1), f"the file ends before {what}")
+            raise self.last.error(f"the file ends before {what}")
         return line
 
     def data(self, what: str) -> Line:
         """The next line of data. Raises InputError if there is none, or if a keyword comes instead."""
         line = self.need(what)
         if line.text.startswith("*"):
-            raise self.error(line.number, f"{word(line.text)} where {what} should be: give the missing line")
+            raise line.error(f"{shortened(line.first)} where {what} should be: give the missing line")
         return line
 
     def reals(self, count: int, what: str) -> list[float]:
         """The first `count` numbers of the next line of data. Raises InputError."""
+        return self.data(what).reals(count, what)
+
+    def count(self, what: str, low: int, high: int) -> int:
+        """The whole number that the next line of data begins with. Raises InputError."""
         line = self.data(what)
-        return self.split(line, count, what)
-
-    def split(self, line: Line, count: int, what: str) -> list[float]:
-        """The first `count` numbers of a line. Raises InputError."""
-        words = separated(line.text)
-        if len(words) < count:
-            plural = "" if count == 1 else "s"
-            raise self.error(line.number, f"{line.text[:40]!r} where {what} should be: give {count} number{plural}")
-        return [self.real(line, one) for one in words[:count]]
-
-    def real(self, line: Line, text: str) -> float:
-        """A number, in which the exponent may be written with d. Raises InputError."""
-        if not REAL.fullmatch(text):
-            raise self.error(line.number, f"{shortened(text)} is not a number: give one, e.g. -0.15 or 1.0d-3")
-        value = float(text.lower().replace("d", "e"))
-        if not math.isfinite(value):
-            raise self.error(line.number, f"{shortened(text)} is too large: give a smaller number")
-        return value
-
-    def whole(self, line: Line, text: str, low: int, high: int, what: str) -> int:
-        """A whole number from `low` to `high`. Raises InputError."""
-        if not WHOLE.fullmatch(text) or len(text) > 20 or not low <= int(text) <= high:
-            raise self.error(
-                line.number, f"{shortened(text)} is not valid as {what}: give a whole number, {low} to {high}"
-            )
-        return int(text)
+        return line.whole(line.first, low, high, what)
 
 
 def _text(file: Path) -> str:
@@ -133,9 +145,23 @@ def separated(text: str) -> list[str]:
     return [word for word in re.split(r"[\s,]+", text.strip()) if word]
 
 
-def word(text: str) -> str:
-    """The first word of a text, in quotes."""
-    return shortened((separated(text) or [""])[0])
+def real_of(text: str) -> float:
+    """The number that a text matching REAL stands for. Raises InputError, without the line, if it is too large."""
+    value = float(text.lower().replace("d", "e"))
+    if not math.isfinite(value):
+        raise InputError(f"{shortened(text)} is too large: give a smaller number")
+    return value
+
+
+def signed_terms(pattern: re.Pattern[str], text: str, example: str) -> list[re.Match[str]]:
+    """The terms of a sum, of which the first group of the pattern is the sign. Raises InputError, without the line."""
+    terms: list[re.Match[str]] = []
+    while rest := text[terms[-1].end() if terms else 0 :]:
+        match = pattern.match(text, len(text) - len(rest))
+        if match is None or (terms and not match[1]):
+            raise InputError(f"{shortened(rest.strip())} is not understood{example}")
+        terms.append(match)
+    return terms
 
 
 def shortened(text: str) -> str:

@@ -6,16 +6,16 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dem.steps import Steps
-from labkit.dem.variables import VARIABLES, mixed_step
 from labkit.errors import InputError
 from labkit.incremental.columns import VARIABLES as STATE_VARIABLES
 from labkit.incremental.conventions import STRESS_UNITS, tensor
-from labkit.incremental.initial import InitialConditions, Material
+from labkit.incremental.initial import InitialConditions, MaterialConstants
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import to_six
 from labkit.model.parameters import Model, Parameters
 from labkit.model.state import ModelState, isotropic_state
+from labkit.paths.steps import Steps
+from labkit.paths.variables import VARIABLES, mixed_step
 
 SAME = 0.01  # of the mean stress: a state whose stress differs more from the given one contradicts it
 
@@ -26,10 +26,10 @@ def way_to(stress: np.ndarray) -> Steps:
     variables = VARIABLES["cartesian"]
     values = np.einsum("aij,ij->a", variables.tensors, stress)
     step = mixed_step(variables, (True,) * 6, values, absolute=True, label="the way to the initial stress")
-    return Steps(steps=(step,), pressure=f"{pressure!r} Pa")  # type: ignore[arg-type]
+    return Steps(steps=(step,), pressure=f"{pressure!r} Pa")
 
 
-def model_of(material: Material, stress_unit: str = "kPa") -> Model:
+def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") -> Model:
     """The model with the constants of parameters.inp: Young's modulus, then the parameters of Table 2 in their order.
 
     Raises InputError for another number of constants, or for values that are not valid.

@@ -1,30 +1,32 @@
-"""Files: schema, netCDF, provenance, interruption and progress. Needs only numpy and netCDF4."""
+"""Files: schema, netCDF, provenance, interruption and progress."""
+
+from typing import TYPE_CHECKING
 
 from labkit.lazy import attach
 
-_NAMES = {
-    "CONTACTS": "schema",
-    "GRAINS": "schema",
-    "RECORD": "schema",
-    "STATE": "schema",
-    "create_variables": "netcdf",
-    "make_folder": "files",
-    "open_netcdf": "netcdf",
-    "require_writable": "files",
-    "whole_file": "atomic",
-    "write_text": "atomic",
-    "labkit_kind": "netcdf",
-    "new_netcdf": "netcdf",
-    "finish": "netcdf",
-    "data_sha256": "hashes",
-    "file_sha256": "hashes",
-    "provenance_of": "provenance:of_file",
-    "provenance_json": "provenance:provenance",
-    "provenance_rows": "provenance:rows",
-    "write_provenance": "provenance",
-    "write_with_provenance": "provenance",
-    "install_command": "extras",
-    "reporter": "progress",
-}
-
-__getattr__, __dir__, __all__ = attach(__name__, _NAMES)
+if TYPE_CHECKING:
+    from labkit.io.atomic import whole_file as whole_file
+    from labkit.io.atomic import write_text as write_text
+    from labkit.io.extras import install_command as install_command
+    from labkit.io.files import make_folder as make_folder
+    from labkit.io.files import require_writable as require_writable
+    from labkit.io.hashes import data_sha256 as data_sha256
+    from labkit.io.hashes import file_sha256 as file_sha256
+    from labkit.io.interruption import die_with_parent as die_with_parent
+    from labkit.io.netcdf import create_variables as create_variables
+    from labkit.io.netcdf import finish as finish
+    from labkit.io.netcdf import labkit_kind as labkit_kind
+    from labkit.io.netcdf import new_netcdf as new_netcdf
+    from labkit.io.netcdf import open_netcdf as open_netcdf
+    from labkit.io.progress import reporter as reporter
+    from labkit.io.provenance import provenance_json as provenance_json
+    from labkit.io.provenance import provenance_of as provenance_of
+    from labkit.io.provenance import provenance_rows as provenance_rows
+    from labkit.io.provenance import write_provenance as write_provenance
+    from labkit.io.provenance import write_with_provenance as write_with_provenance
+    from labkit.io.schema import CONTACTS as CONTACTS
+    from labkit.io.schema import GRAINS as GRAINS
+    from labkit.io.schema import RECORD as RECORD
+    from labkit.io.schema import STATE as STATE
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

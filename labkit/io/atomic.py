@@ -56,12 +56,3 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
             temporary.write_text(text, encoding="utf-8")
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(path)) from error
-
-
-def remove_leftovers(path: Path) -> None:
-    """Removes the temporary files of processes killed in whole_file(path).
-
-    Call it only while holding the lock on `path`.
-    """
-    for temporary in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
-        temporary.unlink(missing_ok=True)

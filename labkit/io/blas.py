@@ -10,7 +10,6 @@ import contextlib
 import ctypes
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 NAMES = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "openblas_{}_num_threads")
 
@@ -28,7 +27,7 @@ def one_blas_thread() -> Iterator[None]:
             change(before)
 
 
-def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], Any]]]:
+def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
     """The functions of each OpenBLAS in this process that return and set its number of threads."""
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()

@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 
 from labkit.errors import InputError
-from labkit.io.netcdf import described, labkit_kind, require_name
+from labkit.io.netcdf import kind_in_words, labkit_kind, require_name
 
 WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
@@ -30,7 +30,7 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
             raise InputError(f"{path} is read-only: change its permissions, or choose another -o")
         existing = labkit_kind(path)
         if (kind or existing) and existing != kind:
-            raise InputError(f"{path} is {described(existing)}: it would be overwritten; choose another -o")
+            raise InputError(f"{path} is {kind_in_words(existing)}: it would be overwritten; choose another -o")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a directory: create it first, or choose another -o")
     probe = path.parent / f".{path.name}.probe.{os.getpid()}.tmp"  # whole_file removes what a killed process leaves

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import math
 import os
 import shutil
-from collections.abc import Iterator
-from pathlib import Path
+import signal
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import netCDF4
@@ -28,6 +29,10 @@ MARK = b"\nlabkit sha256 "
 SEAL = len(MARK) + 64 + 1  # bytes of the line that ends a sealed file
 NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the attribute `seal`
 BLOCK = 1 << 20  # bytes read at a time
+CHUNK = 500_000  # values read at a time
+LIMIT = 2  # s of processor time
+BYTES_PER_SECOND = 5e6  # more time for a larger file; HDF5 reads some 100 MB/s
+PATIENCE = 30  # times as long, on a busy computer
 
 
 def file_sha256(file: Name) -> str:
@@ -46,8 +51,16 @@ def data_sha256(dataset: netCDF4.Dataset) -> str:
     return digest.hexdigest()
 
 
-class DamagedVariable(Exception):
-    """A variable of a netCDF file that HDF5 cannot read; the message is its name."""
+class DamagedVariable(RuntimeError):
+    """A variable of a netCDF file that HDF5 cannot read."""
+
+
+def values_of(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:
+    """Values of a variable of an open file, or of some of its rows. Raises DamagedVariable."""
+    try:
+        return np.ascontiguousarray(np.ma.getdata(variable[rows]))
+    except (RuntimeError, OSError, IndexError, ValueError):
+        raise DamagedVariable(f"{variable.name} cannot be read") from None
 
 
 def seal(file: Name) -> None:
@@ -59,9 +72,8 @@ def seal(file: Name) -> None:
 
 def copy_unsealed(file: Name, to: Name) -> None:
     """Copy a netCDF file without the line that ends a sealed one, so that it can be extended."""
-    found = _seal_of(file)
     shutil.copyfile(file, to)
-    if found is not None:
+    if (found := _seal_of(file)) is not None:
         os.truncate(to, found[0])
 
 
@@ -101,33 +113,54 @@ def _seal_of(file: Name) -> tuple[int, str] | None:
 def _sha256(file: Name, size: int) -> str:
     """SHA-256 of the first `size` bytes of a file, hexadecimal."""
     digest = hashlib.sha256()
-    with open(Path(file), "rb") as handle:
+    with open(file, "rb") as handle:
         while size and (part := handle.read(min(BLOCK, size))):
             digest.update(part)
             size -= len(part)
     return digest.hexdigest()
 
 
-CHUNK = 500_000  # values read at a time
+def parts_of(variable: netCDF4.Variable) -> Iterator[np.ndarray]:
+    """Values of a variable of an open file, some rows at a time. Raises DamagedVariable."""
+    if not variable.shape:
+        yield values_of(variable)
+        return
+    rows = max(1, CHUNK // max(1, math.prod(variable.shape[1:])))
+    for first in range(0, variable.shape[0], rows):
+        yield values_of(variable, slice(first, first + rows))
 
 
-def parts_of(variable: Any, name: str) -> Iterator[np.ndarray]:
-    """Values of a netCDF4.Variable, some rows at a time. Raises DamagedVariable."""
-    per_row = int(np.prod(variable.shape[1:], dtype=np.int64)) or 1
-    rows = max(1, CHUNK // per_row)
-    for first in range(0, variable.shape[0] if variable.shape else 1, rows):
-        try:
-            part = variable[first : first + rows] if variable.shape else variable[...]
-        except (RuntimeError, OSError, ValueError, IndexError):
-            raise DamagedVariable(name) from None
-        yield np.ma.getdata(part)
-
-
-def _add_group(digest: Any, group: Any) -> None:
+def _add_group(digest: Any, group: netCDF4.Dataset) -> None:
     for name in sorted(group.variables):
         variable = group.variables[name]
         digest.update(f"{group.path}/{name} {variable.dtype} {variable.shape}\n".encode())
-        for part in parts_of(variable, name):
-            digest.update(np.ascontiguousarray(part).tobytes())
+        for part in parts_of(variable):
+            digest.update(part.tobytes())
     for name in sorted(set(group.groups) - {"checkpoint"}):
         _add_group(digest, group.groups[name])
+
+
+def ends(read: Callable[[str], object], file: Name) -> bool:
+    """True if a function of a file ends, be it with an error; tried in a process of its own, if the system has fork.
+
+    Damage can keep HDF5 busy for ever, or crash it.
+    """
+    return _ends(read, os.fspath(file), *identity(file)) if hasattr(os, "fork") else True
+
+
+@functools.lru_cache(1024)  # a command may open the same file several times
+def _ends(read: Callable[[str], object], file: str, *identity: int) -> bool:
+    import resource  # not on Windows
+
+    child = os.fork()
+    if child == 0:
+        try:
+            limit = LIMIT + int(identity[-1] / BYTES_PER_SECOND)
+            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(PATIENCE * limit)
+            read(file)
+        finally:  # an error is one that this process meets too and reports
+            os._exit(0)
+    return os.waitpid(child, 0)[1] == 0

@@ -6,7 +6,7 @@ import html
 from collections.abc import Mapping
 
 
-def table(title: str, rows: Mapping[str, object]) -> str:
+def html_table(title: str, rows: Mapping[str, object]) -> str:
     """An HTML table with a title and one line per entry, name -> value; all texts are escaped."""
     cell = '<td style="text-align: left; padding-right: 1em">'
     lines = [

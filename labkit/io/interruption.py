@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import fcntl
 import os
 import signal
@@ -25,12 +26,11 @@ class Signals:
 def stop_on_signals() -> Iterator[Signals]:
     """Context in which SIGINT, SIGTERM and SIGHUP only store their number in the Signals object.
 
-    Python lets only the main thread handle signals: a thread shares the Signals that the main thread is catching, if
-    any, and otherwise none are caught.
+    A context within another one shares its Signals, also in another thread. Python lets only the main thread handle
+    signals: in a thread without such a context around it none are caught.
     """
-    in_main = threading.current_thread() is threading.main_thread()
-    if not in_main and _CAUGHT:
-        yield _CAUGHT[-1]
+    if _CAUGHT:
+        yield _CAUGHT[0]
         return
     signals = Signals()
 
@@ -38,16 +38,16 @@ def stop_on_signals() -> Iterator[Signals]:
         signals.caught = number
 
     with handled((signal.SIGINT, *ending_signals()), catch):
-        if in_main:
+        if threading.current_thread() is threading.main_thread():
             _CAUGHT.append(signals)
         try:
             yield signals
         finally:
-            if in_main:
-                _CAUGHT.pop()
+            if signals in _CAUGHT:
+                _CAUGHT.remove(signals)
 
 
-_CAUGHT: list[Signals] = []  # by the main thread at present, from the outermost context inwards
+_CAUGHT: list[Signals] = []  # by the main thread at present, if any
 
 
 @contextlib.contextmanager
@@ -133,3 +133,11 @@ def being_written(file: Path) -> bool:
     except OSError:
         return True
     return False
+
+
+def die_with_parent() -> None:
+    """Kill this child when its parent ends (on Linux), so that no orphan keeps writing the run file."""
+    try:
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    except (OSError, AttributeError):
+        pass

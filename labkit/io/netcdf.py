@@ -12,23 +12,26 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import netCDF4
-import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.apart import read_group, survives
 from labkit.io.atomic import whole_file
 from labkit.io.conventions import TIME
-from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
+from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, ends, parts_of, seal, seal_is_right
 from labkit.io.schema import SIZES, Variable, require_schema
+
+if TYPE_CHECKING:
+    import xarray
 
 netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 MB: data are read and written only once
 
+CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values along a dimension
 TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
 NETCDF = "NetCDF:"  # how messages of the netCDF library begin
 ADVICE = "restore a copy or create it again; --trust reads it anyway"
@@ -48,7 +51,7 @@ def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) ->
     with _opened(path, f"give a labkit {kind} file") as dataset:
         actual = _text(dataset, "labkit_file")
         if actual != kind:
-            raise InputError(f"{path} is {described(actual)}: give a labkit {kind} file")
+            raise InputError(f"{path} is {kind_in_words(actual)}: give a labkit {kind} file")
         hashed = not verify or trusted() or _require_hashes(path, dataset)
         require_schema(path, dataset, kind)
         if not hashed:
@@ -76,16 +79,18 @@ def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
         return _text(dataset, name)
 
 
-def data_verdict(path: str | os.PathLike[str]) -> str | None:
-    """`same` or `differs`: the data of a file compared with its data_sha256; None if it has none. Raises InputError."""
+def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
+    """(item, `same` or `differs`) for each hash of its own content that a netCDF file has. Raises InputError."""
+    verdicts = []
     with _opened(Path(path), "give a netCDF file") as dataset:
-        stored = _text(dataset, "data_sha256")
-        if stored is None:
-            return None
-        try:
-            return "same" if data_sha256(dataset) == stored else "differs"
-        except DamagedVariable:
-            return "differs"
+        if (right := seal_is_right(path)) or "seal" in dataset.ncattrs():
+            verdicts.append(("all bytes of this file", right))
+        if (stored := _text(dataset, "data_sha256")) is not None:
+            try:
+                verdicts.append(("the data of this file", data_sha256(dataset) == stored))
+            except DamagedVariable:
+                verdicts.append(("the data of this file", False))
+    return [(item, "same" if right else "differs") for item, right in verdicts]
 
 
 def require_name(path: str | os.PathLike[str]) -> None:
@@ -97,7 +102,7 @@ def require_name(path: str | os.PathLike[str]) -> None:
         raise InputError(f"the file name {shown} is not {sys.getfilesystemencoding()} text: rename the file") from None
 
 
-def described(kind: str | None) -> str:
+def kind_in_words(kind: str | None) -> str:
     """A kind of file in a sentence."""
     return f"a labkit {kind} file" if kind else "not a labkit file"
 
@@ -129,12 +134,14 @@ def damage_named(path: str | os.PathLike[str]) -> Iterator[None]:
     """Context in which an error of the netCDF library becomes an InputError with the file."""
     try:
         yield
-    except DamagedVariable as error:
-        raise damaged(path, f"{error} cannot be read") from None
     except (OSError, RuntimeError, AttributeError) as error:
-        if not str(error).startswith(NETCDF):
+        if not _is_of_library(error):
             raise
         raise damaged(path, str(error)) from None
+
+
+def _is_of_library(error: Exception) -> bool:
+    return isinstance(error, DamagedVariable) or str(error).startswith(NETCDF)
 
 
 def damaged(path: str | os.PathLike[str], why: str) -> InputError:
@@ -142,28 +149,26 @@ def damaged(path: str | os.PathLike[str], why: str) -> InputError:
     return InputError(f"{path} is damaged ({why}): {ADVICE}")
 
 
-def values_of(group: Any, name: str, rows: Any = slice(None)) -> np.ndarray:
-    """Values of a variable, or of some of its rows, in a group of an open file. Raises DamagedVariable."""
-    try:
-        values = group[name][rows]
-        return np.ascontiguousarray(values.filled() if np.ma.isMaskedArray(values) else values)
-    except (RuntimeError, OSError, IndexError, KeyError, ValueError):
-        raise DamagedVariable(name) from None
-
-
 def _require_seal(path: Path) -> None:
     """Raises InputError if a file does not have the hash in its seal, or stops HDF5, before HDF5 sees it here."""
     right = trusted() or seal_is_right(path)
     if right is False:
         raise damaged(path, "its bytes differ from their hash")
-    if right is None and not survives(path, _read_all):
+    if right is None and not ends(_read_all, path):
         raise damaged(path, "the netCDF library crashes or does not come to an end when it reads it")
 
 
 def _read_all(file: str) -> None:
-    """Read everything in a netCDF file."""
+    """Read all attributes and values of a file, of its groups too."""
     with netCDF4.Dataset(file) as dataset:
-        read_group(dataset)
+        groups = [dataset]
+        for group in groups:
+            groups += group.groups.values()
+            _ = [group.getncattr(name) for name in group.ncattrs()]
+            for variable in group.variables.values():
+                _ = [variable.getncattr(name) for name in variable.ncattrs()]
+                for _ in parts_of(variable):
+                    pass
 
 
 _told: set[Path] = set()  # files of which the command has said that they have no hash
@@ -207,11 +212,10 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
     size: bytes that it may need, or 0; the file is not begun unless the disk has them. Raises OSError with `path` as
     its file name if the disk is full or fails.
     """
-    with whole_file(path) as temporary, failure_named(path):
-        with _on_disk(temporary, "w", size) as dataset:
-            yield dataset
-            if "seal" not in dataset.ncattrs():
-                set_hashes(dataset)
+    with whole_file(path) as temporary, failure_named(path), _on_disk(temporary, "w", size) as dataset:
+        yield dataset
+        if "seal" not in dataset.ncattrs():
+            set_hashes(dataset)
 
 
 @contextlib.contextmanager
@@ -224,6 +228,13 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
         copy_unsealed(path, temporary)
         with _on_disk(temporary, "a", os.path.getsize(temporary) + more) as dataset:
             yield dataset
+
+
+def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
+    """Write an xarray.Dataset as a netCDF file with its hashes, whole or not at all. Raises OSError as new_netcdf."""
+    with whole_file(path) as temporary, failure_named(path):
+        data.to_netcdf(temporary, engine="netcdf4", **encoding)
+        finish(temporary)
 
 
 @contextlib.contextmanager
@@ -274,14 +285,11 @@ def failure_named(path: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-    except (DamagedVariable, RuntimeError) as error:
-        if not isinstance(error, DamagedVariable) and not str(error).startswith(NETCDF):
+    except RuntimeError as error:
+        if not _is_of_library(error):
             raise
-        free = os.statvfs(Path(path).resolve().parent)
-        left = free.f_bavail * free.f_frsize
-        raise OSError(
-            None, f"it could not be written ({error}; {left / 1e6:.3g} MB are free there)", str(path)
-        ) from error
+        left = shutil.disk_usage(Path(path).resolve().parent).free / 1e6
+        raise OSError(None, f"it could not be written ({error}; {left:.3g} MB are free there)", str(path)) from error
 
 
 def create_variables(
@@ -316,14 +324,9 @@ def create_variables(
             created.setncatts(TIME)
 
 
-_CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}
-
-
 def _chunk_size(dimension: str, size: int | None) -> int:
     """Chunk length along a dimension; `size` is None for an unlimited dimension."""
-    if size is None:
-        return _CHUNK[dimension]
-    return min(_CHUNK.get(dimension, size), max(size, 1))
+    return CHUNK[dimension] if size is None else min(CHUNK.get(dimension, size), max(size, 1))
 
 
 def _find_dimension(group: netCDF4.Dataset, name: str) -> netCDF4.Dimension | None:

@@ -1,8 +1,7 @@
-"""Progress with the time left: a bar on a terminal or in a notebook, lines in a log, a pipe between processes."""
+"""Progress with the time left: a bar on a terminal or in a notebook, lines in a log."""
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 import warnings
@@ -12,15 +11,9 @@ import numpy as np
 
 from labkit.io.streams import show
 
-PIPE = "LABKIT_PROGRESS_PIPE"  # set by a parent process that displays the progress
-MARK = "\x1elabkit "
-ERROR = "labkit-error: "  # printed by a child process before an error in JSON
-
 
 def reporter(title: str) -> Callable[[float, str], None]:
     """A function (fraction, text) that reports progress in the form suited to standard output."""
-    if os.environ.get(PIPE):
-        return lambda fraction, text: show(f"{MARK}{fraction:.6f} {text}")
     if sys.stdout.isatty() or in_notebook():
         return Bar(title)
     return Lines(title)
@@ -30,14 +23,6 @@ def in_notebook() -> bool:
     """True in a cell of a notebook."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     return hasattr(shell, "kernel")
-
-
-def read_pipe(line: str) -> tuple[float, str] | None:
-    """(fraction, text) of a progress line from the pipe; None for any other line."""
-    if not line.startswith(MARK):
-        return None
-    fraction, _, text = line[len(MARK) :].rstrip("\n").partition(" ")
-    return float(fraction), text
 
 
 def log_fraction(start: float, now: float, end: float) -> float:
@@ -87,29 +72,19 @@ class Lines:
 
 
 class Bar:
-    """A tqdm bar if tqdm is installed, that of notebooks in a notebook; otherwise (inside YADE) an overwritten line."""
+    """A tqdm bar, that of notebooks in a notebook."""
 
     def __init__(self, title: str) -> None:
         """title: text before the bar."""
         self.title, self.clock = title, Clock()
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # a notebook without ipywidgets gets the bar of a terminal
-                from tqdm.auto import tqdm
-        except ImportError:
-            self.bar = None
-        else:
-            style = "{desc}: {percentage:3.0f}%|{bar}| {postfix}"
-            self.bar = tqdm(total=1.0, desc=title, bar_format=style)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a notebook without ipywidgets gets the bar of a terminal
+            from tqdm.auto import tqdm
+        self.bar = tqdm(total=1.0, desc=title, bar_format="{desc}: {percentage:3.0f}%|{bar}| {postfix}")
 
     def __call__(self, fraction: float, text: str) -> None:
         """Updates the bar."""
         left = self.clock.left(fraction)
-        if self.bar is None:
-            show(f"\r\x1b[K{self.title}: {fraction:4.0%}, {left} left, {text}", end="")
-            if fraction >= 1.0:
-                show("")
-            return
         self.bar.set_postfix_str(f"{left} left, {text}", refresh=False)
         self.bar.update(fraction - self.bar.n)
         self.bar.refresh()

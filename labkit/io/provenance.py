@@ -25,15 +25,15 @@ from typing import Any
 import labkit
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
-from labkit.io.hashes import Name, file_sha256, seal_is_right
-from labkit.io.netcdf import attribute_of, data_verdict, labkit_kind
+from labkit.io.hashes import Name, file_sha256
+from labkit.io.netcdf import attribute_of, hash_verdicts, labkit_kind
 
 BESIDE = ".provenance.json"  # suffix of the file that holds the provenance of a table or a page
 
 LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotlib", "snakemake")
 
 
-def provenance(
+def provenance_json(
     command: str | None = None, inputs: Iterable[Name] = (), output: Name | None = None, seed: int | None = None
 ) -> str:
     """Provenance of a file that is being created, as JSON text.
@@ -67,7 +67,7 @@ def write_with_provenance(file: Name, text: str, inputs: Iterable[Name] = (), co
 
 def write_provenance(file: Name, inputs: Iterable[Name] = (), command: str | None = None) -> None:
     """Writes the provenance and the hash of an existing file to `file` + `.provenance.json`."""
-    record = json.loads(provenance(command, inputs, file))
+    record = json.loads(provenance_json(command, inputs, file))
     write_text(f"{file}{BESIDE}", json.dumps({**record, "sha256": file_sha256(file)}, indent=1) + "\n")
 
 
@@ -117,7 +117,7 @@ def processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
-def of_file(file: Name) -> dict[str, Any] | None:
+def provenance_of(file: Name) -> dict[str, Any] | None:
     """Provenance of a file as a dictionary, or None if it has none."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
@@ -134,7 +134,7 @@ def of_file(file: Name) -> dict[str, Any] | None:
     return json.loads(text) if text else None
 
 
-def _read(beside: Path) -> dict[str, Any]:
+def _read(beside: Path) -> dict[str, object]:
     try:
         known = json.loads(beside.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -156,28 +156,22 @@ def check(file: Name) -> list[tuple[str, str]]:
     The verdict is `same`, `differs` or `missing`.
     """
     file = Path(file)
-    verdicts = []
-    known = of_file(file) or {}
+    known = provenance_of(file) or {}
     if "sha256" in known:
-        verdicts.append(("this file", "same" if file_sha256(file) == known["sha256"] else "differs"))
-    elif labkit_kind(file):
-        if seal_is_right(file):  # otherwise labkit_kind has raised an InputError
-            verdicts.append(("all bytes of this file", "same"))
-        elif attribute_of(file, "seal"):
-            verdicts.append(("all bytes of this file", "differs"))
-        if (verdict := data_verdict(file)) is not None:
-            verdicts.append(("the data of this file", verdict))
-    for item in known.get("inputs", []):
-        source = file.resolve().parent / item["file"]
-        if not source.is_file():
-            verdicts.append((f"input {item['file']}", "missing"))
-        else:
-            verdict = "same" if file_sha256(source) == item["sha256"] else "differs"
-            verdicts.append((f"input {item['file']}", verdict))
-    return verdicts
+        verdicts = [("this file", _verdict(file, known["sha256"]))]
+    else:
+        verdicts = hash_verdicts(file) if labkit_kind(file) else []  # raises InputError if a seal is wrong
+    inputs = {f"input {item['file']}": (file.resolve().parent / item["file"], item) for item in known.get("inputs", [])}
+    return verdicts + [(name, _verdict(source, item["sha256"])) for name, (source, item) in inputs.items()]
 
 
-def rows(known: Mapping[str, Any]) -> dict[str, str]:
+def _verdict(file: Path, sha256: str) -> str:
+    if not file.is_file():
+        return "missing"
+    return "same" if file_sha256(file) == sha256 else "differs"
+
+
+def provenance_rows(known: Mapping[str, Any]) -> dict[str, str]:
     """A provenance as label -> text; empty values are left out."""
     computer = known.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]

@@ -1,7 +1,7 @@
 """Schema of state and run files: name, dimensions, type, units and long name of every variable, types of attributes.
 
 `require_schema` compares an open file with it. What the values of a State or of contacts must satisfy is in
-labkit.dem.state and labkit.micro.contacts.
+labkit.grains.state and labkit.micro.contacts.
 """
 
 from __future__ import annotations
@@ -101,11 +101,7 @@ SIZES = {"i": 3, "j": 3, "side": 2}
 # --- attributes -----------------------------------------------------------------------------------------------------
 
 
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_json(value: Any) -> bool:
+def _is_json(value: object) -> bool:
     """True for a JSON object, or an empty text."""
     try:
         return isinstance(value, str) and (value == "" or isinstance(json.loads(value), dict))
@@ -113,19 +109,11 @@ def _is_json(value: Any) -> bool:
         return False
 
 
-def _is_count(value: Any) -> bool:
+def _is_whole(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and int(value) >= 0
 
 
-def _is_time(value: Any) -> bool:
-    return isinstance(value, (float, np.floating)) and 0.0 <= float(value) < math.inf
-
-
-def _is_flag(value: Any) -> bool:
-    return isinstance(value, (int, np.integer)) and int(value) in (0, 1)
-
-
-def _are_energies(value: Any) -> bool:
+def _are_energies(value: object) -> bool:
     """True for the start, the work and three losses, which an engine may not know."""
     values = np.asarray(value)
     if values.shape != (5,) or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
@@ -134,54 +122,41 @@ def _are_energies(value: Any) -> bool:
 
 
 Check = tuple[Callable[[Any], bool], str]
-TEXT, JSON, COUNT = (_is_text, "text"), (_is_json, "a JSON object"), (_is_count, "a whole number")
-TIME_SPAN, FLAG, ENERGIES = (_is_time, "a time in s"), (_is_flag, "0 or 1"), (_are_energies, "five energies")
+TEXT: Check = (lambda value: isinstance(value, str), "text")
+JSON: Check = (_is_json, "a JSON object")
+COUNT: Check = (_is_whole, "a whole number")
+TIME_SPAN: Check = (
+    lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
+    "a time in s",
+)
+FLAG: Check = (lambda value: _is_whole(value) and value <= 1, "0 or 1")
+ENERGIES: Check = (_are_energies, "five energies")
 
-ATTRIBUTES: dict[str, Check] = {  # of files of every kind, where they are present
-    "scene": JSON,
-    "path": TEXT,
-    "path_parameters": JSON,
-    "provenance": JSON,
-    "recipe": JSON,
-    "history": TEXT,
-    "engine": TEXT,
-    "engine_version": TEXT,
-    "precision": TEXT,
-    "ended_because": TEXT,
-    "specimen": TEXT,
-    "data_sha256": TEXT,
-    "time": TIME_SPAN,
-    "time_step": TIME_SPAN,
-    "wall_time": TIME_SPAN,
-    "step": COUNT,
-    "steps": COUNT,
-    "seed": COUNT,
-    "threads": COUNT,
-    "complete": FLAG,
-    "ledger": ENERGIES,
-}
-MEANING = {  # of these attributes, for the reference
-    "scene": "material and contact law",
-    "path": "name of the loading path",
-    "path_parameters": "its parameters, and the options of the run",
-    "provenance": "command, version, time, inputs and computer",
-    "recipe": "how the specimen was made; empty if it was imported",
-    "history": "what was done to the specimen before",
-    "engine": "engine that wrote the file",
-    "engine_version": "its version",
-    "precision": "precision of the engine, unless it is double",
-    "ended_because": "why a run ended before its aim; empty if it did not",
-    "specimen": "hash of the State from which a run started",
-    "data_sha256": "hash of all values, the same whenever the same data are produced",
-    "time": "time since the specimen was generated",
-    "time_step": "time step",
-    "wall_time": "duration of the computation",
-    "step": "number of time steps since the specimen was generated",
-    "steps": "number of time steps of the run",
-    "seed": "seed of the specimen",
-    "threads": "number of threads",
-    "complete": "1 if the path was followed to its end",
-    "ledger": "J: energy at the start, work done on the cell, and energy lost to friction, rolling and damping",
+ATTRIBUTES: dict[str, tuple[Check, str]] = {  # of files of every kind, where they are present: values, meaning
+    "scene": (JSON, "material and contact law"),
+    "path": (TEXT, "name of the loading path"),
+    "path_parameters": (JSON, "its parameters, and the options of the run"),
+    "provenance": (JSON, "command, version, time, inputs and computer"),
+    "recipe": (JSON, "how the specimen was made; empty if it was imported"),
+    "history": (TEXT, "what was done to the specimen before"),
+    "engine": (TEXT, "engine that wrote the file"),
+    "engine_version": (TEXT, "its version"),
+    "precision": (TEXT, "precision of the engine, unless it is double"),
+    "ended_because": (TEXT, "why a run ended before its aim; empty if it did not"),
+    "specimen": (TEXT, "hash of the State from which a run started"),
+    "data_sha256": (TEXT, "hash of all values, the same whenever the same data are produced"),
+    "time": (TIME_SPAN, "time since the specimen was generated"),
+    "time_step": (TIME_SPAN, "time step"),
+    "wall_time": (TIME_SPAN, "duration of the computation"),
+    "step": (COUNT, "number of time steps since the specimen was generated"),
+    "steps": (COUNT, "number of time steps of the run"),
+    "seed": (COUNT, "seed of the specimen"),
+    "threads": (COUNT, "number of threads"),
+    "complete": (FLAG, "1 if the path was followed to its end"),
+    "ledger": (
+        ENERGIES,
+        "J: energy at the start, work done on the cell, and energy lost to friction, rolling and damping",
+    ),
 }
 NEEDED = {  # attributes without which a file cannot be used
     "state": ("scene", "time", "time_step", "step", "seed"),
@@ -240,9 +215,9 @@ def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) 
 def _attribute_problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
     there = dataset.ncattrs()
     yield from (f"the attribute {name} is missing" for name in NEEDED.get(kind, ()) if name not in there)
-    for name, (holds, meaning) in ATTRIBUTES.items():
+    for name, ((holds, values), _) in ATTRIBUTES.items():
         if name in there and not holds(dataset.getncattr(name)):
-            yield f"the attribute {name} is not {meaning}"
+            yield f"the attribute {name} is not {values}"
 
 
 def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:

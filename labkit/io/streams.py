@@ -6,7 +6,7 @@ import os
 import sys
 
 
-def prepare() -> None:
+def prepare_streams() -> None:
     """Replace closed streams by the null device; characters that an encoding lacks are shown as escapes."""
     for name, number in (("stdout", 1), ("stderr", 2)):
         stream = getattr(sys, name)

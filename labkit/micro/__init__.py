@@ -4,61 +4,76 @@ The paper counts each physical contact twice, once for each of its grains. Becau
 sides, the sums here run over physical contacts, each weighted with the sum of the weights of its two sides.
 """
 
+from typing import TYPE_CHECKING
+
 from labkit.lazy import attach
 
 # Imported immediately: a lazily imported function would be hidden by the submodule of the same name.
 from labkit.micro.void_ratio import void_ratio as void_ratio
 
-_NAMES = {
-    "contacts": ("Contacts", "NO_CONTACTS", "branch_vectors"),
-    "directions": (
-        "Fit",
-        "TangentialFit",
-        "bin_means",
-        "directional_mean",
-        "fit",
-        "hemisphere_bins",
-        "normal_density",
-        "polar_bins",
-        "second_order",
-        "tangential_mean",
-        "traceless",
-    ),
-    "fabric": ("Series", "Statistics", "contact_anisotropy", "series_of", "statistics"),
-    "grains": ("grain_fabric", "grain_stress", "mean_per_grain", "sum_per_grain"),
-    "indicators": (
-        "elastic_energy",
-        "inertial_number",
-        "overlap_ratio",
-        "rattler_fraction",
-        "resultant_forces",
-        "unbalanced_force",
-    ),
-    "networks": ("Lives", "follow", "network_stress"),
-    "normalised": (
-        "Vectors",
-        "normalisation",
-        "normalised_force",
-        "normalised_normal_force",
-        "strong_by_force",
-        "strong_by_normalised_force",
-        "vectors_of_contacts",
-        "vectors_of_sides",
-    ),
-    "planes": ("plane_normal", "plane_tractions"),
-    "size_groups": ("GroupStresses", "diameter_edges", "group_stresses", "groups_by_diameter"),
-    "snapshot": ("Law", "Material", "Snapshot", "contact_arms", "contacts_per_grain"),
-    "stress": (
-        "along_deviator",
-        "deviatoric_stress",
-        "deviator",
-        "equivalent_stress",
-        "lode_angle",
-        "love_stress",
-        "mean_stress",
-        "relative_error",
-    ),
-    "void_ratio": ("grain_volume", "lens_volume", "void_ratio", "void_ratio_nominal"),
-}
-
-__getattr__, __dir__, __all__ = attach(__name__, {name: file for file, names in _NAMES.items() for name in names})
+if TYPE_CHECKING:
+    from labkit.micro.contacts import NO_CONTACTS as NO_CONTACTS
+    from labkit.micro.contacts import Contacts as Contacts
+    from labkit.micro.contacts import branch_vectors as branch_vectors
+    from labkit.micro.directions import DirectionalFit as DirectionalFit
+    from labkit.micro.directions import TangentialFit as TangentialFit
+    from labkit.micro.directions import bin_means as bin_means
+    from labkit.micro.directions import directional_fit as directional_fit
+    from labkit.micro.directions import directional_mean as directional_mean
+    from labkit.micro.directions import hemisphere_bins as hemisphere_bins
+    from labkit.micro.directions import normal_density as normal_density
+    from labkit.micro.directions import polar_bins as polar_bins
+    from labkit.micro.directions import second_order as second_order
+    from labkit.micro.directions import tangential_mean as tangential_mean
+    from labkit.micro.directions import traceless as traceless
+    from labkit.micro.fabric import Series as Series
+    from labkit.micro.fabric import Statistics as Statistics
+    from labkit.micro.fabric import contact_anisotropy as contact_anisotropy
+    from labkit.micro.fabric import series_of as series_of
+    from labkit.micro.fabric import statistics as statistics
+    from labkit.micro.grains import grain_fabric as grain_fabric
+    from labkit.micro.grains import grain_stress as grain_stress
+    from labkit.micro.grains import mean_per_grain as mean_per_grain
+    from labkit.micro.grains import sum_per_grain as sum_per_grain
+    from labkit.micro.indicators import elastic_energy as elastic_energy
+    from labkit.micro.indicators import inertial_number as inertial_number
+    from labkit.micro.indicators import overlap_ratio as overlap_ratio
+    from labkit.micro.indicators import rattler_fraction as rattler_fraction
+    from labkit.micro.indicators import resultant_forces as resultant_forces
+    from labkit.micro.indicators import unbalanced_force as unbalanced_force
+    from labkit.micro.networks import Lives as Lives
+    from labkit.micro.networks import follow as follow
+    from labkit.micro.networks import network_stress as network_stress
+    from labkit.micro.normalised import Vectors as Vectors
+    from labkit.micro.normalised import normalisation as normalisation
+    from labkit.micro.normalised import normalised_force as normalised_force
+    from labkit.micro.normalised import normalised_normal_force as normalised_normal_force
+    from labkit.micro.normalised import strong_by_force as strong_by_force
+    from labkit.micro.normalised import strong_by_normalised_force as strong_by_normalised_force
+    from labkit.micro.normalised import vectors_of_contacts as vectors_of_contacts
+    from labkit.micro.normalised import vectors_of_sides as vectors_of_sides
+    from labkit.micro.planes import plane_normal as plane_normal
+    from labkit.micro.planes import plane_tractions as plane_tractions
+    from labkit.micro.size_groups import GroupStresses as GroupStresses
+    from labkit.micro.size_groups import diameter_edges as diameter_edges
+    from labkit.micro.size_groups import group_stresses as group_stresses
+    from labkit.micro.size_groups import groups_by_diameter as groups_by_diameter
+    from labkit.micro.snapshot import ContactMaterial as ContactMaterial
+    from labkit.micro.snapshot import Law as Law
+    from labkit.micro.snapshot import Snapshot as Snapshot
+    from labkit.micro.snapshot import contact_arms as contact_arms
+    from labkit.micro.snapshot import contacts_per_grain as contacts_per_grain
+    from labkit.micro.stress import along_deviator as along_deviator
+    from labkit.micro.stress import deviator as deviator
+    from labkit.micro.stress import deviatoric_stress as deviatoric_stress
+    from labkit.micro.stress import equivalent_stress as equivalent_stress
+    from labkit.micro.stress import lode_angle as lode_angle
+    from labkit.micro.stress import love_stress as love_stress
+    from labkit.micro.stress import mean_stress as mean_stress
+    from labkit.micro.stress import relative_error as relative_error
+    from labkit.micro.void_ratio import grain_volume as grain_volume
+    from labkit.micro.void_ratio import lens_volume as lens_volume
+    from labkit.micro.void_ratio import void_ratio as void_ratio
+    from labkit.micro.void_ratio import void_ratio_nominal as void_ratio_nominal
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

@@ -31,7 +31,7 @@ def traceless(S: np.ndarray) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True)
-class Fit:
+class DirectionalFit:
     """A fitted directional function f0 [1 + n.B n + B4::nnnn].
 
     mean: f0; second (3, 3): B; fourth (3, 3, 3, 3): B4, zero for a fit of second order.
@@ -55,7 +55,7 @@ class Fit:
         return value
 
 
-def fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Fit:
+def directional_fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> DirectionalFit:
     """Fit of a directional function that has the same moments, up to `order`, as the values v in the directions n.
 
     f0 = <v>, B = 15/2 (<v nn>/f0 - I/3), B4 = 315/8 times the traceless part of <v nnnn>/f0
@@ -68,40 +68,40 @@ def fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Fit:
         raise ValueError(f"order {order} is not valid: use 2 or 4")
     zero4 = np.zeros((3, 3, 3, 3))
     if len(n) == 0:
-        return Fit(np.nan, np.full((3, 3), np.nan), zero4 * np.nan if order == 4 else zero4)
+        return DirectionalFit(np.nan, np.full((3, 3), np.nan), zero4 * np.nan if order == 4 else zero4)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = float(values.mean())
         second = (n * values[:, None]).T @ n / len(n) / mean
         B = 7.5 * (second - IDENTITY / 3.0)
         if order == 2:
-            return Fit(mean, B, zero4)
+            return DirectionalFit(mean, B, zero4)
         products = _products(n)
         fourth = _as_tensor((products * values[:, None]).T @ products / len(n) / mean)
         B4 = 315.0 / 8.0 * traceless(fourth)
-    return Fit(mean, B, B4)
+    return DirectionalFit(mean, B, B4)
 
 
-def second_order(full: Fit) -> Fit:
+def second_order(full: DirectionalFit) -> DirectionalFit:
     """The same Fit without its fourth-order term."""
     return dataclasses.replace(full, fourth=np.zeros((3, 3, 3, 3)))
 
 
-def normal_density(n: np.ndarray, order: int = 2) -> Fit:
+def normal_density(n: np.ndarray, order: int = 2) -> DirectionalFit:
     """Fit of the density of contact normals E_PDF(n), f0 = 1/(4 pi) (Eqs. 9, 10).
 
     `n` (m, 3) unit vectors; NaN for m = 0.
     """
-    return dataclasses.replace(fit(n, np.ones(len(n)), order), mean=0.25 / np.pi)
+    return dataclasses.replace(directional_fit(n, np.ones(len(n)), order), mean=0.25 / np.pi)
 
 
-def directional_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> Fit:
+def directional_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> DirectionalFit:
     """Fit of the mean of `values` (m,) in the direction n, with the order of `density`, the Fit of E_PDF.
 
     Rows are weighted by 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
     """
     order = 4 if density.fourth.any() else 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        return fit(n, values / density.shape(n), order)
+        return directional_fit(n, values / density.shape(n), order)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +123,7 @@ class TangentialFit:
         return full - np.einsum("mi,mi->m", full, n)[:, None] * n
 
 
-def tangential_mean(n: np.ndarray, values: np.ndarray, density: Fit) -> TangentialFit:
+def tangential_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> TangentialFit:
     """Fit of the mean of tangential vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
 
     Rows are weighted by 1/(1 + n.A n + ...), and the fit has the order of `density`, the Fit of E_PDF.

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.micro.directions import Fit, fit, normal_density
+from labkit.micro.directions import DirectionalFit, directional_fit, normal_density
 from labkit.micro.normalised import Vectors, vectors_of_contacts
 from labkit.micro.snapshot import Snapshot, contacts_of
 
@@ -45,12 +45,12 @@ class Series:
     `density`.
     """
 
-    density: Fit
-    normal_force: Fit
+    density: DirectionalFit
+    normal_force: DirectionalFit
     mobilisation: np.ndarray
 
 
-def series_of(vectors: Vectors, order: int = 2, density: Fit | None = None) -> Series:
+def series_of(vectors: Vectors, order: int = 2, density: DirectionalFit | None = None) -> Series:
     """Series of a non-empty set of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4.
 
     density: E_PDF, if the vectors are only a part of those that determine it.
@@ -59,7 +59,7 @@ def series_of(vectors: Vectors, order: int = 2, density: Fit | None = None) -> S
     density = density or normal_density(n, order)
     with np.errstate(divide="ignore", invalid="ignore"):
         shape = density.shape(n)  # 1 + n.A n + ...
-        normal_force = fit(n, vectors.normal_component / shape, order)  # Eqs. 24, 25
+        normal_force = directional_fit(n, vectors.normal_component / shape, order)  # Eqs. 24, 25
         mobilisation = -(n.T @ (vectors.tangential / shape[:, None])) / len(n) / normal_force.mean  # Eq. 27
     return Series(density, normal_force, mobilisation)
 

@@ -9,19 +9,19 @@ import typing
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.html import table
+from labkit.io.html import html_table
 from labkit.micro.contacts import Contacts
 
 
 class Law(typing.Protocol):
-    """Part of a contact law that the statistics need; implemented by labkit.dem.laws.ContactLaw."""
+    """Part of a contact law that the statistics need; implemented by labkit.grains.laws.ContactLaw."""
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Elastic energy of all contact springs, J."""
 
 
-class Material(typing.Protocol):
-    """Part of a scene that the statistics and pictures need, in SI units; implemented by labkit.dem.scene.Scene."""
+class ContactMaterial(typing.Protocol):
+    """Part of a scene that the statistics and pictures need, in SI units; implemented by labkit.grains.scene.Scene."""
 
     @property
     def young_modulus(self) -> float:
@@ -53,7 +53,7 @@ class Snapshot:
     number: index of the snapshot in its run file.
     """
 
-    scene: Material
+    scene: ContactMaterial
     radius: np.ndarray
     cell: np.ndarray
     contacts: Contacts
@@ -72,7 +72,7 @@ class Snapshot:
         from labkit.micro.summary import summary
 
         strain = {} if self.axial_strain is None else {"axial strain": f"{self.axial_strain:.2%}"}
-        return table("Snapshot", strain | summary(self))
+        return html_table("Snapshot", strain | summary(self))
 
     @functools.cached_property
     def volume(self) -> float:

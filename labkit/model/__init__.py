@@ -3,8 +3,8 @@
     parameters   Table 2, the interpretations of ambiguous equations (Readings), and both with E as a Model
     equations    C0 to C5, Eqs. 31 and 32, one function per equation
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
-    driver       loads a state along a loading path of labkit.dem.paths, or under any mixed control
-    integrators  adaptive and fixed-step, explicit and implicit
+    driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
+    integrators  adaptive; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
     observation  the data of a run that are used in calibration
@@ -17,46 +17,47 @@
 Compression is positive, z axial, SI units.
 """
 
+from typing import TYPE_CHECKING
+
 from labkit.lazy import attach
 
-_NAMES = {
-    "Model": "parameters",
-    "Parameters": "parameters",
-    "Readings": "parameters",
-    "ROOT_3_2": "parameters",
-    "ModelState": "state",
-    "isotropic_state": "state",
-    "with_inherent_anisotropy": "state",
-    "drive": "driver",
-    "Result": "driver",
-    "model_path": "controls",
-    "Mixed": "controls",
-    "Oedometer": "controls",
-    "Adaptive": "integrators",
-    "state_rate": "stiffness",
-    "stress_rate": "stiffness",
-    "rate_tangent": "stiffness",
-    "hypoplastic_form": "stiffness",
-    "state_of": "state",
-    "probe": "probes",
-    "states": "material_point",
-    "update": "material_point",
-    "calibrate": "calibration",
-    "fit": "calibration",
-    "Fit": "calibration",
-    "Observation": "observation",
-    "observe": "observation",
-    "density_distance": "equations",
-    "critical_coordination_number": "equations",
-    "critical_force": "equations",
-    "read_model": "run_file",
-    "as_run": "run_file",
-    "critical_section": "strength",
-    "matsuoka_nakai": "strength",
-    "mohr_coulomb": "strength",
-    "records": "run_file",
-    "write_result": "run_file",
-    "MODEL_ENGINE": "run_file:ENGINE",
-}
-
-__getattr__, __dir__, __all__ = attach(__name__, _NAMES)
+if TYPE_CHECKING:
+    from labkit.model.calibration import Fit as Fit
+    from labkit.model.calibration import calibrate as calibrate
+    from labkit.model.calibration import fit as fit
+    from labkit.model.controls import Mixed as Mixed
+    from labkit.model.controls import Oedometer as Oedometer
+    from labkit.model.controls import model_path as model_path
+    from labkit.model.driver import Result as Result
+    from labkit.model.driver import drive as drive
+    from labkit.model.equations import critical_coordination_number as critical_coordination_number
+    from labkit.model.equations import critical_force as critical_force
+    from labkit.model.equations import density_distance as density_distance
+    from labkit.model.integrators import Adaptive as Adaptive
+    from labkit.model.material_point import states as states
+    from labkit.model.material_point import update as update
+    from labkit.model.observation import Observation as Observation
+    from labkit.model.observation import observe as observe
+    from labkit.model.parameters import ROOT_3_2 as ROOT_3_2
+    from labkit.model.parameters import Model as Model
+    from labkit.model.parameters import Parameters as Parameters
+    from labkit.model.parameters import Readings as Readings
+    from labkit.model.probes import probe_model as probe_model
+    from labkit.model.run_file import MODEL_ENGINE as MODEL_ENGINE
+    from labkit.model.run_file import as_run as as_run
+    from labkit.model.run_file import read_model as read_model
+    from labkit.model.run_file import records_of_result as records_of_result
+    from labkit.model.run_file import write_result as write_result
+    from labkit.model.state import ModelState as ModelState
+    from labkit.model.state import isotropic_state as isotropic_state
+    from labkit.model.state import state_of as state_of
+    from labkit.model.state import with_inherent_anisotropy as with_inherent_anisotropy
+    from labkit.model.stiffness import hypoplastic_form as hypoplastic_form
+    from labkit.model.stiffness import rate_tangent as rate_tangent
+    from labkit.model.stiffness import state_rate as state_rate
+    from labkit.model.stiffness import stress_rate as stress_rate
+    from labkit.model.strength import critical_section as critical_section
+    from labkit.model.strength import matsuoka_nakai as matsuoka_nakai
+    from labkit.model.strength import mohr_coulomb as mohr_coulomb
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.model.compiled import compiled
+from labkit.model.compiled import jit
 from labkit.model.parameters import Constants
-from labkit.model.rates import FINE, SIZE, TOO_MANY_STEPS, Control, rates
+from labkit.model.rates import FINE, SIZE, TOO_MANY_STEPS, PointControl, rates
 
 NODES = np.array(
     [
@@ -28,12 +28,12 @@ FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
 SMALLEST = 1e-13  # strain step at which a boundary counts as reached
 
 
-@compiled
-def advance(
+@jit
+def advance_adaptively(
     y: np.ndarray,
     span: float,
     step: float,
-    control: Control,
+    control: PointControl,
     x: np.ndarray,
     c: Constants,
     tolerance: float,

@@ -21,12 +21,12 @@ import numpy as np
 import pandas
 import scipy.optimize
 
-from labkit.dem.paths import PATHS
 from labkit.errors import InputError
 from labkit.model.equations import critical_coordination_number, critical_force
 from labkit.model.observation import Observation, observe, require_usable
 from labkit.model.parameters import TABLE_2, Model, Parameters
 from labkit.model.residuals import NATURAL, Residuals, is_exponent, parameter_value
+from labkit.paths.registry import PATHS
 from labkit.runs.critical import ENOUGH_STRAIN, at_end
 
 SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")

@@ -16,6 +16,6 @@ from labkit.sff import c0
 _STAMP = stamp_of([*Path(__file__).parent.glob("*.py"), Path(c0.__file__)])
 
 
-def compiled(function: Callable[..., Any]) -> Any:
+def jit(function: Callable[..., object]) -> Any:
     """The function, compiled at its first call or loaded from the cache on disk."""
     return cached(function, _STAMP, error_model="numpy", nogil=True)

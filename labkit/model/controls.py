@@ -1,27 +1,25 @@
-"""Controls of the loading paths of labkit.dem.paths for the constitutive model."""
+"""Controls of the loading paths of labkit.paths.standard for the constitutive model."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from labkit.dem.element_tests import Mixed, Oedometer
-from labkit.dem.leg import Leg
-from labkit.dem.loading import Path
-from labkit.dem.paths import PATHS, make_path
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
-from labkit.model.rates import Control
-from labkit.parameters import with_unit
+from labkit.model.rates import PointControl
+from labkit.parameters import parameters_of, with_unit
+from labkit.paths.element_tests import Mixed, Oedometer
+from labkit.paths.path import Path
+from labkit.paths.registry import PATHS, make_path
+from labkit.paths.step import Step
 
 __all__ = ["Mixed", "Oedometer", "control_of", "model_path", "strain_control"]
 
 GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e within 1 % of strain
 
 
-def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: Any) -> Path:
-    """Path with this name for a state at `pressure`, Pa: one of labkit.dem.paths.
+def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: object) -> Path:
+    """Path with this name for a state at `pressure`, Pa: one of labkit.paths.standard.
 
     A path that holds a stress holds `pressure`; a path that stops at a stress stops at `stop_pressure`. Raises
     InputError.
@@ -31,21 +29,26 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
         names = ", ".join(PATHS)
         raise InputError("is unknown", field="path", value=repr(name), allowed=f"one of {names}")
     if stop_pressure is not None:
-        if kind.stops is Path.stops:
+        if not stops_at_pressure(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field="stop_pressure")
         parameters = {**parameters, "pressure": with_unit(stop_pressure, "Pa")}
     return make_path(name, parameters).starting_at(pressure)
 
 
-def control_of(path: Path | Leg, sign: float = 1.0, travelled: float = 0.0) -> Control:
-    """Control of a path per unit of accumulated strain, at the strain `travelled`; reversed if `sign` is -1."""
-    given = sign * to_six(path.flow(travelled) + path.flow(travelled).T) / 2.0
-    held = path.control()
+def stops_at_pressure(kind: type[Path]) -> bool:
+    """True if the parameter `pressure` of a path is the mean stress at which it ends."""
+    return "pressure" in parameters_of(kind) and kind.start_pressure is Path.start_pressure
+
+
+def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
+    """Control of a step of a path per unit of accumulated strain."""
+    rates, held = step.rates(accumulated), step.held
+    given = to_six(rates + rates.T) / 2.0
     if held is None:
-        return Control(given, np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)
-    return Control(given, np.ascontiguousarray(held.free), held.measure, held.at(travelled), GAIN)
+        return PointControl(given, np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)
+    return PointControl(given, np.ascontiguousarray(held.free), held.measure, held.at(accumulated), GAIN)
 
 
-def strain_control(strain_rate: np.ndarray) -> Control:
+def strain_control(strain_rate: np.ndarray) -> PointControl:
     """Control of a fully prescribed strain rate (3, 3), compression positive."""
-    return Control(to_six(strain_rate), np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)
+    return PointControl(to_six(strain_rate), np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)

@@ -9,33 +9,35 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.model import equations as eq
-from labkit.model.compiled import compiled
+from labkit.model.compiled import jit
 from labkit.model.parameters import Constants
 from labkit.model.rates import STATE, strain_driven
-from labkit.model.tensors import Six, deviator, dot, load, minus, norm, plus, store, times, trace
+from labkit.model.tensors import Six, add, contract, deviatoric_part, multiply, norm, put_six, six_at, subtract, trace
 
 ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
 
 
-@compiled
+@jit
 def _divided(a, b):
     return a / b if b > 0.0 else 0.0
 
 
-@compiled
+@jit
 def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
     """d(g rate X) of C1 and C3, with X = f A^c - A, |X| = size and g = f^e |X|^gamma; loss: -d(ln f^e)."""
-    dg = g * (gamma * _divided(dot(X, dX), size * size) - loss)
-    return plus(times(dg * rate + g * drate, X), times(g * rate, dX))
+    dg = g * (gamma * _divided(contract(X, dX), size * size) - loss)
+    return add(multiply(dg * rate + g * drate, X), multiply(g * rate, dX))
 
 
-@compiled
+@jit
 def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn):
     """d((X - X^c):n) of the amendment to C4; X^c:n is constant."""
-    return 0.4 * (dot(dA, n) + dot(A, dn) + dot(dF, n) + dot(F, dn)) + 3.0 * (dot(dFt, n) + dot(Ft, dn))
+    return 0.4 * (contract(dA, n) + contract(A, dn) + contract(dF, n) + contract(F, dn)) + 3.0 * (
+        contract(dFt, n) + contract(Ft, dn)
+    )
 
 
-@compiled
+@jit
 def _line_differential(y, dy, c):
     """d of the void ratio of the lines (equations.line_void_ratio)."""
     if not c.reported:
@@ -44,7 +46,7 @@ def _line_differential(y, dy, c):
     return dy[0] + eq.LENSES * Lam * (dy[0] * Z * Lam + (1.0 + e) * (Lam * dy[1] + 2.0 * Z * dy[2]))
 
 
-@compiled
+@jit
 def _stiffness_differential(Lam, dLam, missing, dmissing, c):
     """d(ln f^{e,L}) without the part of f^{e,Z}: of Lambda^gamma, or of |Lambda^c - Lambda|^gamma."""
     if c.distance:
@@ -52,7 +54,7 @@ def _stiffness_differential(Lam, dLam, missing, dmissing, c):
     return c.gamma_eLam * dLam / Lam
 
 
-@compiled
+@jit
 def _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c):
     """d f^{v,Z} of Eq. 31."""
     if not compressing:
@@ -62,17 +64,17 @@ def _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compre
     return fvZ * (c.beta_vZ * (slope * de - dZ) + curvature / slope * de + de / (1.0 + e))
 
 
-@compiled
+@jit
 def _add_one_sided(y, dev, compressing, c, row):
     """Add the mean of the two one-sided derivatives of |rate| in the direction `dev` to a row."""
     forward, backward = np.empty(STATE + 6), np.empty(STATE + 6)
     strain_driven(y, dev, compressing, c, forward)
-    strain_driven(y, times(-1.0, dev), compressing, c, backward)
+    strain_driven(y, multiply(-1.0, dev), compressing, c, backward)
     for i in range(1, STATE):
         row[i] += 0.5 * (forward[i] - backward[i])
 
 
-@compiled
+@jit
 def rates_differentials(
     y: np.ndarray, D: Six, compressing: bool, c: Constants, dy: np.ndarray, dD: np.ndarray, out: np.ndarray
 ) -> None:
@@ -81,13 +83,13 @@ def rates_differentials(
     Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; terms that
     are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel.
     """
-    Z, Lam, A, F, Ft = y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
+    Z, Lam, A, F, Ft = y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
     e = eq.line_void_ratio(y[0], Z, Lam, c)
     n, rate, volumetric = eq.split_rate(D, c)
-    size = norm(deviator(D))
+    size = norm(deviatoric_part(D))
     isotropic = size <= ISOTROPIC * norm(D)
     if isotropic:
-        n, rate = times(0.0, n), (rate if c.total_rate else 0.0)
+        n, rate = multiply(0.0, n), (rate if c.total_rate else 0.0)
     distance = eq.density_distance(e, c)
     below = distance > 0.0
     Zc, Lamc = eq.critical_coordination_number(e, c), eq.critical_force(e, c)
@@ -97,37 +99,37 @@ def rates_differentials(
     Lam_c_slope = -c.c_cLam if below else 0.0
     fd, feA, feF, feZ = eq.f_dA(e, Lam, c), eq.f_eA(Lam, c), eq.f_eF(Lam, c), eq.f_eZ(e, Lam, c)
     feLam, fvZ, fvLam = eq.f_eLam(e, Lam, c), eq.f_vZ(e, Z, Lam, compressing, c), eq.f_vLam(e, compressing, c)
-    XA, XF = minus(times(fd * c.A_c, n), A), minus(times(fd * c.F_c, n), F)
+    XA, XF = subtract(multiply(fd * c.A_c, n), A), subtract(multiply(fd * c.F_c, n), F)
     mA, mF = norm(XA), norm(XF)
     gA, gF = feA * mA**c.gamma_A, feF * mF**c.gamma_F
-    A_rate = times(gA * rate, XA)
+    A_rate = multiply(gA * rate, XA)
     A_size = norm(A_rate)
     force = Lam if c.with_force else 1.0
     excess = eq.excess_ratio(A, F, Ft, n, c)
     for k in range(dD.shape[0]):
         de, dZ, dLam = _line_differential(y, dy[k], c), dy[k, 1], dy[k, 2]
-        dA, dF, dFt, dDk = load(dy[k], 3), load(dy[k], 9), load(dy[k], 15), load(dD[k], 0)
-        dev, dvol = deviator(dDk), trace(dDk)
-        along = 0.0 if isotropic else dot(n, dev)
-        dn = times(0.0 if isotropic else 1.0 / size, minus(dev, times(along, n)))
-        drate = _divided(dot(D, dDk), norm(D)) if c.total_rate else along
+        dA, dF, dFt, dDk = six_at(dy[k], 3), six_at(dy[k], 9), six_at(dy[k], 15), six_at(dD[k], 0)
+        dev, dvol = deviatoric_part(dDk), trace(dDk)
+        along = 0.0 if isotropic else contract(n, dev)
+        dn = multiply(0.0 if isotropic else 1.0 / size, subtract(dev, multiply(along, n)))
+        drate = _divided(contract(D, dDk), norm(D)) if c.total_rate else along
         dLamc, dZc = Lam_c_slope * de, Z_c_slope * de
         dfd = c.beta_dA * fd * (dLamc - dLam)
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
         # C1
-        dX = minus(plus(times(dfd * c.A_c, n), times(fd * c.A_c, dn)), dA)
+        dX = subtract(add(multiply(dfd * c.A_c, n), multiply(fd * c.A_c, dn)), dA)
         dA_rate = _relaxation(XA, dX, mA, gA, c.gamma_A, c.gamma_eA * dLam / Lam, rate, drate)
         # C3
-        dX = minus(plus(times(dfd * c.F_c, n), times(fd * c.F_c, dn)), dF)
+        dX = subtract(add(multiply(dfd * c.F_c, n), multiply(fd * c.F_c, dn)), dF)
         dF_rate = _relaxation(XF, dX, mF, gF, c.gamma_F, c.gamma_eA * dLam / Lam, rate, drate)
         # C5
-        missing = minus(times(c.Ft_c, n), Ft)
-        dFt_rate = times(c.c_M, plus(times(drate, missing), times(rate, minus(times(c.Ft_c, dn), dFt))))
+        missing = subtract(multiply(c.Ft_c, n), Ft)
+        dFt_rate = multiply(c.c_M, add(multiply(drate, missing), multiply(rate, subtract(multiply(c.Ft_c, dn), dFt))))
         # 31, 32
         dfvZ = _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c)
         dfvLam = fvLam / (1.0 + e) * de
         # C2
-        dA_size = _divided(dot(A_rate, dA_rate), A_size)
+        dA_size = _divided(contract(A_rate, dA_rate), A_size)
         dZ_rate = (
             dfeZ * ((Zc - Z) * rate - c.c_Z * A_size)
             + feZ * ((dZc - dZ) * rate + (Zc - Z) * drate - c.c_Z * dA_size)
@@ -148,8 +150,8 @@ def rates_differentials(
             dLam_rate += c.c_dLam * (dLam * excess * rate + Lam * (dexcess * rate + excess * drate))
         row = out[k]
         row[0], row[1], row[2] = -(1.0 + y[0]) * dvol - dy[k, 0] * volumetric, dZ_rate, dLam_rate
-        store(row, 3, dA_rate)
-        store(row, 9, dF_rate)
-        store(row, 15, dFt_rate)
+        put_six(row, 3, dA_rate)
+        put_six(row, 9, dF_rate)
+        put_six(row, 15, dFt_rate)
         if isotropic and not c.total_rate:
             _add_one_sided(y, dev, compressing, c, row)

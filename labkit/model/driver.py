@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
+import math
+from collections.abc import Generator, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
-from labkit.dem.conditions import condition
-from labkit.dem.paths import Path
-from labkit.dem.scene import Scene
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
@@ -19,6 +19,11 @@ from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.parameters import Model
 from labkit.model.rates import stress_of
 from labkit.model.state import ModelState, require_density
+from labkit.paths.path import Path, number_of_steps
+from labkit.paths.rates import on_grains
+from labkit.paths.step import Here, Record, Step
+from labkit.paths.walk import Material, Stop, Walk, walk
+from labkit.quantities.conditions import Condition, condition
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # of a span between records, in which a varying control is constant
@@ -128,138 +133,144 @@ def drive(
     integrator: Integrator | None = None,
     stop_when: str | None = None,
 ) -> Result:
-    """Load `state` along `path` (labkit.dem.paths); returns a Result.
+    """Load `state` along `path` (labkit.paths.standard); returns a Result.
 
     record_strain: axial strain between two records (default: that of the path). integrator: default Adaptive().
-    stop_when: condition (labkit.dem.conditions) that ends the test at a record. Each piece between two reversals is
-    integrated separately, because the rates are discontinuous at a reversal. If the state leaves the domain of the
+    stop_when: condition (labkit.quantities.conditions) that ends the test at a record. Each piece between two reversals
+    is integrated separately, because the rates are discontinuous at a reversal. If the state leaves the domain of the
     equations, the result ends there and `failure` gives the reason. Raises InputError for an invalid initial state, and
     for a condition on a variable that the model does not have.
     """
     integrator = integrator or Adaptive()
-    path = path.for_scene(Scene()).starting_at(float(mean_stress(state.stress(model))))  # the rate only sets the time
+    path = on_grains(path, Scene()).starting_at(float(mean_stress(state.stress(model))))  # the rate only sets the time
     interval = path.record_strain if record_strain is None else record_strain
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
     _require_start(model, path, state)
-    return _Test(model, path, state.vector(), integrator, _stop_condition(stop_when)).result(record_strain)
+    when = None if stop_when is None else condition(stop_when, recorded=RECORDED)
+    return Point(model, path, state.vector(), integrator, record_strain).result(when)
 
 
-def _stop_condition(stop_when):
-    return None if stop_when is None else condition(stop_when, recorded=RECORDED)
+class Point(Material):
+    """A point of the model on its way along a path: the state vector y, the accumulated strain, and the records."""
 
+    def __init__(
+        self, model: Model, path: Path, y: np.ndarray, integrator: Integrator, record_strain: float | None
+    ) -> None:
+        """y: state vector (27,) at the start; record_strain: that the user chose, if any."""
+        self.model, self.path, self.y, self.integrator = model, path, y, integrator
+        self.record_strain = record_strain
+        self.total, self.origin, self.calls = 0.0, 0.0, 0
+        self.failure: str | None = None
+        self.ended_because = ""
+        self.first: Record = _record(model, y)
+        self.here = Here(self.first["stress"])
+        self.rows: list[tuple[np.ndarray, float, Mapping[str, float]]] = []
 
-class _Test:
-    """A test in progress: the state vector y, the accumulated strain, and the records so far."""
-
-    def __init__(self, model, path, y, integrator, stop_when):
-        self.model, self.path, self.y, self.integrator, self.stop_when = model, path, y, integrator, stop_when
-        self.travelled, self.origin, self.failure, self.calls, self.completed = 0.0, 0.0, None, 0, 0
-        self.first = _record(model, y)
-        self.stress = self.first["stress"]  # at which the leg starts
-        self.vectors, self.distances, self.progress = [], [], []
-
-    def result(self, record_strain):
-        self.leg = self.path.leg(0, 1.0, self.stress)
-        self._keep()
-        for number, (sign, spans) in enumerate(_legs(self.path, record_strain)):
-            if self._ended_in(number, sign, spans):
-                break
-        vector = np.array(self.vectors)
+    def result(self, stop_when: Condition | None) -> Result:
+        """The Result of the walk along the whole path."""
+        for _ in walk(self.path, self, number_of_steps(self.path), stop_when=stop_when):
+            pass
+        vectors, distances, progress = zip(*self.rows, strict=True)
+        vector = np.array(vectors)
         stress = to_tensor(np.array([stress_of(row, self.model.constants) for row in vector]))
-        progress = {name: np.array([row[name] for row in self.progress]) for name in self.path.recorded()}
-        by_condition = self.stop_when is not None and self.stop_when.holds(_record(self.model, self.y), self.first)
-        last = {"strain": to_tensor(vector[-1, 21:27]), "stress": stress[-1]}
-        reason = "" if self.failure or by_condition else self.path.why_ended(last, self.completed)
-        distances = np.array(self.distances)
-        return Result(self.model, self.path, vector, stress, self.failure, self.calls, distances, progress, reason)
+        recorded = {name: np.array([row[name] for row in progress]) for name in progress[0]}
+        result = self.failure, self.calls, np.array(distances), recorded, self.ended_because
+        return Result(self.model, self.path, vector, stress, *result)
 
-    def _ended_in(self, number, sign, spans):
-        """Carries out one leg; True if the path ends in it."""
-        self.leg = self.path.leg(number, sign, self.stress)
-        self.varies = self.leg.varies
-        self.origin = self.travelled if self.leg.restarts else 0.0
-        problem = Problem(self.model, control_of(self.leg, self.leg.sign))
-        ended = stopped = False
-        for span in spans:
-            try:
-                ended = self._advance(problem, span, number)
-            except Failure as error:
-                self.travelled += error.travelled
-                held = _held_text(self.path.name, self.leg.control())
-                self.failure = f"{self.leg.label}{error}{held}, after {self.travelled:.4%} strain"
-                if error.travelled > 0.0:
-                    self.y = error.y
-                    self._keep()
-                break
+    @property
+    def accumulated(self) -> float:
+        return self.total - self.origin
+
+    def enter(self, number: int, step: Step) -> Walk:
+        self.step, self.problem = step, Problem(self.model, control_of(step))
+        self.origin = 0.0 if step.phase is None else self.total
+        self.spans = self._spans()
+        if not self.rows:
             self._keep()
-            record = _record(self.model, self.y)
-            stopped = _path_ends(self.path, record, self.travelled) or (
-                self.stop_when is not None and self.stop_when.holds(record, self.first)
-            )
-            if ended or stopped or self.leg.stops(record, self.first):
-                break
-        self.calls, self.completed = self.calls + problem.calls, self.completed + ended
-        self.stress = self.leg.settled(problem.stress(self.y), self.travelled - self.origin)
-        return bool(self.failure) or stopped or (ended and number + 1 == self.path.legs())
+        yield from ()
 
-    def _keep(self):
-        self.vectors.append(self.y)
-        self.distances.append(self.travelled)
-        self.progress.append(self.leg.progress(self.travelled - self.origin))
+    def advance(self) -> Generator[Any, Any, Stop]:
+        span, completed = next(self.spans)
+        calls = self.problem.calls
+        try:
+            ended = self._advance(span)
+        except Failure as error:
+            self.total += error.travelled
+            held = "" if self.step.held is None else f" ({self.path.name} holds {', '.join(self.step.held.names)})"
+            label = "" if self.step.phase is None else self.step.phase.label
+            self.failure = f"{label}{error}{held}, after {self.total:.4%} strain"
+            if error.travelled > 0.0:
+                self.y = error.y
+                self._keep()
+            ended = False
+        else:
+            self._keep()
+        self.calls += self.problem.calls - calls
+        too_far = self.step.length is None and self.total >= self.step.limit * (1.0 - 1e-9)
+        failed = self.failure is not None
+        yield from ()
+        return Stop(_record(self.model, self.y), not failed and (ended or completed), failed or too_far)
 
-    def _advance(self, problem, span, number):
-        """Advances by `span`, or to where the leg or the path ends because of a stress; True if it ends there."""
-        if self.leg.rests:
-            self.travelled += span
+    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> Walk:
+        self.ended_because = "" if self.failure else reason
+        yield from ()
+
+    def _spans(self) -> Iterator[tuple[float, bool]]:
+        """Accumulated strains between the records of a step, and whether each one completes it."""
+        step, interval = self.step, self.record_strain or self.path.record_strain
+        if step.phase is not None:
+            interval = step.phase.interval(self.record_strain, self.path.record_strain)
+        if step.length is None:
+            yield from itertools.repeat((interval, False))
+            return
+        records = max(1, int(np.ceil(step.length / interval * (1.0 - 1e-9))))
+        yield from itertools.repeat((interval, False), records - 1)
+        yield step.length - interval * (records - 1), True
+
+    def _keep(self) -> None:
+        phase = self.step.phase
+        self.rows.append((self.y, self.total, {} if phase is None else phase.progress(self.accumulated)))
+
+    def _advance(self, span: float) -> bool:
+        """Advance by `span`, or to where a stress ends the step; True if it ends there."""
+        step, problem = self.step, self.problem
+        if step.phase is not None and step.phase.rests:
+            self.total += span
             return False
-        if self.varies:
-            self._follow(problem, span)
+        if step.varies:
+            self._follow(span)
             return False
         new = self.integrator.advance(problem, self.y, span)
-        if not _leg_ends(self.path, problem, new, number):
-            self.y, self.travelled = new, self.travelled + span
+        if not step.ends_at(problem.stress(new)):
+            self.y, self.total = new, self.total + span
             return False
         low, high = 0.0, span
         while high - low > STOP_TOLERANCE:
             middle = 0.5 * (low + high)
             tried = self.integrator.advance(problem, self.y, middle)
-            if _leg_ends(self.path, problem, tried, number):
+            if step.ends_at(problem.stress(tried)):
                 new, high = tried, middle
             else:
                 low = middle
-        self.y, self.travelled = new, self.travelled + high
+        self.y, self.total = new, self.total + high
         return True
 
-    def _follow(self, problem, span):
-        """Advances by `span` while the prescribed rates or the held stresses vary."""
-        end = self.travelled + span
-        while self.travelled < end:
-            at = self.travelled - self.origin
-            part = min(end - self.travelled, max(self.leg.next_change(at) - at, STOP_TOLERANCE))
-            last = end - self.travelled - part <= 1e-12 * end
-            self.y = _follow(self.integrator, problem, self.y, part, self.leg, self.leg.sign, at)
-            self.travelled = end if last else self.travelled + part
+    def _follow(self, span: float) -> None:
+        """Advance by `span` while the prescribed rates or the held stresses vary."""
+        end = self.total + span
+        while self.total < end:
+            at = self.accumulated
+            change = math.inf if self.step.phase is None else self.step.phase.next_change(at)
+            part = min(end - self.total, max(change - at, STOP_TOLERANCE))
+            last = end - self.total - part <= 1e-12 * end
+            self.y = _follow(self.integrator, self.problem, self.y, part, self.step, at)
+            self.total = end if last else self.total + part
 
 
-def _legs(path, record_strain):
-    """(sign, strains between records) of each leg, the piece between two reversals."""
-    interval = record_strain or path.record_strain
-    if path.reverses_on_stress:
-        for leg in range(path.legs()):
-            yield (-1.0) ** leg, itertools.repeat(interval)
-        return
-    axial, own = 0.0, path.record_lengths(record_strain)
-    for leg, turn in enumerate(path.turning_points()):
-        length, interval = abs(turn - axial), own[leg] if own is not None else interval
-        records = max(1, int(np.ceil(length / interval * (1.0 - 1e-9))))
-        spans = np.full(records, interval)
-        spans[-1] = length - interval * (records - 1)
-        yield (1.0 if turn > axial else -1.0), spans
-        axial = turn
-
-
-def _follow(integrator, problem, y, span, path, sign, travelled):
+def _follow(
+    integrator: Integrator, problem: Problem, y: np.ndarray, span: float, step: Step, accumulated: float
+) -> np.ndarray:
     """y after a span on which the prescribed rates or the held stresses vary.
 
     In each part of the span the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T - h),
@@ -267,34 +278,16 @@ def _follow(integrator, problem, y, span, path, sign, travelled):
     """
     part = span / PARTS
     for k in range(PARTS):
-        end = travelled + (k + 1) * part
-        control = control_of(path, sign, end - 0.5 * part)
+        end = accumulated + (k + 1) * part
+        control = control_of(step, end - 0.5 * part)
         held = control.measure @ to_six(problem.stress(y))
-        target = held + (control_of(path, sign, end).target - held) / -np.expm1(-GAIN * part)
+        target = held + (control_of(step, end).target - held) / -np.expm1(-GAIN * part)
         problem.control = control._replace(target=target)
         y = integrator.advance(problem, y, part)
     return y
 
 
-def _held_text(name, control):
-    """The stresses that a path of this name holds, as text for the message of a failure."""
-    return "" if control is None else f" ({name} holds {', '.join(control.names)})"
-
-
-def _leg_ends(path, problem, y, leg):
-    stress = problem.stress(y)
-    return path.stops(float(mean_stress(stress))) or path.leg_ends(stress, leg)
-
-
-def _path_ends(path, record, travelled):
-    """True if the path ends at a record for a reason other than its last reversal."""
-    if path.stops(float(mean_stress(record["stress"]))):
-        return True
-    too_far = path.reverses_on_stress and travelled >= abs(path.turning_points()[-1]) * (1.0 - 1e-9)
-    return too_far or path.ends(record)
-
-
-def _record(model, y):
+def _record(model: Model, y: np.ndarray) -> dict[str, Any]:
     """The variables RECORDED of a state vector, name -> value."""
     strain = to_tensor(y[21:27])
     values = (
@@ -307,13 +300,14 @@ def _record(model, y):
     return dict(zip(RECORDED, values, strict=True))
 
 
-def _require_start(model, path, state):
+def _require_start(model: Model, path: Path, state: ModelState) -> None:
     require_density(model, state.e)
     for value, label in ((state.Z, "coordination number"), (state.Lam, "mean normalised force")):
         if value <= 0.0:
             raise InputError(f"the initial {label} is 0: a path needs contacts that carry force; give a larger value")
-    control = control_of(path)
     stress = state.stress(model)
+    first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
+    control = control_of(first)
     held = control.measure @ to_six(stress)
     if control.target.size:
         off = np.abs(held - control.target).max() / max(float(mean_stress(stress)), 1e-300)
@@ -322,7 +316,7 @@ def _require_start(model, path, state):
                 f"the initial stress differs from the stress that {path.name} holds by {off:.1%} of the mean stress: "
                 "bring the state to that stress first (isoc, isod), or hold its current stress"
             )
-    if path.stops_early and path.stops(float(mean_stress(stress))):
+    if not others and first.ends_at(stress):
         problem = f"stops {path.name} immediately, because the initial mean stress is {mean_stress(stress):g} Pa"
-        value = path.parameters().get("pressure")  # None for a user's path that stops at another condition
-        raise InputError(problem, field="stop_pressure", value=value, allowed="a stress reached later on the path")
+        given: Any = getattr(path, "pressure", None)  # None for a user's path that stops at another condition
+        raise InputError(problem, field="stop_pressure", value=given, allowed="a stress reached later on the path")

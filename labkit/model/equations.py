@@ -8,86 +8,118 @@ The functions are defined for e below e_cmax and Lambda > 0: see `outside` in la
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 from numba.extending import register_jitable
 
-from labkit.model.compiled import compiled
-from labkit.model.tensors import IDENTITY, Six, deviator, dot, minus, norm, plus, symmetric_product, times, trace
+from labkit.model.compiled import jit
+from labkit.model.tensors import (
+    IDENTITY,
+    Six,
+    add,
+    contract,
+    deviatoric_part,
+    multiply,
+    norm,
+    six_product,
+    subtract,
+    trace,
+)
 from labkit.sff import c0
 
 if TYPE_CHECKING:
-    from labkit.model.parameters import Constants, Parameters
+    from labkit.model.parameters import Constants
 
-Number = TypeVar("Number", float, np.ndarray)
+Values = TypeVar("Values", float, np.ndarray)
+
+
+class CriticalState(Protocol):
+    """The parameters of the critical state lines."""
+
+    @property
+    def e_cmax(self) -> float:
+        """Void ratio at which the critical state has no stress."""
+
+    @property
+    def c_cZ(self) -> float:
+        """Scale of Z^c - 4."""
+
+    @property
+    def gamma_cZ(self) -> float:
+        """Exponent of Z^c - 4."""
+
+    @property
+    def c_cLam(self) -> float:
+        """Slope of Lambda^c."""
+
 
 # The critical state lines accept numbers in compiled code, and arrays of void ratios in Python.
 
 
 @register_jitable
-def density_distance(e: Number, c: Constants | Parameters) -> Number:
+def density_distance(e: Values, c: CriticalState) -> Values:
     """e_cmax - e; zero beyond e_cmax, which is reached only with beyond_e_cmax = flat."""
     return np.maximum(c.e_cmax - e, 0.0)
 
 
 @register_jitable
-def critical_coordination_number(e: Number, c: Constants | Parameters) -> Number:
+def critical_coordination_number(e: Values, c: CriticalState) -> Values:
     """Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ."""
     return 4.0 + c.c_cZ * density_distance(e, c) ** c.gamma_cZ
 
 
 @register_jitable
-def critical_force(e: Number, c: Constants | Parameters) -> Number:
+def critical_force(e: Values, c: CriticalState) -> Values:
     """Lambda^c = c_cLambda (e_cmax - e)."""
     return c.c_cLam * density_distance(e, c)
 
 
-@compiled
+@jit
 def compression_coordination_number(e: float, c: Constants) -> float:
     """Z^com = 4 + c_com (e_cmax - e)^gamma_cZ, the compression line."""
     return 4.0 + c.c_com * density_distance(e, c) ** c.gamma_cZ
 
 
-@compiled
+@jit
 def compression_slope(e: float, c: Constants) -> float:
     """dZ^com/de = -c_com gamma_cZ (e_cmax - e)^(gamma_cZ - 1); zero beyond e_cmax."""
     distance = density_distance(e, c)
     return -c.c_com * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if distance > 0.0 else 0.0
 
 
-@compiled
+@jit
 def f_dA(e: float, Lam: float, c: Constants) -> float:
     """f^{d,A} = f^{d,F} = exp(beta_dA [Lambda^c - Lambda])."""
     return np.exp(c.beta_dA * (critical_force(e, c) - Lam))
 
 
-@compiled
+@jit
 def f_eA(Lam: float, c: Constants) -> float:
     """f^{e,A} = c_eA/Lambda^gamma_eA."""
     return c.c_eA / Lam**c.gamma_eA
 
 
-@compiled
+@jit
 def f_eF(Lam: float, c: Constants) -> float:
     """f^{e,F} = [|F^c|/|A^c|] f^{e,A}."""
     return c.F_c / c.A_c * f_eA(Lam, c)
 
 
-@compiled
+@jit
 def f_eZ(e: float, Lam: float, c: Constants) -> float:
     """f^{e,Z} = c_eZ exp(beta_eZ [Lambda^c - Lambda])."""
     return c.c_eZ * np.exp(c.beta_eZ * (critical_force(e, c) - Lam))
 
 
-@compiled
+@jit
 def f_eLam(e: float, Lam: float, c: Constants) -> float:
     """f^{e,L} = c_eL Lambda^gamma_eL f^{e,Z}; with the reading `distance` |Lambda^c - Lambda|^gamma_eL instead."""
     base = abs(critical_force(e, c) - Lam) if c.distance else Lam
     return c.c_eLam * base**c.gamma_eLam * f_eZ(e, Lam, c)
 
 
-@compiled
+@jit
 def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> float:
     """f^{v,Z} of Eq. 31: -exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), or c_vZ/Lambda in dilation.
 
@@ -100,27 +132,27 @@ def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> flo
     return c.c_vZ / Lam
 
 
-@compiled
+@jit
 def f_vLam(e: float, compressing: bool, c: Constants) -> float:
     """f^{v,L} of Eq. 32: c_cL (1 + e), or c_vLd (1 + e) in dilation."""
     return (c.c_cLam if compressing else c.c_vLamd) * (1.0 + e)
 
 
-@compiled
+@jit
 def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
     """f |T^c - T|^gamma (T^c - T), the form of the right-hand sides of C1 and C3."""
-    missing = minus(target, T)
-    return times(stiffness * norm(missing) ** exponent, missing)
+    missing = subtract(target, T)
+    return multiply(stiffness * norm(missing) ** exponent, missing)
 
 
-@compiled
+@jit
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
-    target = times(f_dA(e, Lam, c) * c.A_c, n)
-    return times(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
+    target = multiply(f_dA(e, Lam, c) * c.A_c, n)
+    return multiply(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
 
-@compiled
+@jit
 def coordination_number_rate(
     Z: float, e: float, Lam: float, A_rate: Six, rate: float, volumetric: float, compressing: bool, c: Constants
 ) -> float:
@@ -129,17 +161,17 @@ def coordination_number_rate(
     return f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate)) + f_vZ(e, Z, Lam, compressing, c) * volumetric
 
 
-@compiled
+@jit
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
-    target = times(f_dA(e, Lam, c) * c.F_c, n)
-    return times(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
+    target = multiply(f_dA(e, Lam, c) * c.F_c, n)
+    return multiply(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
 
 
 LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by Z Lambda^2
 
 
-@compiled
+@jit
 def line_void_ratio(e: float, Z: float, Lam: float, c: Constants) -> float:
     """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
 
@@ -150,14 +182,14 @@ def line_void_ratio(e: float, Z: float, Lam: float, c: Constants) -> float:
     return e + (1.0 + e) * LENSES * Z * Lam * Lam if c.reported else e
 
 
-@compiled
+@jit
 def excess_ratio(A: Six, F: Six, Ft: Six, n: Six, c: Constants) -> float:
     """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
     critical = 0.4 * (c.A_c + c.F_c) + 3.0 * c.Ft_c
-    return 0.4 * (dot(A, n) + dot(F, n)) + 3.0 * dot(Ft, n) - critical * dot(n, n)
+    return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - critical * contract(n, n)
 
 
-@compiled
+@jit
 def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compressing: bool, c: Constants) -> float:
     """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v (C4)."""
     factor = Lam if c.with_force else 1.0
@@ -165,25 +197,25 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
     return shear + f_vLam(e, compressing, c) * volumetric
 
 
-@compiled
+@jit
 def mobilisation_rate(Ft: Six, n: Six, rate: float, c: Constants) -> Six:
     """dF^t/dt = c_M (F^tc - F^t) |rate| (C5)."""
-    return times(c.c_M * rate, minus(times(c.Ft_c, n), Ft))
+    return multiply(c.c_M * rate, subtract(multiply(c.Ft_c, n), Ft))
 
 
-@compiled
+@jit
 def void_ratio_rate(e: float, volumetric: float) -> float:
     """de/dt = -(1 + e) rate_v, as the grain volume is constant."""
     return -(1.0 + e) * volumetric
 
 
-component = compiled(c0.bracket)  # one component of the bracket of C0
+component = jit(c0.bracket)  # one component of the bracket of C0
 
 
-@compiled
-def bracket(A: Six, F: Six, Ft: Six) -> Six:
+@jit
+def six_bracket(A: Six, F: Six, Ft: Six) -> Six:
     """The bracket of C0 (labkit.sff.c0.bracket) for six-tuples."""
-    FA, tr = symmetric_product(F, A), dot(F, A)
+    FA, tr = six_product(F, A), contract(F, A)
     return (
         component(1.0, A[0], F[0], tr, FA[0], Ft[0]),
         component(1.0, A[1], F[1], tr, FA[1], Ft[1]),
@@ -194,14 +226,14 @@ def bracket(A: Six, F: Six, Ft: Six) -> Six:
     )
 
 
-@compiled
-def stress(e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, c: Constants) -> Six:
+@jit
+def stress_from_c0(e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, c: Constants) -> Six:
     """sigma = E Z Lambda/(1+e) [...] (C0)."""
-    return times(c.E * Z * Lam / (1.0 + e), bracket(A, F, Ft))
+    return multiply(c.E * Z * Lam / (1.0 + e), six_bracket(A, F, Ft))
 
 
-@compiled
-def stress_rate(
+@jit
+def stress_rate_from_c0(
     e: float,
     Z: float,
     Lam: float,
@@ -219,17 +251,17 @@ def stress_rate(
     """Total differential of C0: Eq. 33 with the coupled terms of A and F, which the paper leaves out."""
     scale = c.E * Z * Lam / (1.0 + e)
     scale_rate = c.E * (Z_rate * Lam + Z * Lam_rate) / (1.0 + e) - scale * e_rate / (1.0 + e)
-    isotropic = times(2.0 / 105.0 * (dot(F_rate, A) + dot(F, A_rate)), IDENTITY)
-    linear = plus(times(2.0 / 15.0, plus(A_rate, F_rate)), Ft_rate)
-    coupled = plus(symmetric_product(F_rate, A), symmetric_product(F, A_rate))
-    bracket_rate = plus(isotropic, plus(linear, times(8.0 / 105.0, coupled)))
-    return plus(times(scale_rate, bracket(A, F, Ft)), times(scale, bracket_rate))
+    isotropic = multiply(2.0 / 105.0 * (contract(F_rate, A) + contract(F, A_rate)), IDENTITY)
+    linear = add(multiply(2.0 / 15.0, add(A_rate, F_rate)), Ft_rate)
+    coupled = add(six_product(F_rate, A), six_product(F, A_rate))
+    bracket_rate = add(isotropic, add(linear, multiply(8.0 / 105.0, coupled)))
+    return add(multiply(scale_rate, six_bracket(A, F, Ft)), multiply(scale, bracket_rate))
 
 
-@compiled
+@jit
 def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     """Strain rate -> (direction n, norm, volumetric rate); n is zero if the deviatoric rate is zero."""
-    deviatoric = deviator(D)
+    deviatoric = deviatoric_part(D)
     size = norm(deviatoric)
-    n = times(1.0 / size if size > 0.0 else 0.0, deviatoric)
+    n = multiply(1.0 / size if size > 0.0 else 0.0, deviatoric)
     return n, (norm(D) if c.total_rate else size), trace(D)

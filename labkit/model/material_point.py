@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import compiled
+from labkit.model.compiled import jit
 from labkit.model.differentials import rates_differentials
 from labkit.model.parameters import Model
 from labkit.model.rates import (
@@ -26,7 +26,7 @@ from labkit.model.rates import (
     stress_rate_of,
 )
 from labkit.model.state import ModelState
-from labkit.model.tensors import ROOT2, load, store, trace
+from labkit.model.tensors import ROOT2, put_six, six_at, trace
 
 FLOOR = np.full(STATE, 0.1)
 FLOOR[2] = 1e-4
@@ -99,14 +99,14 @@ def voigt(tangent: np.ndarray) -> np.ndarray:
     return tangent / (weight[:, None] * weight)
 
 
-@compiled
+@jit
 def _update_all(state, increment, c, tolerance, with_tangent, stress, tangent, status, substeps):
     work = np.empty((5, STATE + 6))
     sensitivity = np.empty((4, 6, STATE))
     identity = np.eye(6)
     for point in range(state.shape[0]):
         status[point], substeps[point] = _update_one(
-            state[point], load(increment[point], 0), c, tolerance, with_tangent, work, sensitivity, identity
+            state[point], six_at(increment[point], 0), c, tolerance, with_tangent, work, sensitivity, identity
         )
         if status[point] != FINE:
             stress[point] = np.nan
@@ -114,7 +114,7 @@ def _update_all(state, increment, c, tolerance, with_tangent, stress, tangent, s
                 tangent[point] = np.nan
             continue
         y = state[point]
-        store(stress[point], 0, stress_of(y, c))
+        put_six(stress[point], 0, stress_of(y, c))
         if with_tangent:
             S = sensitivity[0]
             for k in range(6):
@@ -123,7 +123,7 @@ def _update_all(state, increment, c, tolerance, with_tangent, stress, tangent, s
                     tangent[point, i, k] = column[i]
 
 
-@compiled
+@jit
 def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
     """Heun's method with error control over the increment D; `y` is changed only if the whole increment succeeds.
 

@@ -8,8 +8,8 @@ import json
 import math
 from typing import NamedTuple
 
-from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 
 ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a triaxial deviator to its norm
 

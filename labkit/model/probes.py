@@ -6,21 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.loading import Path
-from labkit.dem.probes import LOADING, Probing, StrainProbe, StressProbe, plane_of
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import to_six
 from labkit.model.driver import drive
 from labkit.model.parameters import TABLE_2, Model
 from labkit.model.state import ModelState
 from labkit.parameters import restored
+from labkit.paths.path import Path
+from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.runs.probe_set import Probes, dataset_of
+from labkit.runs.probing import Probing, plane_of
 
 RECORDS = 3  # of a probe: two while the increment is applied, one at rest
 TYPICAL = 1e-3  # strain that a change of stress by the mean stress takes; only sets the length of the path
 
 
-def probe(
+def probe_model(
     state: ModelState,
     model: Model = TABLE_2,
     plane: str = "axisymmetric",
@@ -33,10 +34,10 @@ def probe(
     plane, directions, amplitude, kind: as for labkit.probe. `labkit.model.state_of(snapshot)` is the state of the model
     with the statistics of grains. Raises InputError, PhysicsError.
     """
-    return probes_of(state, model, Probing(plane, directions, kind, amplitude))
+    return model_probes(state, model, Probing(plane, directions, kind, amplitude))
 
 
-def probes_of(state: ModelState, model: Model, probing: Probing) -> Probes:
+def model_probes(state: ModelState, model: Model, probing: Probing) -> Probes:
     """The probes of a state with the settings of `probing`; see `probe`."""
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)

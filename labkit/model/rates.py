@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from labkit.model import equations as eq
-from labkit.model.compiled import compiled
+from labkit.model.compiled import jit
 from labkit.model.parameters import Constants
-from labkit.model.tensors import Six, load, store
+from labkit.model.tensors import Six, put_six, six_at
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
 SIZE = 27  # STATE and the strain
@@ -33,7 +33,7 @@ REASONS = {
 }
 
 
-class Control(NamedTuple):
+class PointControl(NamedTuple):
     """Strain rate D = given + free @ x, with x such that d(measure @ sigma)/dt = gain (target - measure @ sigma).
 
     given (6,), free (6, k), measure (k, 6), target (k,) Pa. The strain rate is per unit of the path's strain
@@ -47,7 +47,7 @@ class Control(NamedTuple):
     gain: float
 
 
-@compiled
+@jit
 def outside(y: np.ndarray, c: Constants) -> int:
     """FINE, or the reason why the equations are undefined at e, Z, Lambda, A, F, F^t.
 
@@ -70,7 +70,7 @@ def outside(y: np.ndarray, c: Constants) -> int:
     return FINE
 
 
-@compiled
+@jit
 def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
     """Write dy/dt to `out` (at least 21,) for the strain rate D, C1 to C5.
 
@@ -79,42 +79,54 @@ def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: n
     e, Z, Lam = y[0], y[1], y[2]
     n, rate, volumetric = eq.split_rate(D, c)
     line = eq.line_void_ratio(e, Z, Lam, c)
-    A_rate = eq.contact_anisotropy_rate(load(y, 3), line, Lam, n, rate, c)
+    A_rate = eq.contact_anisotropy_rate(six_at(y, 3), line, Lam, n, rate, c)
     out[0] = eq.void_ratio_rate(e, volumetric)
     out[1] = eq.coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)
     out[2] = eq.mean_force_rate(line, Lam, rate, volumetric, compressing, c)
     if c.c_dLam > 0.0:
-        out[2] += c.c_dLam * Lam * eq.excess_ratio(load(y, 3), load(y, 9), load(y, 15), n, c) * rate
-    store(out, 3, A_rate)
-    store(out, 9, eq.normal_force_anisotropy_rate(load(y, 9), line, Lam, n, rate, c))
-    store(out, 15, eq.mobilisation_rate(load(y, 15), n, rate, c))
+        out[2] += c.c_dLam * Lam * eq.excess_ratio(six_at(y, 3), six_at(y, 9), six_at(y, 15), n, c) * rate
+    put_six(out, 3, A_rate)
+    put_six(out, 9, eq.normal_force_anisotropy_rate(six_at(y, 9), line, Lam, n, rate, c))
+    put_six(out, 15, eq.mobilisation_rate(six_at(y, 15), n, rate, c))
 
 
-@compiled
+@jit
 def stress_of(y: np.ndarray, c: Constants) -> Six:
     """C0 at y, Pa."""
-    return eq.stress(y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15), c)
+    return eq.stress_from_c0(y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15), c)
 
 
-@compiled
+@jit
 def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
     """d sigma/dt for dy/dt = v (Eq. 33 with its coupled terms), Pa/s."""
-    return eq.stress_rate(
-        y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15), v[0], v[1], v[2], load(v, 3), load(v, 9), load(v, 15), c
+    return eq.stress_rate_from_c0(
+        y[0],
+        y[1],
+        y[2],
+        six_at(y, 3),
+        six_at(y, 9),
+        six_at(y, 15),
+        v[0],
+        v[1],
+        v[2],
+        six_at(v, 3),
+        six_at(v, 9),
+        six_at(v, 15),
+        c,
     )
 
 
-@compiled
+@jit
 def _strain_rate(control, x):
     D = np.empty(6)
     for i in range(6):
         D[i] = control.given[i]
         for j in range(x.size):
             D[i] += control.free[i, j] * x[j]
-    return load(D, 0)
+    return six_at(D, 0)
 
 
-@compiled
+@jit
 def _missing(y, control, x, compressing, c, out, missing):
     """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, fill `out`; returns the scale, Pa."""
     D = _strain_rate(control, x)
@@ -128,14 +140,14 @@ def _missing(y, control, x, compressing, c, out, missing):
             change += control.measure[k, i] * sigma_rate[i]
         missing[k] = change - control.gain * (control.target[k] - held)
         size = max(size, abs(control.gain * control.target[k]))
-    return size + np.sqrt(eq.dot(sigma_rate, sigma_rate))
+    return size + np.sqrt(eq.contract(sigma_rate, sigma_rate))
 
 
 NEWTON_STEPS = 20
 FASTEST = 1e4  # free over prescribed strain rate, above which the target counts as unreachable
 
 
-@compiled
+@jit
 def _newton(y, control, x, compressing, c, out):
     """Solve for x on one branch of Eqs. 31, 32; True if it converged. Leaves x and `out` at the last iterate."""
     k = x.size
@@ -174,8 +186,8 @@ def _newton(y, control, x, compressing, c, out):
     return error <= 1e-9 * size
 
 
-@compiled
-def rates(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
+@jit
+def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
     """Write dy/dt under a control to `out` (27,); returns FINE, or the reason why it is undefined.
 
     `x` (k,): the free rates; on input, the initial guess. The branch of Eqs. 31 and 32 must agree with the sign of the
@@ -188,7 +200,7 @@ def rates(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.
     if x.size == 0:
         D = _strain_rate(control, x)
         strain_driven(y, D, eq.trace(D) > 0.0, c, out)
-        store(out, STATE, D)
+        put_six(out, STATE, D)
         return FINE
     first = eq.trace(_strain_rate(control, x)) > 0.0
     guess = x.copy()
@@ -199,14 +211,14 @@ def rates(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.
                 D = _strain_rate(control, x)
                 volumetric = eq.trace(D)
                 if compressing == (volumetric > 0.0) or abs(volumetric) < 1e-12:
-                    store(out, STATE, D)
+                    put_six(out, STATE, D)
                     return FINE
     x[:] = guess
     return UNREACHABLE
 
 
-@compiled
-def jacobian(y: np.ndarray, control: Control, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
+@jit
+def jacobian(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
     """Write d(dy/dt)/dy (27, 27) by central differences to `out`; returns FINE, or the reason why it is undefined."""
     plus, minus, shifted, guess = np.empty(SIZE), np.empty(SIZE), y.copy(), x.copy()
     for k in range(SIZE):

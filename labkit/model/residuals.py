@@ -10,11 +10,11 @@ import numpy as np
 import scipy.optimize
 
 from labkit.micro.tensors import to_six
-from labkit.model.adaptive import advance
-from labkit.model.compiled import compiled
+from labkit.model.adaptive import advance_adaptively
+from labkit.model.compiled import jit
 from labkit.model.observation import Observation
 from labkit.model.parameters import Constants, Model
-from labkit.model.rates import FINE, SIZE, Control
+from labkit.model.rates import FINE, SIZE, PointControl
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])
@@ -69,7 +69,7 @@ class Residuals:
         offset = x[n + 5 * k : n + 5 * (k + 1)] * NATURAL
         first = o.values[0] + offset
         first[:2] = np.maximum(first[:2], (1.0, 1e-6))
-        return follow(o, first, constants or self.constants(x))
+        return predict(o, first, constants or self.constants(x))
 
     def residuals(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Misfits of all runs divided by `weight` (5,), followed by those of the prior."""
@@ -128,7 +128,7 @@ class Residuals:
         return free, tuple(name for name in self.names if name not in free)
 
 
-def follow(observation: Observation, first: np.ndarray, constants: Constants) -> np.ndarray:
+def predict(observation: Observation, first: np.ndarray, constants: Constants) -> np.ndarray:
     """Prediction of the model along the strain of an observation, from `first` (5,); (n, 5), zz components."""
     y = np.zeros(SIZE)
     y[0], y[1], y[2] = observation.e[0], first[0], first[1]
@@ -139,7 +139,7 @@ def follow(observation: Observation, first: np.ndarray, constants: Constants) ->
     return states[:, (1, 2, 5, 11, 17)]
 
 
-@compiled
+@jit
 def _follow_strain(y, strain_step, c, tolerance, states):
     """Integrate along given strain steps; where the domain of the equations ends, the last state is repeated."""
     free, measure, target, x = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), np.zeros(0)
@@ -148,8 +148,8 @@ def _follow_strain(y, strain_step, c, tolerance, states):
     for k in range(strain_step.shape[0]):
         size = np.sqrt(np.sum(strain_step[k] ** 2))
         if size > 0.0:
-            control = Control(strain_step[k] / size, free, measure, target, 0.0)
-            status, step, _, _ = advance(y, size, step, control, x, c, tolerance, 10_000)
+            control = PointControl(strain_step[k] / size, free, measure, target, 0.0)
+            status, step, _, _ = advance_adaptively(y, size, step, control, x, c, tolerance, 10_000)
             if status != FINE:
                 states[k + 1 :] = y
                 return

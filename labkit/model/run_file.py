@@ -19,25 +19,27 @@ import xarray as xr
 
 import labkit
 import labkit.runs.dataset  # registers the accessor .lab for as_run
-from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 from labkit.io.conventions import describe
 from labkit.io.netcdf import create_variables, new_netcdf
-from labkit.io.provenance import has_changed, provenance
+from labkit.io.provenance import has_changed, provenance_json
 from labkit.io.schema import CONTACTS, GRAINS, RECORD
 from labkit.model.driver import Result
 from labkit.model.parameters import Model
+from labkit.paths.programme import PROGRESS
+from labkit.paths.rates import rate_of
 from labkit.runs.accessor import with_axes
 
-ENGINE = "model"
+MODEL_ENGINE = "model"
 
 
-def records(result: Result) -> dict[str, np.ndarray]:
+def records_of_result(result: Result) -> dict[str, np.ndarray]:
     """Variables of labkit.io.schema.RECORD and of Path.recorded for a Result: name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
-        "time": result.travelled / result.path.axial_rate,
+        "time": result.travelled / rate_of(result.path),
         "axial_strain": result.axial_strain,
         "strain": result.strain,
         "cell": cell,
@@ -63,15 +65,15 @@ def records(result: Result) -> dict[str, np.ndarray]:
 
 def as_run(result: Result) -> xr.Dataset:
     """The Result as the Dataset that labkit.open_run would return for its run file, without a file."""
-    values = records(result)
-    table = {**RECORD, **result.path.recorded()}
+    values = records_of_result(result)
+    table = {**RECORD, **(PROGRESS if result.path.phases else {})}
     attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in table.items()}
     run = xr.Dataset(
         {name: (v.dimensions, values[name], attributes[name]) for name, v in table.items()},
         attrs={
-            "engine": ENGINE,
+            "engine": MODEL_ENGINE,
             "path": result.path.name,
-            "path_parameters": json.dumps(result.path.parameters()),
+            "path_parameters": json.dumps(dataclasses.asdict(result.path)),
             "complete": int(result.failure is None),
             "model": result.model.to_json(),
             "ended_because": result.failure or result.ended_because,
@@ -95,31 +97,31 @@ def write_result(
         describe(dataset, "labkit run predicted by the constitutive model", history)
         dataset.labkit_file = "run"
         dataset.labkit_version = dataset.engine_version = labkit.__version__
-        dataset.engine = ENGINE
+        dataset.engine = MODEL_ENGINE
         dataset.scene = dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json()
         dataset.model = result.model.to_json()
         dataset.setncattr("path", result.path.name)  # `dataset.path` is a property of netCDF4
-        dataset.path_parameters = json.dumps(result.path.parameters() | (parameters or {}))
+        dataset.path_parameters = json.dumps(dataclasses.asdict(result.path) | (parameters or {}))
         dataset.complete = np.int32(result.failure is None)
         dataset.ended_because = result.failure or result.ended_because
         dataset.wall_time = float(wall_time)
         dataset.steps = np.int64(result.calls)
-        dataset.provenance = provenance(history or None, output=file)
-        create_variables(dataset, {**RECORD, **result.path.recorded()}, {})
+        dataset.provenance = provenance_json(history or None, output=file)
+        create_variables(dataset, {**RECORD, **(PROGRESS if result.path.phases else {})}, {})
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
         dataset["contacts"]["row_size"].sample_dimension = "contact"
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
-        for name, values in records(result).items():
+        for name, values in records_of_result(result).items():
             dataset[name][:] = values
 
 
 def model_of(run: xr.Dataset) -> Model | None:
     """Model that predicted a run, or None for a simulation."""
-    return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == ENGINE else None
+    return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == MODEL_ENGINE else None
 
 
-def read_model(file: str | None) -> Model:
+def read_model(file: str | os.PathLike[str] | None) -> Model:
     """Model from a JSON file written by labkit calibrate; Table 2 if no file is given. Raises InputError.
 
     Says if the file has changed since: parameters may be edited, but damage should not go unnoticed.

@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dem.loading import StressPath
 from labkit.errors import InputError
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot
@@ -15,6 +14,7 @@ from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.model.equations import compression_coordination_number
 from labkit.model.parameters import TABLE_2, Model
 from labkit.parameters import parameters_of
+from labkit.paths.path import StressPath
 from labkit.sff.c0 import c0_stress, symmetric_product
 
 
@@ -140,7 +140,7 @@ def require_density(model: Model, void_ratio: float) -> None:
         )
 
 
-def contact_anisotropy(a1: float, angle: float) -> np.ndarray:
+def inherent_anisotropy(a1: float, angle: float) -> np.ndarray:
     """A0 = a1 (n1 n1 - n2 n2/2 - n3 n3/2), n1 at `angle` (rad) from z in the x-z plane (section 5.3); (3, 3)."""
     axis = np.array([np.sin(angle), 0.0, np.cos(angle)])
     return a1 * (1.5 * np.outer(axis, axis) - 0.5 * np.eye(3))
@@ -154,7 +154,7 @@ def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: 
     if a1 == 0.0:
         return state
     pressure = np.trace(state.stress(model)) / 3
-    A = contact_anisotropy(a1, angle)
+    A = inherent_anisotropy(a1, angle)
     state = dataclasses.replace(state, A=A, F=isotropic_force_anisotropy(A))
     return dataclasses.replace(state, Lam=state.Lam * pressure / (np.trace(state.stress(model)) / 3))
 

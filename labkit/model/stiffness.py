@@ -11,12 +11,12 @@ import dataclasses
 import numpy as np
 
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
-from labkit.model.compiled import compiled
+from labkit.model.compiled import jit
 from labkit.model.differentials import rates_differentials
 from labkit.model.parameters import Model
 from labkit.model.rates import SIZE, STATE, strain_driven, stress_rate_of
 from labkit.model.state import ModelState, deviatoric_basis
-from labkit.model.tensors import load, store, trace
+from labkit.model.tensors import put_six, six_at, trace
 
 
 def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
@@ -103,19 +103,19 @@ def _evaluate(model, state, D):
     return rates.reshape((*D.shape[:-1], STATE)), stresses.reshape(D.shape)
 
 
-@compiled
+@jit
 def _rates(y, D, c, rates, stresses):
     out = np.empty(SIZE)
     for k in range(D.shape[0]):
-        one = load(D[k], 0)
+        one = six_at(D[k], 0)
         strain_driven(y, one, trace(one) > 0.0, c, out)
         rates[k] = out[:STATE]
-        store(stresses[k], 0, stress_rate_of(y, out, c))
+        put_six(stresses[k], 0, stress_rate_of(y, out, c))
 
 
-@compiled
+@jit
 def _rate_tangent(y, D, c, tangent):
-    one = load(D, 0)
+    one = six_at(D, 0)
     rows = np.empty((6, STATE))
     rates_differentials(y, one, trace(one) > 0.0, c, np.zeros((6, STATE)), np.eye(6), rows)
     for k in range(6):

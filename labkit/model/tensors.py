@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.micro.tensors import ROOT2
-from labkit.model.compiled import compiled
+from labkit.model.compiled import jit
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -17,64 +17,64 @@ IDENTITY: Six = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 ZERO: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@compiled
-def load(array: np.ndarray, start: int) -> Six:
+@jit
+def six_at(array: np.ndarray, start: int) -> Six:
     """Read the tensor in array[start] to array[start + 5]."""
     return (array[start], array[start + 1], array[start + 2], array[start + 3], array[start + 4], array[start + 5])
 
 
-@compiled
-def store(array: np.ndarray, start: int, T: Six) -> None:
+@jit
+def put_six(array: np.ndarray, start: int, T: Six) -> None:
     """Write T to array[start] to array[start + 5]."""
     array[start], array[start + 1], array[start + 2] = T[0], T[1], T[2]
     array[start + 3], array[start + 4], array[start + 5] = T[3], T[4], T[5]
 
 
-@compiled
-def times(s: float, T: Six) -> Six:
+@jit
+def multiply(s: float, T: Six) -> Six:
     """s T."""
     return (s * T[0], s * T[1], s * T[2], s * T[3], s * T[4], s * T[5])
 
 
-@compiled
-def plus(S: Six, T: Six) -> Six:
+@jit
+def add(S: Six, T: Six) -> Six:
     """S + T."""
     return (S[0] + T[0], S[1] + T[1], S[2] + T[2], S[3] + T[3], S[4] + T[4], S[5] + T[5])
 
 
-@compiled
-def minus(S: Six, T: Six) -> Six:
+@jit
+def subtract(S: Six, T: Six) -> Six:
     """S - T."""
     return (S[0] - T[0], S[1] - T[1], S[2] - T[2], S[3] - T[3], S[4] - T[4], S[5] - T[5])
 
 
-@compiled
-def dot(S: Six, T: Six) -> float:
+@jit
+def contract(S: Six, T: Six) -> float:
     """S:T."""
     return S[0] * T[0] + S[1] * T[1] + S[2] * T[2] + S[3] * T[3] + S[4] * T[4] + S[5] * T[5]
 
 
-@compiled
+@jit
 def norm(T: Six) -> float:
     """|T|, the Euclidean norm."""
-    return np.sqrt(dot(T, T))
+    return np.sqrt(contract(T, T))
 
 
-@compiled
+@jit
 def trace(T: Six) -> float:
     """tr(T)."""
     return T[0] + T[1] + T[2]
 
 
-@compiled
-def deviator(T: Six) -> Six:
+@jit
+def deviatoric_part(T: Six) -> Six:
     """T - tr(T)/3 I."""
     mean = (T[0] + T[1] + T[2]) / 3.0
     return (T[0] - mean, T[1] - mean, T[2] - mean, T[3], T[4], T[5])
 
 
-@compiled
-def symmetric_product(S: Six, T: Six) -> Six:
+@jit
+def six_product(S: Six, T: Six) -> Six:
     """(ST + TS)/2."""
     return (
         S[0] * T[0] + 0.5 * (S[5] * T[5] + S[4] * T[4]),

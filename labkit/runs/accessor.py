@@ -11,8 +11,8 @@ import numpy as np
 import pandas
 import xarray as xr
 
-from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
 from labkit.io.schema import RECORD
 from labkit.micro.contacts import NO_CONTACTS, Contacts, require_contacts
@@ -136,9 +136,9 @@ class Lab(OfRecords):
 
     def over_snapshots(
         self,
-        function: Callable[[Snapshot], Mapping[str, Any]],
-        attributes: Mapping[str, Mapping[str, Any]] | None = None,
-        coords: Mapping[str, Any] | None = None,
+        function: Callable[[Snapshot], Mapping[str, object]],
+        attributes: Mapping[str, Mapping[str, object]] | None = None,
+        coords: Mapping[str, object] | None = None,
     ) -> xr.Dataset:
         """Apply a function to every snapshot; returns a Dataset along `snapshot`. One snapshot is in memory at a time.
 
@@ -289,7 +289,7 @@ class Lab(OfRecords):
         """Strain of the path accumulated up to each snapshot, regardless of its sign."""
         return self.strain_measure.accumulated(self._run["strain"].values)[self._run["record"].values]
 
-    def _snapshot_coordinates(self) -> dict[str, Any]:
+    def _snapshot_coordinates(self) -> dict[str, object]:
         return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
 
 

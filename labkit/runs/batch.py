@@ -9,15 +9,16 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path as File
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from labkit.dem.paths import Path
-from labkit.dem.schedule import Options
-from labkit.dem.state import State
-from labkit.engines.batches import execute_together
+from labkit.engines import Start, start_of
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.state import State
 from labkit.io.files import require_writable
-from labkit.runs.laboratory import recording_options, run_task, warn
+from labkit.paths.path import Path
+from labkit.records.schedule import Options
+from labkit.runs.batches import execute_together
+from labkit.runs.laboratory import load_task, recording_options, warn
 from labkit.runs.run import Run
 
 
@@ -35,10 +36,10 @@ class Outcome(NamedTuple):
 def run_batch(
     tests: Mapping[str, tuple[State, Path]],
     folder: str | os.PathLike[str],
-    engine: str = "cuda",
+    engine: str | Start = "cuda",
     precision: str = "double",
     options: Options | None = None,
-    **recording: Any,
+    **recording: object,
 ) -> dict[str, Outcome]:
     """Load specimens along paths, on the engine cuda together, on others one after the other; name -> Outcome.
 
@@ -53,8 +54,8 @@ def run_batch(
     tasks = []
     for name, (state, path) in tests.items():
         require_writable(files[name], "run")
-        common = {"engine": engine, "precision": precision, "output": str(files[name])}
-        tasks.append(run_task(state, path, options=options, **common))
+        start = start_of(engine, precision=precision)
+        tasks.append(load_task(state, path, start=start, output=str(files[name]), options=options))
         warn(tasks[-1].warning)
     outcomes = {}
     for (name, file), failure in zip(files.items(), execute_together(tasks), strict=True):

@@ -8,8 +8,8 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.dem.paths import PATHS
 from labkit.errors import InputError
+from labkit.paths.registry import PATHS
 
 WINDOW = 0.25  # the last quarter of the strain of a test
 ENOUGH_STRAIN = 0.15  # strain of the path from which the end of a shear test counts as critical

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
-from labkit.dem.scene import Scene
-from labkit.dem.state import read_state
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.grains.state import read_state
 from labkit.io.conventions import EPOCH
 from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
 from labkit.io.schema import RECORD

@@ -1,44 +1,79 @@
-"""Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.visuals.
+"""Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.figures.
 
 A figure is a function of a run opened with labkit.open_run, the number of size groups and the number of a snapshot; it
-returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure. A
-figure with `of_probes = True` is drawn from the data of Probes instead.
+returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Generic, Literal, ParamSpec
 
 from labkit.extensions import Registry
 
-FIGURES: Registry = Registry(
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+Arguments = ParamSpec("Arguments")
+
+
+class RunFigure(Generic[Arguments]):
+    """A figure of runs: called, it draws. needs: what the data must contain; several: it draws several runs, too."""
+
+    def __init__(
+        self,
+        name: str,
+        function: Callable[Arguments, tuple[Figure, pandas.DataFrame]],
+        needs: Literal["snapshots", "records", "probes"] = "snapshots",
+        several: bool = False,
+    ) -> None:
+        """A figure with the signature and the docstring of the function that draws it."""
+        functools.update_wrapper(self, function)
+        self.name, self.function, self.needs, self.several = name, function, needs, several
+
+    def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
+        """The figure, and the table of the plotted values."""
+        return self.function(*arguments, **named)
+
+
+FIGURES = Registry[RunFigure[...]](
     "figure",
     {
-        "test": "labkit.visuals.plots:test",
-        "records": "labkit.visuals.plots:records",
-        "groups": "labkit.visuals.micro_figures:groups",
-        "densities": "labkit.visuals.micro_figures:densities",
-        "directions": "labkit.visuals.direction_figure:directions",
-        "planes": "labkit.visuals.plane_figure:planes",
-        "shares": "labkit.visuals.sff_figures:shares",
-        "family": "labkit.visuals.sff_figures:family",
-        "budget": "labkit.visuals.sff_figures:budget",
-        "contacts": "labkit.visuals.micro_figures:contacts",
-        "stress_path": "labkit.visuals.path_figures:stress_path",
-        "pi_plane": "labkit.visuals.path_figures:pi_plane",
-        "shear": "labkit.visuals.path_figures:shear",
-        "cycles": "labkit.visuals.path_figures:cycles",
-        "envelope": "labkit.visuals.envelope_figure:envelope",
+        "test": "labkit.figures.plots:test",
+        "records": "labkit.figures.plots:records",
+        "groups": "labkit.figures.micro_figures:groups",
+        "densities": "labkit.figures.micro_figures:densities",
+        "directions": "labkit.figures.direction_figure:directions",
+        "planes": "labkit.figures.plane_figure:planes",
+        "shares": "labkit.figures.sff_figures:shares",
+        "family": "labkit.figures.sff_figures:family",
+        "budget": "labkit.figures.sff_figures:budget",
+        "contacts": "labkit.figures.micro_figures:contacts",
+        "stress_path": "labkit.figures.path_figures:stress_path",
+        "pi_plane": "labkit.figures.path_figures:pi_plane",
+        "shear": "labkit.figures.path_figures:shear",
+        "cycles": "labkit.figures.path_figures:cycles",
+        "envelope": "labkit.figures.envelope_figure:envelope",
     },
 )
 
 
-def register_figure(name: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Decorator that registers a function as a figure under `name`."""
+def register_figure(
+    name: str, *, needs: Literal["snapshots", "records", "probes"] = "snapshots", several: bool = False
+) -> Callable[[Callable[Arguments, tuple[Figure, pandas.DataFrame]]], RunFigure[Arguments]]:
+    """Decorator that registers a function as a figure under `name`.
 
-    def register(function: Callable[..., Any]) -> Callable[..., Any]:
-        function.name = name  # type: ignore[attr-defined]
-        return FIGURES.register(function)
+    Args:
+        name: by which the figure is chosen.
+        needs: what the data must contain: snapshots, records alone, or the data of Probes.
+        several: True if it also draws several runs, given as name -> run.
+    """
+
+    def register(function: Callable[Arguments, tuple[Figure, pandas.DataFrame]]) -> RunFigure[Arguments]:
+        figure = RunFigure(name, function, needs, several)
+        FIGURES.register(figure)
+        return figure
 
     return register

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import xarray
 
-from labkit.dem.paths import PATHS
-from labkit.dem.scene import Scene
-from labkit.dem.specimen import Recipe, summary
-from labkit.dem.state import read_state
 from labkit.errors import InputError
-from labkit.io import provenance
+from labkit.grains.scene import Scene
+from labkit.grains.state import read_state
 from labkit.io.netcdf import labkit_kind, open_netcdf
+from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import RECORD, STATE
 from labkit.parameters import parameters_of
+from labkit.paths.registry import PATHS
 from labkit.runs.dataset import open_run
+from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # of the attributes of a file
 WIDTH = 18  # characters of a label
@@ -30,11 +30,14 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     """Description of a labkit file in lines of text. Raises InputError for any other file."""
     kind = file_kind(path)
     if kind in ("figure", "statistics", "output"):
-        return "\n".join([f"{path}: labkit {kind}", *_lines(provenance.rows(provenance.of_file(path) or {}))])
+        return "\n".join([f"{path}: labkit {kind}", *_lines(provenance_rows(provenance_of(path) or {}))])
     lines = [f"{path}: labkit {kind} file"]
     if kind == "state":
-        values = summary(read_state(path, verify=False))
-        lines += ["summary", *_lines({name: f"{number(value)} {unit}" for name, (value, unit) in values.items()}, 24)]
+        values = specimen_summary(read_state(path, verify=False))
+        lines += [
+            "summary",
+            *_lines({name: f"{format_number(value)} {unit}" for name, (value, unit) in values.items()}, 24),
+        ]
     if kind == "run":
         with open_run(path, verify=False) as run:
             lines += ["summary", *_lines(run_summary(run), 24)]
@@ -47,14 +50,13 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
-        if isinstance(value, str) and not value:  # e.g. the reason why a run ended, if there is none
-            continue
-        lines += _attribute(name, value, attributes)
-    lines += _lines({"sizes": ", ".join(f"{name} {size}" for name, size in sizes.items())})
-    lines += _lines({"groups": ", ".join(groups)} if groups else {})
-    lines += _lines({"other variables": ", ".join(further)} if further else {})
+        if not (isinstance(value, str) and not value):  # e.g. the reason why a run ended, if there is none
+            lines += _attribute(name, value, attributes)
+    contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
+    contents["other variables"] = further
+    lines += _lines({name: ", ".join(texts) for name, texts in contents.items() if texts})
     if made_by:
-        lines += ["provenance", *_lines(provenance.rows(json.loads(made_by)))]
+        lines += ["provenance", *_lines(provenance_rows(json.loads(made_by)))]
     return "\n".join(lines)
 
 
@@ -64,34 +66,34 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     values = {
         "path": f"{run.attrs['path']} on {run.attrs['engine']}",
         "complete": "yes" if run.attrs["complete"] else "no",
-        "grains": number(run.sizes["grain"]),
-        "records": number(run.sizes["time"]),
+        "grains": format_number(run.sizes["grain"]),
+        "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
-        "mean stress p": f"{number(float(p[-1]))} Pa",
-        "deviatoric stress q": f"{number(float(q[-1]))} Pa",
-        "void ratio": number(float(run["void_ratio"][-1])),
+        "mean stress p": f"{format_number(float(p[-1]))} Pa",
+        "deviatoric stress q": f"{format_number(float(q[-1]))} Pa",
+        "void ratio": format_number(float(run["void_ratio"][-1])),
     }
     cyclic = run.lab.path is not None and run.lab.path.cyclic
     if cyclic:
-        values["cycles"] = number(float(run.lab.cycles()[-1]))
+        values["cycles"] = format_number(float(run.lab.cycles()[-1]))
     if run.lab.is_undrained:
         found = run.lab.liquefaction()
-        values["largest r_u"] = number(found.largest_ratio)
+        values["largest r_u"] = format_number(found.largest_ratio)
         if cyclic:
-            values["cycles to r_u > 0.95"] = number(found.cycles_to_ratio)
+            values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
             values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
-            values["cycles to 5 % of it"] = number(found.cycles_to_double_amplitude)
+            values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)
     return values
 
 
-def number(value: Any) -> str:
+def format_number(value: object) -> str:
     """A value as text: integers in full, other numbers with six significant digits, lists with commas."""
     if isinstance(value, (bool, str, np.bool_)) or value is None:
         return str(value)
     if isinstance(value, Mapping):  # a step of a path
         return str(value.get("label") or "step")
     if isinstance(value, Iterable):
-        return ", ".join(number(each) for each in value)
+        return ", ".join(format_number(each) for each in value)
     if isinstance(value, (int, np.integer)):
         return f"{value:d}"
     return f"{value:.6g}"
@@ -101,9 +103,9 @@ def _attribute(name: str, value: Any, attributes: Mapping[str, Any]) -> list[str
     """Lines of one attribute of a file; an attribute in JSON has one line per entry."""
     entries = _entries(value)
     if entries is None:
-        return _lines({name: f"{number(value)} {UNITS.get(name, '')}"})
+        return _lines({name: f"{format_number(value)} {UNITS.get(name, '')}"})
     if name.endswith("provenance"):
-        return [f"  {name}", *_lines(provenance.rows(entries), width=WIDTH + 4, indent=4)]
+        return [f"  {name}", *_lines(provenance_rows(entries), width=WIDTH + 4, indent=4)]
     kinds: dict[str, type] = {"scene": Scene, "recipe": Recipe}
     if attributes.get("path") in PATHS:
         kinds["path_parameters"] = PATHS[attributes["path"]]
@@ -112,18 +114,18 @@ def _attribute(name: str, value: Any, attributes: Mapping[str, Any]) -> list[str
     return [f"  {name}", *_lines(_flat(entries, units), width=WIDTH + 4, indent=4)]
 
 
-def _flat(entries: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, str]:
+def _flat(entries: Mapping[str, object], units: Mapping[str, str]) -> dict[str, str]:
     """Name -> value with its unit; nested entries get names with a dot."""
     flat: dict[str, str] = {}
     for name, value in entries.items():
         if isinstance(value, Mapping):
             flat |= {f"{name}.{inner}": text for inner, text in _flat(value, {}).items()}
         else:
-            flat[name] = "not given" if value is None else f"{number(value)} {units.get(name, '')}"
+            flat[name] = "not given" if value is None else f"{format_number(value)} {units.get(name, '')}"
     return flat
 
 
-def _entries(value: Any) -> dict[str, Any] | None:
+def _entries(value: object) -> dict[str, object] | None:
     """The entries of an attribute that holds a JSON object, else None."""
     if not isinstance(value, str) or not value.startswith("{"):
         return None
@@ -144,7 +146,7 @@ def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
     Raises InputError for a file without hashes.
     """
     file_kind(path)
-    verdicts = provenance.check(path)
+    verdicts = check(path)
     if not verdicts:
         raise InputError(f"{path} holds no hashes: it is unfinished, or was written by an earlier version of labkit")
     lines = [f"  {subject:<40} {verdict}" for subject, verdict in verdicts]
@@ -158,9 +160,9 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     """
     if not Path(path).is_file():
         raise InputError(f"{path} does not exist: give a labkit state or run file")
-    if Path(path).suffix.lower() == ".png" and provenance.of_file(path):
+    if Path(path).suffix.lower() == ".png" and provenance_of(path):
         return "figure"
-    if Path(f"{path}{provenance.BESIDE}").exists():
+    if Path(f"{path}{BESIDE}").exists():
         return "output"
     kind = labkit_kind(path)
     if kind not in ("state", "run", "probes", "statistics"):

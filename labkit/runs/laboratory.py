@@ -4,7 +4,7 @@
     state = labkit.make_specimen(labkit.Recipe(void_ratio=0.67, grains=1000), scene)
     run = labkit.run(state, labkit.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05))
 
-The `fused` engine runs in this process, `yade` in a separate one. Without a file the result is kept in memory.
+Without a file the result is kept in memory.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from collections.abc import Callable, Mapping
 from pathlib import Path as File
 from typing import Any
 
-from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import exceeded_by, require_pressure, size_warning
-from labkit.dem.pace import require_one_rate
-from labkit.dem.paths import Path, make_path
-from labkit.dem.scene import Scene
-from labkit.dem.simulation import Options, Schedule
-from labkit.dem.specimen import Recipe
-from labkit.dem.state import State
-from labkit.engines import processors
-from labkit.engines.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
+from labkit.engines import Start, start_of
+from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted, PhysicsError, instead_of
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.micro.stress import love_stress, mean_stress
+from labkit.paths.path import Path
+from labkit.paths.rates import on_grains
+from labkit.paths.registry import make_path
+from labkit.records.limits import exceeded_by, require_pressure, size_warning
+from labkit.records.schedule import Options, Schedule
+from labkit.runs.pace import require_one_rate
 from labkit.runs.run import Run
+from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
+from labkit.specimens.specimen import Recipe
 
 
 def make_specimen(
     recipe: Recipe,
     scene: Scene | None = None,
-    engine: str = "fused",
+    engine: str | Start = "fused",
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
@@ -47,19 +49,17 @@ def make_specimen(
 ) -> State:
     """Make a specimen at rest, and write its state file if `file` is given.
 
-    scene: default labkit.Scene(), Table 1 of the paper; progress: True to show it, or a function of the completed
-    fraction and a text; precision: `double`, or `mixed` on the fused engine, which is faster; ranks: number of MPI
-    ranks of the engine lammps, instead of threads. Raises InputError for invalid values, PhysicsError if the specimen
-    does not come to rest.
+    engine: its name, or labkit.Fused, Yade, Lammps or Cuda with threads, ranks and precision, which otherwise have
+    arguments of their own (precision: `double`, or `mixed`, which is faster); scene: default labkit.Scene(), Table 1 of
+    the paper; progress: True to show it, or a function of the completed fraction and a text. Raises InputError for
+    invalid values, PhysicsError if the specimen does not come to rest.
     """
     _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
     task = SpecimenTask(
         recipe=recipe,
         material=scene or Scene(),
-        engine=engine,
-        threads=processors(engine, threads, ranks),
-        precision=precision,
+        start=start_of(engine, threads, precision, ranks),
         output=_output(file),
     )
     warn(size_warning(task.scene))
@@ -69,7 +69,7 @@ def make_specimen(
 def consolidate(
     state: State,
     pressure: float | str,
-    engine: str = "fused",
+    engine: str | Start = "fused",
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
@@ -78,7 +78,7 @@ def consolidate(
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    pressure: Pa, or text with a unit; precision, progress, ranks: as for make_specimen. Raises InputError,
+    pressure: Pa, or text with a unit; the others: as for make_specimen. Raises InputError,
     PhysicsError.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
@@ -87,37 +87,35 @@ def consolidate(
     if reached is None:
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
     require_pressure(path, state.scene)
-    count = processors(engine, threads, ranks)
-    task = ConsolidationTask(
-        state=state, pressure=reached, engine=engine, threads=count, precision=precision, output=_output(file)
-    )
+    start = start_of(engine, threads, precision, ranks)
+    task = ConsolidationTask(state=state, pressure=reached, start=start, output=_output(file))
     return _state(execute(task, _shown(progress, "consolidation")))
 
 
 def run(
     state: State,
     path: Path,
-    engine: str = "fused",
+    engine: str | Start = "fused",
     file: str | os.PathLike[str] | None = None,
     threads: int = 1,
     progress: bool | Progress = True,
     options: Options | None = None,
     precision: str = "double",
     ranks: int | None = None,
-    **recording: Any,
+    **recording: object,
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
     it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
-    precision, ranks: as for make_specimen; recording: fields of labkit.Options (record_strain, snapshots, save_every),
-    which override those of `options`.
+    The other arguments are those of make_specimen; recording: fields of labkit.Options (record_strain, snapshots,
+    save_every), which override those of `options`.
     Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
     Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
     options = recording_options(run, options, recording)
-    count = processors(engine, threads, ranks)
-    task = run_task(state, path, engine=engine, threads=count, precision=precision, output=str(file), options=options)
+    start = start_of(engine, threads, precision, ranks)
+    task = load_task(state, path, start=start, output=str(file), options=options)
     warn(task.warning)
     shown = _shown(progress, task.path.name)
     if file is not None:
@@ -150,12 +148,12 @@ def recording_options(function: Callable[..., Any], options: Options | None, rec
     return dataclasses.replace(options or Options(), **recording)
 
 
-def run_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
-    """The task that loads a specimen along a path; common: engine, threads, precision and output. Raises InputError."""
+def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
+    """The task that loads a specimen along a path; common: further fields of the task. Raises InputError."""
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
     _require(path, Path, "path", "labkit.paths.ConstantVolume()")
     require_one_rate(path, options)
-    path = path.for_scene(state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    path = on_grains(path, state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
     require_pressure(path, state.scene)
     Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
     return RunTask(state=state, path=path, options=options, **common)

@@ -8,8 +8,6 @@ import json
 import numpy as np
 import xarray as xr
 
-from labkit.dem.paths import Path, path_of
-from labkit.dem.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.errors import InputError
 from labkit.micro.stress import (
     along_deviator,
@@ -19,6 +17,9 @@ from labkit.micro.stress import (
     mean_stress,
     relative_error,
 )
+from labkit.paths.path import Path, is_symmetric
+from labkit.paths.registry import path_of
+from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.runs import undrained
 from labkit.sff.c0 import TERMS, strength_shares
 
@@ -48,7 +49,7 @@ class OfRecords:
     @property
     def axisymmetric(self) -> bool:
         """True if q is sigma_zz - (sigma_xx + sigma_yy)/2; False if it is the invariant sqrt(3/2 s:s)."""
-        return self.path is None or self.path.symmetric
+        return self.path is None or is_symmetric(self.path)
 
     @functools.cached_property
     def _reversals(self) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
 
-Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.dem.compression), for
-e_min without friction, for e_max with the friction and rolling friction of the scene, and comes to rest with those of
-the scene. A higher friction during the compression gives denser specimens: they collapse when it is lowered to that of
-the scene (results/density). Void ratios are nominal. The limits depend on the protocol: state it with every relative
+Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.specimens.compression),
+for e_min without friction, for e_max with the friction and rolling friction of the scene, and comes to rest with those
+of the scene. A higher friction during the compression gives denser specimens: they collapse when it is lowered to that
+of the scene (results/density). Void ratios are nominal. The limits depend on the protocol: state it with every relative
 density.
 """
 
@@ -16,19 +16,20 @@ import numpy as np
 import pandas
 from scipy import stats
 
-from labkit.dem.compression import at_friction
-from labkit.dem.engine import Progress, silent
-from labkit.dem.paths import CyclicConstantMeanStress
-from labkit.dem.scene import Scene
-from labkit.dem.specimen import Recipe
-from labkit.dem.state import State
+from labkit.engines import Start
+from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
+from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.laboratory import consolidate, make_specimen, run
+from labkit.specimens.compression import at_friction
+from labkit.specimens.specimen import Recipe
 
 PRESSURE = 100e3  # Pa, of the limits
 GUESS = 0.7  # void ratio that sizes the cells
@@ -85,7 +86,7 @@ def half_width(values: np.ndarray) -> float:
 
 def _recipe(grains: int, seed: int, pressure: float) -> Recipe:
     held = with_unit(pressure, "Pa")
-    return Recipe(GUESS, grains=grains, seed=seed, preparation="compression", pressure=held)  # type: ignore[arg-type]
+    return Recipe(GUESS, grains=grains, seed=seed, preparation="compression", pressure=held)
 
 
 def density_limits(
@@ -93,7 +94,7 @@ def density_limits(
     grains: int = 1000,
     seeds: Sequence[int] = (1, 2, 3),
     pressure: float = PRESSURE,
-    engine: str = "fused",
+    engine: str | Start = "fused",
     progress: Progress = silent,
     precision: str = "double",
 ) -> DensityLimits:
@@ -120,7 +121,7 @@ def specimen_at(
     pressure: float | str,
     grains: int = 1000,
     seed: int = 1,
-    engine: str = "fused",
+    engine: str | Start = "fused",
     progress: Progress = silent,
     precision: str = "double",
 ) -> State:
@@ -161,7 +162,9 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(specimen: State, engine: str = "fused", progress: Progress = silent, precision: str = "double") -> Twins:
+def make_twins(
+    specimen: State, engine: str | Start = "fused", progress: Progress = silent, precision: str = "double"
+) -> Twins:
     """Twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
@@ -174,7 +177,7 @@ def make_twins(specimen: State, engine: str = "fused", progress: Progress = sile
     for number, amplitude in enumerate(AMPLITUDES):
         progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
         held = with_unit(pressure, "Pa")
-        path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))  # type: ignore[arg-type]
+        path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
         cycled = _after(specimen, path, engine, precision)
         second = consolidate(cycled, held, engine=engine, progress=False, precision=precision)
         twins = Twins(specimen, second, amplitude)
@@ -189,12 +192,12 @@ def make_twins(specimen: State, engine: str = "fused", progress: Progress = sile
     raise PhysicsError(f"Z changed by only {Z:.2f}: start from a specimen compressed without friction")
 
 
-def _after(specimen: State, path: CyclicConstantMeanStress, engine: str, precision: str) -> State:
+def _after(specimen: State, path: CyclicConstantMeanStress, engine: str | Start, precision: str) -> State:
     """The state at the end of a path."""
     import tempfile
     from pathlib import Path
 
-    from labkit.dem.checkpoint import read_checkpoint
+    from labkit.records.checkpoint import read_checkpoint
 
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         file = Path(folder) / "cycle.run.nc"

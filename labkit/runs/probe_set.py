@@ -18,15 +18,14 @@ import pandas
 import xarray
 
 import labkit
-from labkit.dem.probes import Plane, Probing, plane_of
 from labkit.errors import InputError
-from labkit.io.atomic import whole_file
 from labkit.io.conventions import CONVENTIONS, NO_COMMAND
-from labkit.io.netcdf import damage_named, failure_named, finish, open_netcdf
-from labkit.io.provenance import provenance
+from labkit.io.netcdf import damage_named, open_netcdf, write_xarray
+from labkit.io.provenance import provenance_json
 from labkit.micro.tensors import to_six
 from labkit.runs.accessor import with_axes
 from labkit.runs.figures import FIGURES
+from labkit.runs.probing import Plane, Probing, plane_of
 
 SIX = ("row", "column")
 
@@ -53,7 +52,7 @@ def dataset_of(
     probing: Probing,
     material: str,
     angle: np.ndarray,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Mapping[str, object]],
     affine: np.ndarray | None = None,
 ) -> xarray.Dataset:
     """The Dataset of Probes. rows: variables of each probe; absent ones are NaN. affine: (6, 6), Pa."""
@@ -225,13 +224,11 @@ class Probes:
             "labkit_file": "probes",
             "labkit_version": labkit.__version__,
             "history": history or NO_COMMAND,
-            "provenance": provenance(history or None, inputs, file),
+            "provenance": provenance_json(history or None, inputs, file),
         }
         encoding: dict[str, Any] = {name: {"dtype": "S1"} for name in TEXTS}
         encoding |= {str(name): {"fletcher32": True} for name in self.data.data_vars if name not in TEXTS}
-        with whole_file(file) as temporary, failure_named(file):
-            self.data.drop_vars(("i", "j")).assign_attrs(attributes).to_netcdf(temporary, encoding=encoding)
-            finish(temporary)
+        write_xarray(file, self.data.drop_vars(("i", "j")).assign_attrs(attributes), encoding=encoding)
 
     def __repr__(self) -> str:
         number = self.data.sizes["probe"]

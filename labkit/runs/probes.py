@@ -4,8 +4,8 @@
     elastic = labkit.probe(state, plane="all", elastic=True)
     elastic.tangent(), elastic.asymmetry(), elastic.directional() / elastic.affine_bound()
 
-Each probe is a run of its own (labkit.dem.probes), and all start from the same State. One more probe with an increment
-of zero, the null probe, shows how far the grains creep by themselves; this is subtracted from the other results.
+Each probe is a run of its own (labkit.runs.probing), and all start from the same State. One more probe with an
+increment of zero, the null probe, shows how far the grains creep by themselves; it is subtracted from the others.
 """
 
 from __future__ import annotations
@@ -20,14 +20,10 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from labkit.dem.engine import Progress, silent
-from labkit.dem.limits import INERTIAL_LIMIT
-from labkit.dem.loading import Path
-from labkit.dem.probes import LOADING, Probing, StrainProbe, StressProbe, plane_of, without_sliding
-from labkit.dem.servo import FLOOR, cell_stiffness
-from labkit.dem.state import State
-from labkit.engines.tasks import ProbesTask, RestTask, execute
+from labkit.engines import Start, start_of
+from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
+from labkit.grains.state import State
 from labkit.io.netcdf import open_netcdf
 from labkit.io.progress import reporter
 from labkit.micro.indicators import inertial_number
@@ -35,7 +31,14 @@ from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import restored
+from labkit.paths.path import Path
+from labkit.paths.probes import LOADING, StrainProbe, StressProbe
+from labkit.records.limits import INERTIAL_LIMIT
+from labkit.records.schedule import Options
 from labkit.runs.probe_set import Probes, dataset_of
+from labkit.runs.probing import Probing, plane_of, without_sliding
+from labkit.runs.tasks import RestTask, RunTask, execute
+from labkit.servo.correction import FLOOR, cell_stiffness
 
 LEAST_STIFFNESS = 1e-3  # of the largest: a specimen that is softer in some direction carries no load there
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe
@@ -51,7 +54,7 @@ def probe(
     kind: str = "strain",
     duration: float = 40.0,
     elastic: bool = False,
-    engine: str = "fused",
+    engine: str | Start = "fused",
     threads: int = 1,
     progress: bool | Progress = True,
     precision: str = "double",
@@ -63,13 +66,13 @@ def probe(
     InputError, PhysicsError.
     """
     probing = Probing(plane, directions, kind, amplitude, duration)
-    rested = at_rest(state, engine, threads, precision)
-    return probes_of(rested, probing, elastic, engine, threads, progress, precision)
+    start = start_of(engine, threads, precision)
+    return probes_of(at_rest(state, start), probing, elastic, start, progress)
 
 
-def at_rest(state: State, engine: str = "fused", threads: int = 1, precision: str = "double") -> State:
+def at_rest(state: State, engine: str | Start = "fused") -> State:
     """The state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
-    rested = execute(RestTask(state=state, engine=engine, threads=threads, precision=precision))
+    rested = execute(RestTask(state=state, start=start_of(engine)))
     assert rested is not None
     return rested
 
@@ -78,12 +81,11 @@ def probes_of(
     state: State,
     probing: Probing,
     elastic: bool = False,
-    engine: str = "fused",
-    threads: int = 1,
+    engine: str | Start = "fused",
     progress: bool | Progress = True,
-    precision: str = "double",
 ) -> Probes:
     """The probes of a state at rest with the settings of `probing`; see `probe`."""
+    start = start_of(engine)
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
     state = state.replace(scene=without_sliding(state.scene)) if elastic else state
@@ -92,10 +94,12 @@ def probes_of(
     shown = progress if callable(progress) else reporter("probes") if progress else silent
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         try:
-            task = ProbesTask(
-                state=state, paths=paths, engine=engine, threads=threads, precision=precision, output=folder
-            )
-            execute(task, shown)
+            for number, path in enumerate(paths):
+                shown(number / len(paths), f"probe {number + 1} of {len(paths)}")
+                options = Options(record_strain=abs(path.strain), snapshots=1)  # the start and the end
+                output = str(File(folder) / f"{number}.run.nc")
+                execute(RunTask(state=state, path=path, options=options, start=start, output=output))
+            shown(1.0, "done")
         except Interrupted as error:
             raise Interrupted("stopped by a signal; nothing was saved", error.code) from None
         null, *rows = (_row(File(folder) / f"{number}.run.nc") for number in range(len(paths)))
@@ -104,8 +108,8 @@ def probes_of(
         row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
     material = "elastic" if elastic else "grains"
     data = dataset_of(plane, probing, material, angle, rows, affine_stiffness(state.snapshot()))
-    attributes = {"engine": engine, "scene": state.scene.to_json(), "grains": state.number_of_grains}
-    attributes |= {"precision": precision} if precision != "double" else {}
+    attributes = {"engine": start.name, "scene": state.scene.to_json(), "grains": state.number_of_grains}
+    attributes |= {"precision": start.precision} if start.precision != "double" else {}
     return Probes(data.assign_attrs(attributes))
 
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import xarray
 
-from labkit.dem.endings import met_conditions
-from labkit.dem.limits import RECORDED, Exceeded, exceeded
-from labkit.dem.paths import Path
-from labkit.dem.scene import Scene
-from labkit.io.html import table
+from labkit.grains.scene import Scene
+from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
+from labkit.paths.path import Path
+from labkit.records.limits import RECORDED, Exceeded, exceeded
 from labkit.runs.dataset import open_run
+from labkit.runs.endings import met_conditions
 from labkit.runs.figures import FIGURES
 
 
@@ -123,7 +123,7 @@ class Run:
         return int(self.data.attrs["steps"])
 
     @property
-    def provenance(self) -> dict[str, Any]:
+    def provenance(self) -> dict[str, object]:
         """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
@@ -151,7 +151,7 @@ class Run:
             "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots of {data.sizes['grain']} grains",
             "file": "in memory" if self.file is None else str(self.file),
         }
-        return table("Run", rows | ({"ended because": self.ended_because} if self.ended_because else {}))
+        return html_table("Run", rows | ({"ended because": self.ended_because} if self.ended_because else {}))
 
     def __repr__(self) -> str:
         state = ", ".join(("complete" if self.complete else "not complete", *self.met_conditions))

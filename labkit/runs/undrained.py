@@ -14,9 +14,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from labkit.dem.loading import Path
 from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
+from labkit.paths.path import Path
+from labkit.paths.step import Here, Step, StrainReached, StressReached
 
 RATIO = 0.95  # r_u of initial liquefaction
 DOUBLE_AMPLITUDE = 0.05  # of the strain, at initial liquefaction
@@ -64,16 +65,27 @@ def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, 
     records at which the path reversed. A path that is not registered (None) advances at its reversals only.
     """
     cycles = np.zeros(len(strain))
-    ends = [0, *reversals.tolist(), len(strain) - 1]
-    for leg, (first, last) in enumerate(itertools.pairwise(ends)):
-        part = slice(first, last + 1)
+    parts = itertools.pairwise([0, *reversals.tolist(), len(strain) - 1])
+    steps = iter(()) if path is None else iter(path.steps_from(Here()))
+    for number, (first, last) in enumerate(parts):
+        part, step = slice(first, last + 1), next(steps, None)
         done = np.zeros(last + 1 - first)
-        if path is not None and leg < path.legs():
-            values = np.array([path.controlled(*row) for row in zip(strain[part], stress[part], strict=True)])
-            length = path.leg_target(leg) - values[0]
+        if path is not None and step is not None:
+            values, target = _controlled(path, step, strain[part], stress[part])
+            length = target - values[0]
             done = np.clip(np.maximum.accumulate((values - values[0]) / length), 0.0, 1.0) if length else done
-        cycles[part] = 0.5 * (leg + done)
+        cycles[part] = 0.5 * (number + done)
     return cycles
+
+
+def _controlled(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, float]:
+    """The strain or stress that ends a step, at records (n,), and its value at the end."""
+    for end in step.until.each:
+        if isinstance(end, StressReached):
+            return np.array([end.measured(one) for one in stress]), end.level
+        if isinstance(end, StrainReached) and end.turn is not None:
+            return path.strain_measure().at(strain), end.turn
+    return np.zeros(len(strain)), 0.0
 
 
 def double_amplitude(strain: np.ndarray, reversals: np.ndarray) -> np.ndarray:

@@ -11,19 +11,24 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.dem.checkpoint import ratcheting_of
-from labkit.dem.energy import BALANCE_LIMIT, relative_to_work
-from labkit.dem.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
-from labkit.dem.loading import Held, Path
-from labkit.dem.paths import path_of
-from labkit.dem.recorded import recorded
-from labkit.dem.specimen import mean_grain_volume
 from labkit.errors import InputError
 from labkit.io.netcdf import open_netcdf
+from labkit.micro.stress import love_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
+from labkit.paths.path import Held, Path
+from labkit.paths.programme import PROGRESS
+from labkit.paths.rates import on_grains, rate_of
+from labkit.paths.registry import path_of
+from labkit.paths.steps import stress_errors
+from labkit.quantities.recorded import recorded
+from labkit.records.checkpoint import ratcheting_of
+from labkit.records.energy import BALANCE_LIMIT, relative_to_work
+from labkit.records.limits import DRIFT_LIMIT, GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
 from labkit.runs.dataset import open_run
 from labkit.runs.run import Run
+from labkit.sff.c0 import sff_stress
+from labkit.specimens.specimen import mean_grain_volume
 
 SFF_TOLERANCE = 0.02  # of Love's stress, Frobenius norm
 ENOUGH_GRAINS = 10_000  # with fewer, C0 often misses this tolerance: results/size_scatter
@@ -47,9 +52,9 @@ class Finding:
 
     name: str
     value: float
-    limit: str
-    holds: bool
-    decides: bool
+    limit: str = ""
+    holds: bool = True
+    decides: bool = False
     shown_in: str = ""
     failing: str = "FAILED"
 
@@ -67,7 +72,7 @@ class Finding:
         return f"{value * SHOWN_IN[self.shown_in]:>{width}.4g} {self.shown_in:<3}"
 
 
-def require_contacts(runs: Mapping[str, xarray.Dataset]) -> None:
+def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
     """Raises InputError if a run is a prediction of the model, which has no grains. `runs`: name -> run."""
     for name, run in runs.items():
         if run.attrs.get("engine") == "model":
@@ -86,7 +91,7 @@ def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
     if isinstance(run, (str, os.PathLike)):
         run = open_run(run)
     data = run.data if isinstance(run, Run) else run
-    require_contacts({"the run": data})
+    require_simulations({"the run": data})
     return findings(data)
 
 
@@ -105,12 +110,6 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     judged = run.lab.mean_stress().values > SFF_PRESSURE
     error = run.lab.sff_error().values
     worst = float(error[judged].max()) if judged.any() else np.nan
-    recomputed = np.max(
-        [
-            _difference(run.lab.love_stress().values, run.lab.at_snapshots("stress").values),
-            _difference(run.lab.sff_stress().values, run.lab.at_snapshots("stress_sff").values),
-        ]
-    )
     invalid = int((~np.isfinite(run["stress"].values)).any(axis=(1, 2)).sum())
     yield Finding("records with a stress that is not finite", invalid, "0", invalid == 0, True)
     if judged.any():
@@ -120,17 +119,14 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         if worst >= SFF_TOLERANCE and run.sizes["grain"] < ENOUGH_GRAINS:
             grains = run.sizes["grain"]
             name = f"C0 averages over grains of all sizes: {grains} may be too few, or too different: docs/findings.md"
-            yield Finding(name, np.nan, "", True, False)
+            yield Finding(name, np.nan)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
-        yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False, False)
-    yield Finding(
-        f"stored stress against its contacts, {run.sizes['snapshot']} snapshots",
-        recomputed,
-        f"< {RECOMPUTED_TOLERANCE:g}",
-        recomputed < RECOMPUTED_TOLERANCE,
-        True,
-    )
+        yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False)
+    recomputed = run.lab.over_snapshots(lambda one: {"stress": love_stress(one), "stress_sff": sff_stress(one)})
+    difference = np.max([_difference(found.values, run.lab.at_snapshots(n).values) for n, found in recomputed.items()])
+    name = f"stored stress against its contacts, {run.sizes['snapshot']} snapshots"
+    yield _below(name, difference, RECOMPUTED_TOLERANCE)
     yield from _recorded(run)
     yield from _ended(run)
     yield from _held(run)
@@ -142,15 +138,15 @@ def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
         values = error.values[judged & np.isfinite(error.values)]
         if len(values):
             label = f"C0 in {SFF_NAMES[str(name)]}"
-            yield Finding(f"{label}, mean relative error", float(values.mean()), "", True, False, "%")
-            yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), "", True, False, "%")
+            yield Finding(f"{label}, mean relative error", float(values.mean()), shown_in="%")
+            yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), shown_in="%")
 
 
 def _ended(run: xarray.Dataset) -> Iterator[Finding]:
     """Say why a run ended before the aim of its path; it fails if a held stress did not reach its target."""
-    reason, complete = run.attrs.get("ended_because", ""), bool(run.attrs["complete"])
-    if reason:
-        yield Finding(f"ended: {reason}", np.nan, "", complete, not complete)
+    complete = bool(run.attrs["complete"])
+    if reason := run.attrs.get("ended_because", ""):
+        yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
 
 
 def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
@@ -169,7 +165,7 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
         name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
-        yield Finding(name, np.nan, "", False, True, failing="NOT CHECKED")
+        yield Finding(name, np.nan, holds=False, decides=True, failing="NOT CHECKED")
         return
     for held in path.held():
         if held.kind == "volume":
@@ -187,7 +183,7 @@ def _travelled(run: xarray.Dataset, path: Path) -> np.ndarray:
     """Accumulated strain at each record, (time,); it is recorded if the rate follows from an inertial number."""
     if "accumulated_strain" in run:
         return run["accumulated_strain"].values
-    return path.for_scene(run.lab.scene).axial_rate * run["time"].values
+    return rate_of(on_grains(path, run.lab.scene)) * run["time"].values
 
 
 def _held_stress(run: xarray.Dataset, held: Held, travelled: np.ndarray) -> Iterator[Finding]:
@@ -200,7 +196,7 @@ def _held_stress(run: xarray.Dataset, held: Held, travelled: np.ndarray) -> Iter
     constant = not callable(target) and np.all(targets != 0.0)
     error = (stress - targets) / (targets if constant else run.lab.mean_stress().values[judged, None])
     if not error.size:
-        yield Finding(f"held: {held.name}, not checked below {HELD_AFTER:.1%} strain", np.nan, "", True, False)
+        yield Finding(f"held: {held.name}, not checked below {HELD_AFTER:.1%} strain", np.nan)
     else:
         yield _below(f"held: {held.name}, error RMS", np.sqrt(np.mean(error**2)), HELD_RMS, "%")
         yield _below(f"held: {held.name}, largest error", np.abs(error).max(), HELD_WORST, "%")
@@ -210,8 +206,8 @@ def _followed(run: xarray.Dataset, path: Path) -> Iterator[Finding]:
     """Errors of the stresses that steps prescribe, relative to the mean stress, or to a tenth of that at the start."""
     pressure = run.lab.mean_stress().values
     pressure = np.maximum(pressure, 0.1 * pressure[0])
-    names = ("stress", *path.recorded())
-    for name, error in path.stress_errors({one: run[one].values for one in names}).items():
+    names = ("stress", *(PROGRESS if path.phases else ()))
+    for name, error in stress_errors(path, {one: run[one].values for one in names}).items():
         relative = (error / pressure)[np.isfinite(error)]
         yield _below(f"prescribed: {name}, error RMS", np.sqrt(np.mean(relative**2)), HELD_RMS, "%")
         yield _below(f"prescribed: {name}, largest error", np.abs(relative).max(), HELD_WORST, "%")
@@ -223,8 +219,8 @@ def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
     return to_six(symmetric(tensor.values)) @ np.transpose(held.measure)
 
 
-def _below(name: str, value: float, limit: float, shown_in: str = "") -> Finding:
-    return Finding(name, float(value), f"< {limit:g}", bool(value < limit), True, shown_in)
+def _below(name: str, value: float, limit: float, shown_in: str = "", decides: bool = True) -> Finding:
+    return Finding(name, float(value), f"< {limit:g}", bool(value < limit), decides, shown_in)
 
 
 def _difference(found: np.ndarray, stored: np.ndarray) -> float:
@@ -246,20 +242,14 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     if _known(run, "energy_balance_error"):
         most["energy balance, error relative to the work"] = np.abs(_balance_error(run)), BALANCE_LIMIT, "%"
     for name, (values, limit, shown_in) in most.items():
-        value = _largest(values)
-        yield Finding(name, value, f"< {limit:g}", value < limit, False, shown_in)
+        largest = float(np.max(np.asarray(values), initial=0.0))  # NaN and inf are kept, and exceed every limit
+        yield _below(name, largest, limit, shown_in, decides=False)
     low, high = GRAINS_LIMIT
-    expected = grain_volume(radius) / mean_grain_volume(scene)
+    ratio = len(radius) / (grain_volume(radius) / mean_grain_volume(scene))
     cube = len(radius) * 64e-9 / float(run["volume"][0])
     name = f"grains per cube of 4 mm, as in the paper (here {len(radius)})"
-    yield Finding(name, cube, f"{low} to {high}", low <= cube <= high, False)
-    yield Finding(
-        "grains / (solid volume / mean grain volume)",
-        len(radius) / expected,
-        "0.97 to 1.03",
-        abs(len(radius) / expected - 1.0) < 0.03,
-        False,
-    )
+    yield Finding(name, cube, f"{low} to {high}", low <= cube <= high)
+    yield Finding("grains / (solid volume / mean grain volume)", ratio, "0.97 to 1.03", abs(ratio - 1.0) < 0.03)
 
 
 def _balance_error(run: xarray.Dataset) -> np.ndarray:
@@ -287,12 +277,7 @@ def drift_share(run: xarray.Dataset) -> np.ndarray:
     return np.divide(drift, kinetic, out=np.zeros_like(drift), where=kinetic > 0.0)
 
 
-def _largest(values: np.ndarray) -> float:
-    """The largest value; NaN and inf are kept, and exceed every limit."""
-    return float(np.max(np.asarray(values), initial=0.0))
-
-
-def table(run: xarray.Dataset, rows: int = 20) -> str:
+def findings_table(run: xarray.Dataset, rows: int = 20) -> str:
     """Table of a run as text, with approximately `rows` records, including the first and the last.
 
     The strain is the one that suits the path. A_s, F_s and Ft_s are components along the stress deviator.
@@ -301,16 +286,10 @@ def table(run: xarray.Dataset, rows: int = 20) -> str:
     names = [f"{name}_{'zz' if run.lab.axisymmetric else 's'}" for name in ("A", "F", "Ft")]
     header = heading.format("strain", "p", "q", "Z", "Lambda", *names, "C0 error")
     units = heading.format("%", "MPa", "MPa", "", "", "", "", "", "%")
-    p, q, error = run.lab.mean_stress().values, run.lab.q().values, run.lab.sff_error().values
-    columns = (
-        run.lab.strain().values * 100,
-        p / 1e6,
-        q / 1e6,
-        run["coordination_number"].values,
-        run["mean_normalised_force"].values,
-        *(run.lab.component(name).values for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")),
-        error * 100,
-    )
+    lab, tensors = run.lab, ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
+    stresses = lab.strain() * 100, lab.mean_stress() / 1e6, lab.q() / 1e6
+    fabric = run["coordination_number"], run["mean_normalised_force"], *map(lab.component, tensors)
+    table = np.transpose([column.values for column in (*stresses, *fabric, lab.sff_error() * 100)])
     style = "{:8.3f} {:9.4f} {:9.4f} {:7.3f} {:9.6f} {:7.3f} {:7.3f} {:7.4f} {:9.3f}"
-    shown = np.unique(np.linspace(0, len(p) - 1, min(rows, len(p))).round().astype(int))
-    return "\n".join([header, units, *(style.format(*(column[k] for column in columns)) for k in shown)])
+    shown = np.unique(np.linspace(0, len(table) - 1, min(rows, len(table))).round().astype(int))
+    return "\n".join([header, units, *(style.format(*table[k]) for k in shown)])

@@ -1,11 +1,23 @@
 """Stress-force-fabric equations: C0, related equations, and the contributions to the error of C0."""
 
+from typing import TYPE_CHECKING
+
 from labkit.lazy import attach
 
-_NAMES = {
-    "budget": ("PARTS", "error_budget", "standard_errors"),
-    "c0": ("TERMS", "bracket", "c0_stress", "sff_stress", "strength_shares", "symmetric_product"),
-    "family": ("FORMS", "product_integral", "sphere_integral", "stress", "tangential_coupling"),
-}
-
-__getattr__, __dir__, __all__ = attach(__name__, {name: file for file, names in _NAMES.items() for name in names})
+if TYPE_CHECKING:
+    from labkit.sff.budget import PARTS as PARTS
+    from labkit.sff.budget import error_budget as error_budget
+    from labkit.sff.budget import standard_errors as standard_errors
+    from labkit.sff.c0 import TERMS as TERMS
+    from labkit.sff.c0 import bracket as bracket
+    from labkit.sff.c0 import c0_stress as c0_stress
+    from labkit.sff.c0 import sff_stress as sff_stress
+    from labkit.sff.c0 import strength_shares as strength_shares
+    from labkit.sff.c0 import symmetric_product as symmetric_product
+    from labkit.sff.family import FORMS as FORMS
+    from labkit.sff.family import product_integral as product_integral
+    from labkit.sff.family import sphere_integral as sphere_integral
+    from labkit.sff.family import stress as stress
+    from labkit.sff.family import tangential_coupling as tangential_coupling
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.micro.fabric import statistics
+from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.snapshot import Snapshot, contacts_of
 from labkit.micro.stress import along_deviator
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -57,6 +57,19 @@ def c0_stress(
     return np.where(scale == 0.0, 0.0, scale * bracket(IDENTITY, A, F, trace, FA, Ft))
 
 
+def c0_of(fabric: Statistics, young_modulus: float, e: float) -> np.ndarray:
+    """`c0_stress` of the Statistics of one instant, shape (3, 3), Pa."""
+    return c0_stress(
+        young_modulus,
+        fabric.coordination_number,
+        fabric.mean_normalised_force,
+        e,
+        fabric.contact_anisotropy,
+        fabric.normal_force_anisotropy,
+        fabric.mobilisation,
+    )
+
+
 def sff_stress(snapshot: Snapshot) -> np.ndarray:
     """Stress that C0 predicts from the statistics of a snapshot, shape (3, 3), Pa, compression positive.
 
@@ -64,16 +77,7 @@ def sff_stress(snapshot: Snapshot) -> np.ndarray:
     """
     if len(contacts_of(snapshot)) == 0:
         return np.zeros((3, 3))
-    fabric = statistics(snapshot)
-    return c0_stress(
-        snapshot.young_modulus,
-        fabric.coordination_number,
-        fabric.mean_normalised_force,
-        void_ratio_nominal(snapshot),
-        fabric.contact_anisotropy,
-        fabric.normal_force_anisotropy,
-        fabric.mobilisation,
-    )
+    return c0_of(statistics(snapshot), snapshot.young_modulus, void_ratio_nominal(snapshot))
 
 
 TERMS = ("A", "F", "Ft", "coupled")

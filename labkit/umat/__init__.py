@@ -7,18 +7,19 @@
 The sources are `labkit_umat.f90` and `labkit_mgis.c`; docs/umat.md explains their use.
 """
 
+from typing import TYPE_CHECKING
+
 from labkit.lazy import attach
 
-_NAMES = {
-    "properties": "props",
-    "Start": "props",
-    "STATE_NAMES": "props",
-    "TOLERANCE": "props",
-    "Library": "library",
-    "build": "library",
-    "copy_sources": "library",
-    "missing_compilers": "library",
-    "write": "export",
-}
-
-__getattr__, __dir__, __all__ = attach(__name__, _NAMES)
+if TYPE_CHECKING:
+    from labkit.umat.export import write as write
+    from labkit.umat.library import Library as Library
+    from labkit.umat.library import build as build
+    from labkit.umat.library import copy_sources as copy_sources
+    from labkit.umat.library import missing_compilers as missing_compilers
+    from labkit.umat.props import STATE_NAMES as STATE_NAMES
+    from labkit.umat.props import TOLERANCE as TOLERANCE
+    from labkit.umat.props import PointStart as PointStart
+    from labkit.umat.props import properties as properties
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

@@ -10,7 +10,7 @@ from labkit.umat.props import STATE_NAMES
 TABLE, INCLUDE = "props.csv", "labkit_material.inp"
 
 
-def table(props: dict[str, float]) -> str:
+def props_table(props: dict[str, float]) -> str:
     """CSV of PROPS: number, name, value."""
     return "number,name,value\n" + "".join(
         f"{number},{name},{value!r}\n" for number, (name, value) in enumerate(props.items(), start=1)
@@ -38,6 +38,6 @@ def abaqus_material(props: dict[str, float]) -> str:
 def write(folder: Path, props: dict[str, float]) -> list[Path]:
     """Write the sources, the table and the include file to an existing folder; returns the files."""
     copy_sources(folder)
-    (folder / TABLE).write_text(table(props))
+    (folder / TABLE).write_text(props_table(props))
     (folder / INCLUDE).write_text(abaqus_material(props))
     return sorted(folder / name for name in ("labkit_umat.f90", "labkit_mgis.c", TABLE, INCLUDE))

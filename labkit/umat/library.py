@@ -13,7 +13,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
-from labkit.umat.props import TOLERANCE, Start, properties
+from labkit.umat.props import TOLERANCE, PointStart, properties
 
 FOLDER = Path(__file__).parent
 FORTRAN, C = FOLDER / "labkit_umat.f90", FOLDER / "labkit_mgis.c"
@@ -99,7 +99,7 @@ def _address(array: np.ndarray) -> ctypes.c_void_p:
 class Library:
     """The compiled law of one model: the same functions as labkit.model.material_point, called through C."""
 
-    def __init__(self, file: Path, model: Model, start: Start | None = None, tolerance: float = TOLERANCE) -> None:
+    def __init__(self, file: Path, model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE) -> None:
         """Load a library that `build` made."""
         self._library = ctypes.CDLL(str(file))
         self.props = np.array(list(properties(model, start, tolerance).values()))

@@ -15,7 +15,7 @@ TOLERANCE = 1e-4  # of a substep, the default of labkit.model.material_point.upd
 
 
 @dataclasses.dataclass(frozen=True)
-class Start:
+class PointStart:
     """Initial state of points for which the finite-element program gives none: void ratio and pressure, Pa.
 
     Zero stands for `not given`. Where the program gives an initial stress, that stress is used instead of the pressure.
@@ -33,7 +33,7 @@ class Start:
 
 
 def properties(
-    model: Model, start: Start | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
+    model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
 ) -> dict[str, float]:
     """PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
 
@@ -44,7 +44,7 @@ def properties(
         raise InputError(field="tolerance", value=tolerance, allowed="a number from 1e-12 to 1")
     if not (np.isfinite(stress_unit) and stress_unit > 0.0):
         raise InputError(field="stress_unit", value=stress_unit, allowed="a positive number of Pa, e.g. 1e3 for kPa")
-    start = start or Start()
+    start = start or PointStart()
     if model.c_dLam or model.readings.force_rate == "distance" or model.readings.line_void_ratio == "reported":
         raise InputError(
             "the compiled material law has the equations of the paper only: use c_dLam = 0, force_rate = plain or "

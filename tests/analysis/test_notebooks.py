@@ -18,6 +18,8 @@ NOTEBOOKS = sorted((ROOT / "analysis").glob("*.ipynb"))
 SIMULATES = "00_tutorial"  # chaotic: another processor gives other digits
 there = pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is not there yet")
 
+ROOMS = ("model", "grains", "paths", "specimens", "records", "micro", "runs", "sff")
+
 
 def alone(file, folder):
     """A folder with a copy of this notebook only, from which its paths lead to the same places."""
@@ -50,7 +52,7 @@ def test_stored_outputs_are_those_of_an_execution(file):
     if file.stem != SIMULATES:
         assert texts(executed) == texts(stored)
     for new, old in zip(pictures(executed), pictures(stored), strict=True):
-        assert different(new, old) < (0.05 if file.stem == SIMULATES else 1e-3)
+        assert different(new, old) < (0.15 if file.stem == SIMULATES else 1e-3)  # a run differs between processors
 
 
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
@@ -74,7 +76,16 @@ def test_uses_only_public_names_and_shows_its_plotting(file):
     code = "\n".join(cell.source for cell in nbformat.read(file, 4).cells if cell.cell_type == "code")
     assert "analysis" not in code.replace('"analysis"', "") and "plt.subplots" in code and ".plot(" in code
     imports = [line.split()[1] for line in code.splitlines() if line.startswith("from labkit")]
-    assert set(imports) <= {"labkit.model", "labkit.dem", "labkit.micro", "labkit.runs", "labkit.sff"}
+    assert set(imports) <= {
+        "labkit.model",
+        "labkit.grains",
+        "labkit.paths",
+        "labkit.specimens",
+        "labkit.records",
+        "labkit.micro",
+        "labkit.runs",
+        "labkit.sff",
+    }
 
 
 @there

@@ -10,10 +10,8 @@ import pytest
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # of commands
-ROOMS = {
-    f"labkit.{name}"
-    for name in ("bench", "campaign", "dem", "engines", "io", "micro", "model", "runs", "sff", "umat", "visuals")
-}
+NAMES = "campaigns engines figures grains io micro model paths quantities records runs servo sff specimens umat"
+ROOMS = {f"labkit.{name}" for name in NAMES.split()}
 
 
 def imported(file):

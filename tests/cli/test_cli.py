@@ -10,10 +10,9 @@ import sys
 import pytest
 
 from labkit.cli import main
-from labkit.cli.descriptions import DESCRIPTIONS
-from labkit.cli.dispatch import parser_for
-from labkit.cli.registry import find, helps
-from labkit.dem.paths import PATHS
+from labkit.cli.dispatch import parse
+from labkit.cli.registry import find_command, summaries
+from labkit.paths.registry import PATHS
 from labkit.runs.figures import FIGURES
 from tests.changed import changed
 
@@ -211,22 +210,81 @@ def help_of(capsys, *words):
     return capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", sorted(helps()))
+@pytest.mark.parametrize("name", sorted(summaries()))
 def test_the_help_of_every_command_has_a_description_and_an_example(name, capsys):
     text = " ".join(help_of(capsys, name).split())
-    description, example = DESCRIPTIONS[name]
+    command = find_command(name)
     assert text.startswith(f"usage: labkit {name} ") and "--use FILE" in text
-    assert text.split("[options]", 1)[1].strip().startswith(description) and text.endswith(" ".join(example.split()))
+    assert text.split("[options]", 1)[1].strip().startswith(command.description) and "Example" not in text
+    assert command.description[0].isupper() and command.description.endswith(".")
+    assert text.endswith(" ".join(command.examples.split()))
 
 
-@pytest.mark.parametrize("name", sorted(helps()))
+@pytest.mark.parametrize("name", sorted(summaries()))
 def test_the_examples_of_the_help_can_be_parsed(name):
-    command = find(name)
-    for example in DESCRIPTIONS[name][1].splitlines():
+    heading, *examples = find_command(name).examples.splitlines()
+    assert heading in ("example:", "examples:")
+    for example in examples:
         words = shlex.split(example, comments=True)
         assert words[:2] == ["labkit", name]
         if "--help" not in words:
-            assert parser_for(command, words[1:]).parse_known_args(words[1:])[1] == []
+            assert parse(words[1:])[0] is find_command(name).function
+
+
+def test_labkit_lists_its_commands_at_once(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    text = capsys.readouterr().out
+    assert (
+        ended.value.code == 0 and all(f"\n  {name} " in text for name in summaries()) and "exit codes: 0 done" in text
+    )
+    program = "import sys; from labkit.cli import main\ntry: main(['--help'])\nexcept SystemExit: print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout.split()
+    assert "labkit.cli.dispatch" in loaded and not {"numpy", "netCDF4", "importlib.metadata"} & set(loaded)
+
+
+OWN = """
+from typing import Annotated
+
+from labkit.cli.arguments import Instance, Option
+from labkit.cli.registry import command
+from labkit.grains.scene import Scene
+
+
+@command("modulus", "print Young's modulus in MPa")
+def modulus(
+    times: Annotated[int, Option("how often")] = 1,
+    *,
+    material: Annotated[Scene, Instance(Scene, "material")],
+    loud: Annotated[bool, Option("with a mark")] = False,
+) -> None:
+    '''Prints Young's modulus.
+
+    Example:
+        labkit modulus 2 --young-modulus 300MPa
+    '''
+    for _ in range(times):
+        print(material.young_modulus / 1e6, "!" * loud)
+"""
+
+
+def test_a_file_of_the_user_adds_a_command(tmp_path, labkit_command):
+    (tmp_path / "own.py").write_text(OWN)
+    done = labkit_command("modulus", 2, "--young-modulus", "300MPa", "--use", "own.py", "--loud", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, "300.0 !\n300.0 !\n"), done.stderr
+    environment = {**os.environ, "LABKIT_USE": str(tmp_path / "own.py")}
+    done = labkit_command("modulus", "--young-modulus", "300MP", cwd=tmp_path, environment=environment)
+    said = "labkit: --young-modulus 300MP has an unknown unit 'MP': give it in Pa, kPa, MPa, GPa\n"
+    assert (done.returncode, done.stderr) == (2, said)
+    done = labkit_command("modulus", "0", cwd=tmp_path, environment=environment)
+    said = "labkit: TIMES: '0' is not a whole number above 0 (see labkit modulus --help)\n"
+    assert (done.returncode, done.stderr) == (2, said)
+    done = labkit_command("modulus", "--help", cwd=tmp_path, environment=environment)
+    assert done.stdout.startswith("usage: labkit modulus TIMES [options]\n\nPrints Young's modulus.\n")
+    assert done.stdout.endswith("example:\n  labkit modulus 2 --young-modulus 300MPa\n")
+    (tmp_path / "own.py").write_text(OWN.replace('"modulus"', '"verify"'))
+    done = labkit_command("verify", "--use", "own.py", cwd=tmp_path)
+    assert done.returncode == 2 and "verify is the name of another command" in done.stderr
 
 
 def test_the_help_of_a_path_has_only_its_options(capsys):

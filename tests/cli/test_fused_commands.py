@@ -10,7 +10,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from labkit.dem.state import read_state
+from labkit.grains.state import read_state
 
 BARE = {**os.environ, "PATH": "/nowhere"}
 SPECIMEN = ("specimen", "--void-ratio", 0.67, "--grains", 300, "--engine", "fused")

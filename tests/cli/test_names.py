@@ -2,10 +2,10 @@
 
 import pytest
 
+from labkit.cli.dispatch import parse
 from labkit.cli.naming import consolidated_name, run_name
-from labkit.cli.parser import Parser
-from labkit.cli.simulate import run_options, specimen_options, specimen_task
-from labkit.dem.paths import PATHS
+from labkit.cli.simulate import specimen_task
+from labkit.paths.registry import PATHS
 
 SPECIMENS = {
     "--void-ratio 0.67": "e0.67_f0.15_r0.1_l0.004_s1",
@@ -43,18 +43,15 @@ RUNS = {
 
 @pytest.mark.parametrize("words", SPECIMENS)
 def test_names_of_specimens(words):
-    parser = Parser()
-    specimen_options(parser)
-    assert specimen_task(parser.parse_args(words.split()), "").output == f"{SPECIMENS[words]}.state.nc"
+    assert specimen_task(**parse(["specimen", *words.split()])[1]).output == f"{SPECIMENS[words]}.state.nc"
 
 
 @pytest.mark.parametrize("words", RUNS)
 def test_names_of_runs_in_the_folders_of_their_specimens(words):
-    parser = Parser()
-    run_options(parser)
     path, *more = words.split()
-    options = parser.parse_args([path, "some/s.state.nc", *more])
-    assert run_name(options, PATHS[path]) == f"some/{RUNS[words]}.run.nc"
+    given = parse(["run", path, "some/s.state.nc", *more])[1]
+    name = run_name(path, "some/s.state.nc", PATHS[path], given["loading"], given["material"], given["settings"])
+    assert name == f"some/{RUNS[words]}.run.nc"
 
 
 def test_names_of_consolidated_specimens():

@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 import labkit
-from labkit.dem.laws import LAWS
+from labkit.grains.laws import LAWS
 
 CAPABILITY = (9, 0)  # of an H100
 
@@ -54,7 +54,7 @@ def compile_all():
     for law, precision in itertools.product(LAWS, ("double", "mixed")):
         scene = labkit.Scene(law=law)
         known["lists"] = arrays.new_lists(2, 256, KINDS[precision])
-        kernels = build.kernels_for(scene.contact_law, scene.contact_law.features(scene), precision)
+        kernels = build.kernels_of(type(scene.contact_law), build.shape_of(scene), precision == "mixed")
         for name, kernel in kernels._asdict().items():
             arguments = kernel.py_func.__code__.co_varnames[: kernel.py_func.__code__.co_argcount]
             signature = numba.void(*(numba.typeof(known[argument]) for argument in arguments))

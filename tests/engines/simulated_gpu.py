@@ -4,21 +4,21 @@ import numba
 import numpy as np
 import pytest
 
-from labkit.dem.scene import Scene
-from labkit.dem.state import grains_in_cell
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell
 from labkit.io.schema import STATE
 
 with pytest.MonkeyPatch.context() as patch:  # at the first import of numba.cuda
     patch.setenv("NUMBA_ENABLE_CUDASIM", "1")
     patch.setattr(numba.config, "ENABLE_CUDASIM", True)
-    from labkit.engines.cuda import memory
+    from labkit.engines.cuda import build, memory
     from labkit.engines.cuda.batch import LOST, Batch
     from labkit.engines.cuda.device import cuda
-    from labkit.engines.cuda.engine import CudaEngine
+    from labkit.engines.cuda.engine import CudaBatches, CudaEngine
     from labkit.engines.cuda.pool import Pool
     from labkit.engines.cuda.reading import Reader
 
-__all__ = ["LOST", "Batch", "CudaEngine", "Pool", "Reader", "bits", "cuda", "lattice", "memory"]
+__all__ = ["LOST", "Batch", "CudaBatches", "CudaEngine", "Pool", "Reader", "bits", "build", "cuda", "lattice", "memory"]
 
 RADIUS = 85e-6
 

@@ -5,17 +5,18 @@ import os
 import numpy as np
 import pytest
 
-from labkit.dem.corrections import Corrections
-from labkit.dem.laws import LAWS
-from labkit.dem.laws.spring_dashpot import SpringDashpot
-from labkit.dem.scene import Scene
-from labkit.dem.specimen import Recipe, make_specimen
-from labkit.dem.state import grains_in_cell, write_state
 from labkit.engines import starter
+from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.laws import LAWS
+from labkit.grains.laws.named import SpringDashpot
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell, write_state
 from labkit.io.schema import STATE
-from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, lattice, memory
+from labkit.servo.plan import Corrections
+from labkit.specimens.specimen import Recipe, prepare_specimen
+from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, build, lattice, memory
 
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
@@ -23,7 +24,7 @@ SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; t
 @pytest.fixture(scope="module")
 def specimen():
     """About 100 grains."""
-    return make_specimen(Scene(law="spring_dashpot"), Recipe(0.67, 0.15, grains=100), starter("fused"))
+    return prepare_specimen(Scene(law="spring_dashpot"), Recipe(0.67, 0.15, grains=100), starter("fused"))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +81,7 @@ def test_in_mixed_precision_forces_are_those_of_fused_within_rounding(law, small
     require_equal(end, fused.state(), ours.stress(), fused.stress(), 1e-6)
     assert end.precision == "mixed"
     assert np.array_equal(end.tangential_force, end.tangential_force.astype(np.float32))
-    resumed = CudaEngine(ours.reload(), precision="mixed")
+    resumed = CudaEngine(reload(ours), precision="mixed")
     for engine in (ours, resumed):
         engine.advance(1, SHEAR)
     assert bits(ours.state()) == bits(resumed.state())
@@ -89,10 +90,10 @@ def test_in_mixed_precision_forces_are_those_of_fused_within_rounding(law, small
 SEEN, pair_of_law = set(), SpringDashpot.pair
 
 
-def watched(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
+def watched(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole):
     """`pair` of a law; notes the types of the numbers that it gets and returns."""
-    response = pair_of_law(contact, t, m, dt, constants, friction, rolling, dashpots, energy)
-    for value in (*contact, t, m, dt, constants, friction, rolling, dashpots, *response):
+    response = pair_of_law(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole)
+    for value in (*contact, t, m, dt, shear, friction, rolling, dashpots, *response):
         SEEN.update(map(type, value if isinstance(value, tuple) else (value,)))
     return response
 
@@ -100,7 +101,9 @@ def watched(contact, t, m, dt, constants, friction, rolling, dashpots, energy):
 def test_in_mixed_precision_all_arguments_of_a_law_are_single(small, monkeypatch):
     """A single double would turn most of its arithmetic on the GPU into double precision."""
     monkeypatch.setattr(SpringDashpot, "pair", staticmethod(watched))
+    build.kernels_of.cache_clear()
     CudaEngine(small, precision="mixed").advance(1, SHEAR)
+    build.kernels_of.cache_clear()
     assert SEEN == {np.float32}
 
 
@@ -188,7 +191,7 @@ def test_the_stiffness_found_on_the_device_has_the_bits_of_that_of_the_host(law,
     state = lattice(2, 1, Scene(law=law))
     state = state.replace(radius=state.radius * np.linspace(0.999, 1.04, 8))
     found = CudaEngine(state).stress()
-    monkeypatch.setattr("labkit.engines.cuda.batch.stiffness_factor", lambda law, scene: None)
+    monkeypatch.setattr("labkit.engines.cuda.batch.stiffness_factor", lambda scene: None)
     assert np.array_equal(CudaEngine(state).stress(), found) and found.any()
 
 

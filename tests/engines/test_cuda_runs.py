@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.campaign.batches import batches_of, carry_out
-from labkit.campaign.file import read_campaign
-from labkit.campaign.plan import plan_of, write_recipes
+from labkit.campaigns.batches import batches_of, carry_out
+from labkit.campaigns.file import read_campaign
+from labkit.campaigns.plan import plan_of, write_recipes
 from labkit.cli.job import simulate, task_of
-from labkit.dem.scene import Scene
-from labkit.dem.state import write_state
-from labkit.engines.batches import execute_together, packed
-from labkit.engines.tasks import RunTask
+from labkit.engines.requests import Advance, Load, Work
 from labkit.errors import Interrupted, PhysicsError
-from tests.engines.simulated_gpu import CudaEngine, Pool, Reader, cuda, lattice
+from labkit.grains.scene import Scene
+from labkit.grains.state import write_state
+from labkit.runs.batches import execute_together, packed
+from labkit.runs.tasks import RunTask
+from tests.engines.simulated_gpu import CudaBatches, Pool, Reader, cuda, lattice
 
 pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
 
@@ -60,22 +61,24 @@ def test_a_run_advances_while_another_one_computes_a_record(monkeypatch):
     monkeypatch.setattr(Pool, "hurries", True)
     advanced, ends = threading.Event(), {}
 
-    def waits(start):
-        ends["waited"] = start(lattice(2, 1)).beside(advanced.wait, 60.0)
+    def waits():
+        yield Load(lattice(2, 1))
+        ends["waited"] = yield Work(advanced.wait, (60.0,))
 
-    def advances(start):
-        engine = start(lattice(2, 2))
-        engine.advance(2, np.zeros((3, 3)))
-        ends["step"] = engine.state().step
+    def advances():
+        yield Load(lattice(2, 2))
+        yield Advance(2, np.zeros((3, 3)))
+        ends["step"] = (yield lambda engine: engine.state()).step
         advanced.set()
 
-    def fails(start):
-        start(lattice(2, 3)).beside(balance)
+    def fails():
+        yield Load(lattice(2, 3))
+        yield Work(balance)
 
     def balance():
         raise PhysicsError("of the record")
 
-    failures = CudaEngine.together([waits, advances, fails])
+    failures = CudaBatches().drive([waits(), advances(), fails()])
     assert failures[:2] == [None, None] and str(failures[2]) == "of the record"
     assert ends == {"waited": True, "step": 2}
 
@@ -102,7 +105,7 @@ def test_a_run_that_fails_says_so_and_stops_no_other(outcomes):
 def two_tasks(tests, folder):
     return [
         RunTask(
-            "cuda", output=str(folder / f"{name}.run.nc"), state=tests[name][0], path=tests[name][1], options=OPTIONS
+            lk.Cuda(), output=str(folder / f"{name}.run.nc"), state=tests[name][0], path=tests[name][1], options=OPTIONS
         )
         for name in ("a", "b")
     ]

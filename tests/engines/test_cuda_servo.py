@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from labkit.dem.control import Control
-from labkit.dem.corrections import Planner
-from labkit.dem.leg import Leg
-from labkit.dem.paths import PATHS, ConstantVolume
-from labkit.dem.scene import Scene
-from labkit.dem.servo import STANDARD, cell_stiffness, velocity_gradient
 from labkit.engines.fused import FusedEngine
+from labkit.grains.scene import Scene
+from labkit.paths.control import Control
+from labkit.paths.registry import PATHS
+from labkit.paths.standard import ConstantVolume
+from labkit.paths.step import Here
+from labkit.servo.correction import STANDARD, cell_stiffness, prescribed_gradient, velocity_gradient
+from labkit.servo.plan import Planner
 from tests.engines.simulated_gpu import CudaEngine, lattice
 
 RATE = 20.0
@@ -42,19 +43,16 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
         path = Isochoric(rate=RATE)
     else:
         path = PATHS[kind](rate=RATE, **({"pressure": pressure} if kind == "cp" else {}))
-    path = path.for_scene(state.scene).starting_at(pressure)
-    leg = path.leg(0, 1.0, pressure * np.eye(3)) if kind != "isochoric" else Leg(path, 1.0)
-    control, dt = leg.control(), state.time_step
-    stiffness = cell_stiffness(state.snapshot(), control.components)
+    path = path.starting_at(pressure)
+    (step,), dt = path.steps_from(Here()), state.time_step
+    stiffness = cell_stiffness(state.snapshot(), step.held.components)
 
     host, gradient, done = FusedEngine(state), state.velocity_gradient, 0
-    planner = Planner(leg, control, dt)
+    planner = Planner(step, RATE, dt)
     for steps in INTERVALS:
-        travelled = leg.axial_rate * dt * done
+        travelled = RATE * dt * done
         planner.add(steps, travelled)
-        gradient = velocity_gradient(
-            leg, leg.sign, dt, host.stress(), stiffness, gradient, STANDARD, travelled, control
-        )
+        gradient = velocity_gradient(step, RATE, dt, host.stress(), stiffness, gradient, STANDARD, travelled)
         host.advance(steps, gradient)
         done += steps
     device = CudaEngine(state)
@@ -64,7 +62,7 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
     assert ours.step == state.step + sum(INTERVALS)
     largest = np.abs(expected.velocity_gradient).max()
     assert np.abs(ours.velocity_gradient - expected.velocity_gradient).max() < 1e-9 * largest
-    prescribed = velocity_gradient(ConstantVolume(rate=RATE).for_scene(state.scene), 1.0, dt)
+    prescribed = prescribed_gradient(ConstantVolume(rate=RATE), dt)
     assert np.abs(expected.velocity_gradient - prescribed).max() > 1e-3 * largest  # the servo does something
     assert np.abs(ours.cell - expected.cell).max() < 1e-13 * expected.cell.max()
     assert np.abs(ours.velocity - expected.velocity).max() < 1e-9 * np.abs(expected.velocity).max()
@@ -73,14 +71,14 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
 def test_a_servo_that_starts_anew_forgets_the_rates_so_far(moving):
     """The first rates are a quarter of those that the stress asks for, and nothing of those before."""
     state, pressure = moving
-    path = PATHS["cp"](rate=RATE, pressure=1.0001 * pressure).for_scene(state.scene)
-    leg = path.leg(0, 1.0, pressure * np.eye(3))
+    path = PATHS["cp"](rate=RATE, pressure=1.0001 * pressure)
+    (step,) = path.steps_from(Here())
     stiffness = cell_stiffness(state.snapshot())
-    planner = Planner(leg, leg.control(), state.time_step)
+    planner = Planner(step, RATE, state.time_step)
     planner.add(1, 0.0)
     device = CudaEngine(state)
     device.follow(planner.corrections(stiffness, STANDARD, anew=True))
-    arguments = leg, leg.sign, state.time_step, FusedEngine(state).stress(), stiffness
+    arguments = step, RATE, state.time_step, FusedEngine(state).stress(), stiffness
     expected = velocity_gradient(*arguments, np.zeros((3, 3)))
     assert np.allclose(device.state().velocity_gradient, expected, rtol=1e-9)
     assert not np.allclose(expected, velocity_gradient(*arguments, state.velocity_gradient), rtol=1e-3)

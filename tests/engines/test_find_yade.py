@@ -4,10 +4,10 @@ import os
 
 import pytest
 
-from labkit.bench.engines import variants
-from labkit.dem.scene import Scene
+from benchmarks.engines import variants
 from labkit.engines import find_yade, yade_program
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 
 
 @pytest.mark.parametrize("name", ["yade", "yadedaily"])

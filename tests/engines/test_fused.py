@@ -8,19 +8,21 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from labkit.bench.kernel import copies
-from labkit.dem.energy import balance_error, kinetic_energy, opened
-from labkit.dem.paths import ConstantVolume
-from labkit.dem.scene import Scene
-from labkit.dem.servo import velocity_gradient
-from labkit.dem.specimen import Recipe, make_specimen
-from labkit.dem.state import State, grains_in_cell, read_state, write_state
+from benchmarks.kernel import copies
 from labkit.engines import starter
+from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
-from labkit.engines.threads import ThreadChoice, report
+from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State, grains_in_cell, read_state, write_state
 from labkit.io.schema import STATE
 from labkit.micro.snapshot import contacts_per_grain
+from labkit.paths.standard import ConstantVolume
+from labkit.records.energy import balance_error, kinetic_energy, opened
+from labkit.servo.correction import prescribed_gradient
+from labkit.specimens.specimen import Recipe, prepare_specimen
+from tests.engines.peek import reached
 
 STILL = np.zeros((3, 3))
 R = 85e-6
@@ -29,18 +31,18 @@ LINEAR = ("rolling_resistance", "spring_dashpot")  # for other laws see test_law
 
 
 def shear(state, rate=10.0):
-    return velocity_gradient(ConstantVolume(rate), 1.0, state.time_step)
+    return prescribed_gradient(ConstantVolume(rate), state.time_step)
 
 
 @pytest.fixture(scope="module", params=LINEAR)
 def specimen(request):
     """About 1,100 grains at rest for each contact law, made by the engine itself."""
-    return make_specimen(Scene(law=request.param), Recipe(0.67, 0.15, grains=1100), FUSED)
+    return prepare_specimen(Scene(law=request.param), Recipe(0.67, 0.15, grains=1100), FUSED)
 
 
 @pytest.fixture(scope="module")
 def yade_specimen():
-    return make_specimen(Scene(), Recipe(0.67, 0.15, grains=1100), FUSED)
+    return prepare_specimen(Scene(), Recipe(0.67, 0.15, grains=1100), FUSED)
 
 
 def pair(
@@ -73,13 +75,12 @@ def after(state, steps, gradient=STILL):
 
 
 @pytest.fixture(scope="module")
-def yade_results(yade_specimen, in_yade, tmp_path_factory):
+def yade_results(yade_specimen):
     """Velocity gradient, YADE's states and stresses after COUNTS steps, and those for the reverse order of grains."""
-    folder = tmp_path_factory.mktemp("yade_results")
     gradient = shear(yade_specimen)
     order = np.arange(yade_specimen.number_of_grains)[::-1]
     results = []
-    for name, by in (("given", order[::-1]), ("reverse", order)):
+    for by in (order[::-1], order):
         sorted_specimen = yade_specimen.replace(
             radius=yade_specimen.radius[by],
             position=yade_specimen.position[by],
@@ -87,12 +88,7 @@ def yade_results(yade_specimen, in_yade, tmp_path_factory):
             angular_velocity=yade_specimen.angular_velocity[by],
             contact_grain=np.argsort(by)[yade_specimen.contact_grain].astype(np.int32),
         )
-        write_state(folder / f"{name}.state.nc", sorted_specimen)
-        numbers = ",".join(repr(float(x)) for x in gradient.ravel())
-        result = in_yade("advance.py", folder / f"{name}.state.nc", ",".join(map(str, COUNTS)), numbers)
-        results.append(
-            [(read_state(file), np.array(s)) for file, s in zip(result["files"], result["stress"], strict=True)]
-        )
+        results.append(reached(sorted_specimen, COUNTS, gradient))
     return gradient, *results
 
 
@@ -142,17 +138,15 @@ def test_work_and_losses_are_yades(yade_specimen, yade_results):
         assert np.isclose(getattr(ours, name), getattr(yades, name), rtol=1e-2), name
 
 
-def test_a_state_passes_from_yade_to_fused_and_back_without_a_jump(yade_specimen, yade_results, in_yade, tmp_path):
+def test_a_state_passes_from_yade_to_fused_and_back_without_a_jump(yade_specimen, yade_results):
     gradient, given, _ = yade_results
     (half, stress), (_, end_stress) = given[1], given[2]
     engine = FusedEngine(half)
     assert np.abs(engine.stress() - stress).max() < 1e-12 * np.abs(stress).max()
     engine.advance(950, gradient)
-    write_state(tmp_path / "half.state.nc", engine.state())
-    numbers = ",".join(repr(float(x)) for x in gradient.ravel())
-    result = in_yade("advance.py", tmp_path / "half.state.nc", "0,950", numbers)
-    assert np.abs(engine.stress() - result["stress"][0]).max() < 1e-12 * np.abs(stress).max()
-    assert np.abs(end_stress - result["stress"][1]).max() < 1e-6 * np.abs(stress).max()
+    (_, first), (_, last) = reached(engine.state(), (0, 950), gradient)
+    assert np.abs(engine.stress() - first).max() < 1e-12 * np.abs(stress).max()
+    assert np.abs(end_stress - last).max() < 1e-6 * np.abs(stress).max()
 
 
 # --- contact laws -----------------------------------------------------------------------------------------------
@@ -371,12 +365,12 @@ def test_the_energy_balance_detects_time_steps_that_dashpots_make_unstable():
     for factor in (0.41, 0.3):
         step = factor * scene.time_unit
         recipe = Recipe(0.67, 0.4, grains=600)
-        stable = make_specimen(scene, recipe, FUSED)
+        stable = prepare_specimen(scene, recipe, FUSED)
         engine = FusedEngine(opened(stable).replace(time_step=step))
         engine.advance(3000, shear(stable))
         assert abs(balance_error(engine.state())) > 0.05
         with pytest.raises(PhysicsError, match="time step"):
-            make_specimen(dataclasses.replace(scene, time_step_factor=0.2 * step / scene.time_step), recipe, FUSED)
+            prepare_specimen(dataclasses.replace(scene, time_step_factor=0.2 * step / scene.time_step), recipe, FUSED)
 
 
 # --- memory, threads, files -------------------------------------------------------------------------------------
@@ -411,7 +405,7 @@ def test_the_results_are_bit_identical_for_any_number_of_threads(specimen):
 
 def test_a_small_specimen_uses_one_thread(specimen, caplog):
     """Threads share domains of 3,000 grains."""
-    report.cache_clear()
+    warn_once.cache_clear()
     FusedEngine(specimen, 2).advance(10, shear(specimen))
     assert "runs on 1 thread, not 2: it can use one thread per 3,000 grains" in caplog.text
 
@@ -420,7 +414,7 @@ def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_pa
     gradient = shear(specimen)
     engine = FusedEngine(opened(specimen))
     engine.advance(700, gradient)
-    write_state(tmp_path / "half.state.nc", engine.reload())
+    write_state(tmp_path / "half.state.nc", reload(engine))
     resumed = FusedEngine(read_state(tmp_path / "half.state.nc"))
     for either in (engine, resumed):
         either.advance(1300, gradient)
@@ -442,8 +436,8 @@ def test_the_second_start_compiles_nothing():
     code = """
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.build import kernel_of
-from labkit.dem.scene import Scene
-from labkit.dem.state import grains_in_cell
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell
 import numpy as np
 FusedEngine(grains_in_cell(Scene(), np.full(2, 1e-4), np.array([[0, 0, 0], [0, 0, 1.9e-4]]), np.eye(3) * 1e-3))
 stats = kernel_of(Scene().contact_law).advance.stats
@@ -540,7 +534,7 @@ def test_a_strongly_deformed_cell(yade_specimen, direction):
     """At 100 % axial strain the contacts are those that a test of all pairs finds."""
     rate = 1000.0
     state = opened(yade_specimen)
-    gradient = velocity_gradient(ConstantVolume(rate), direction, state.time_step)
+    gradient = prescribed_gradient(ConstantVolume(rate, strain=0.4 * direction), state.time_step)
     engine = FusedEngine(state)
     engine.advance(round(1.0 / rate / state.time_step), gradient)
     end = engine.state()

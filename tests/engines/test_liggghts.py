@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.state import grains_in_cell
 from labkit.engines.fused import FusedEngine
+from labkit.grains.state import grains_in_cell
 
 pytestmark = pytest.mark.skipif(not shutil.which("liggghts"), reason="needs LIGGGHTS: apt-get install liggghts")
 RADII, OVERLAP, SIDE = np.array([8.5e-5, 1.02e-4]), 1e-6, 1.5e-3  # m
@@ -61,7 +61,7 @@ def liggghts(state, folder, steps=0):
     """
     scene, law = state.scene, state.scene.contact_law
     kn, kt = float(law.normal_stiffness(scene, *RADII)), float(law.tangential_stiffness(scene, *RADII))
-    gamma_n, gamma_t = (float(value) for value in law.dashpots(scene, *RADII))
+    gamma_n, gamma_t = (float(value) for value in law.tangents(scene, *RADII, np.float64(0.0))[2:])
     lines = []
     for number, (r, x, v, w) in enumerate(
         zip(state.radius, state.position, state.velocity, state.angular_velocity, strict=True), start=1

@@ -7,19 +7,20 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.bench.kernel import copies
-from labkit.campaign.file import read_campaign
-from labkit.campaign.plan import plan_of
-from labkit.dem.energy import opened
-from labkit.dem.laws.vectors import inverse_root_single
-from labkit.dem.scene import Scene
-from labkit.dem.servo import velocity_gradient
-from labkit.dem.state import grains_in_cell, read_state, write_state
+from benchmarks.kernel import copies
+from labkit.campaigns.file import read_campaign
+from labkit.campaigns.plan import plan_of
 from labkit.engines import starter
+from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.compiling import rounded
 from labkit.errors import InputError
+from labkit.grains.laws.vectors import inverse_root_single
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.io.schema import STATE
+from labkit.records.energy import opened
+from labkit.servo.correction import prescribed_gradient
 
 R = 85e-6
 CV = lk.paths.ConstantVolume(strain=0.003, rate=100.0)  # so fast that rounding errors hardly grow
@@ -28,7 +29,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
 
 
 def gradient(state):
-    return velocity_gradient(lk.paths.ConstantVolume(rate=10.0), 1.0, state.time_step)
+    return prescribed_gradient(lk.paths.ConstantVolume(rate=10.0), state.time_step)
 
 
 def identical(a, b):
@@ -87,7 +88,7 @@ def test_the_results_are_bit_identical_for_any_number_of_threads(soft_specimen):
 def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(soft_specimen, tmp_path):
     engine = FusedEngine(opened(soft_specimen), precision="mixed")
     engine.advance(700, gradient(soft_specimen))
-    write_state(tmp_path / "half.state.nc", engine.reload())
+    write_state(tmp_path / "half.state.nc", reload(engine))
     half = read_state(tmp_path / "half.state.nc")
     assert half.precision == "mixed"
     resumed = FusedEngine(half, precision="mixed")
@@ -152,8 +153,8 @@ def test_inverse_roots_of_single_numbers():
 def test_constants_of_laws_are_rounded():
     scene = Scene(law="spring_dashpot")
     features = scene.contact_law.features(scene)
-    values = [features.rolling, *features.dashpots, *features.constants]
-    small = [rounded(features.rolling), *rounded(features.dashpots), *rounded(features.constants)]
+    values = [features.shear, *features.rolling, *features.dashpots]
+    small = [rounded(features.shear), *rounded(features.rolling), *rounded(features.dashpots)]
     assert {type(value) for value in small} == {np.float32}
     assert np.allclose(values, small, rtol=1e-7)
     assert rounded(None) is None and dataclasses.is_dataclass(rounded(scene))

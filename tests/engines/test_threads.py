@@ -58,7 +58,7 @@ def test_steps_slower_than_a_measurement():
 
 @pytest.mark.parametrize(("cost", "reports"), [(FREE, 0), (BUSY, 1)], ids=["free", "busy"])
 def test_busy_cores_are_reported_once(cost, reports, caplog):
-    threads.report.cache_clear()
+    threads.warn_once.cache_clear()
     with caplog.at_level(logging.WARNING, logger="labkit"):
         simulate(ThreadChoice(2), [(60.0, cost)])
         simulate(ThreadChoice(2), [(60.0, cost)])

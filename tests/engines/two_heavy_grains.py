@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from labkit.dem.scene import Scene
-from labkit.dem.state import grains_in_cell
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell
 
 R = 85e-6
 RADIUS = np.array([1.2 * R, 0.8 * R])

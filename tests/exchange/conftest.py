@@ -1,15 +1,19 @@
 """Files of other programs: written by YADE and LAMMPS themselves from a sheared state, or by hand."""
 
+import json
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.checkpoint import read_checkpoint
-from labkit.dem.state import write_state
 from labkit.exchange import FORMATS
+from labkit.grains.state import write_state
+from labkit.records.checkpoint import read_checkpoint
+
+IN_YADE = Path(__file__).resolve().parents[1] / "engines/in_yade"
 
 INPUT = """
 units si
@@ -63,12 +67,16 @@ def sheared(straight):
 
 
 @pytest.fixture(scope="session")
-def yade_files(straight, in_yade, tmp_path_factory):
+def yade_files(straight, tmp_path_factory):
     """(folder, results): files that YADE wrote after it had loaded an exported script, and its own stress."""
     folder = tmp_path_factory.mktemp("yade")
     write_state(folder / "s.state.nc", straight)
     FORMATS["yade_script"]().write(straight, folder / "load.py")
-    return folder, in_yade("write_files.py", folder / "load.py", folder)
+    output = folder / "result.json"
+    command = ["yade", "-n", "-x", IN_YADE / "write_files.py", output, folder / "load.py", folder]
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=1800)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder, json.loads(output.read_text())
 
 
 @pytest.fixture(scope="session")

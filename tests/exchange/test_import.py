@@ -8,10 +8,10 @@ import xarray as xr
 
 import labkit as lk
 from labkit.cli.dispatch import main
-from labkit.dem.state import read_state, write_state
 from labkit.exchange import FORMATS, import_snapshot, import_state, read
-from labkit.exchange.importing import state_of
+from labkit.exchange.importing import state_of_snapshot
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs, widths
+from labkit.grains.state import read_state, write_state
 
 EXACT = {"lammps_data": "s.data", "ondem": "s.vtkhdf", "sphere_pack": "s.spheres"}
 MERCURY = """MercuryDPM 1.0 name two revision 1 repository none
@@ -93,7 +93,7 @@ def test_exports_of_a_run_are_its_snapshots(straight, tmp_path):
     with xr.open_zarr(tmp_path / "s.zarr") as store:
         np.testing.assert_array_equal(store["position"], straight.position)
         assert store.attrs["scene"] == straight.scene.to_json()
-    again = state_of(straight.snapshot())
+    again = state_of_snapshot(straight.snapshot())
     for name in ("contact_grain", "contact_shift", "tangential_force", "position"):
         np.testing.assert_array_equal(getattr(again, name), getattr(straight, name))
 

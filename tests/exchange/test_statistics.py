@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.state import write_state
 from labkit.exchange import FORMATS, import_snapshot
 from labkit.exchange.grain_table import contact_table, grain_table
+from labkit.grains.state import write_state
 
 E = 0.15e9
 LOCAL = "-,id1,id2,-,-,fnx,fny,fnz,ftx,fty,ftz"  # index, two atoms, distance, force, its normal and tangential parts

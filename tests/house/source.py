@@ -8,10 +8,11 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
-import labkit
+from labkit.lazy import exports
 
 ROOT = Path(__file__).resolve().parents[2]
 LABKIT = ROOT / "labkit"
+DOOR = exports(LABKIT / "__init__.py")  # public name -> (module, name there)
 CONSTRUCTORS = {"__init__", "__post_init__", "__call__"}  # dunder methods that count as public
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
@@ -137,7 +138,7 @@ def _origin(module: str, name: str) -> str:
         return module
     if (LABKIT / name).is_dir() or (LABKIT / f"{name}.py").is_file():
         return f"labkit.{name}"
-    return f"labkit.{labkit._NAMES[name].partition(':')[0]}" if name in labkit._NAMES else "labkit"
+    return DOOR.get(name, ("labkit", name))[0]
 
 
 def _running(node: ast.AST) -> Iterator[ast.AST]:

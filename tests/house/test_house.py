@@ -13,25 +13,28 @@ from pathlib import Path
 import pytest
 
 import labkit
+from labkit.plugins import plugin_of
 from tests.house.source import LABKIT, ROOT, files, functions, imports, name_of, public
 
 # Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
 LAYERS = (
-    ("errors", "parameters", "extensions", "lazy"),
+    ("errors", "parameters", "extensions", "lazy", "plugins", "former", "dem", "campaign", "visuals"),
     ("io",),
     ("micro",),
     ("sff",),
-    ("dem",),
+    ("grains",),
+    ("quantities",),
+    ("paths",),
+    ("servo",),
+    ("records",),
     ("engines",),
+    ("specimens",),
     ("runs",),
-    ("exchange",),
     ("model",),
-    ("incremental",),
-    ("umat",),
-    ("campaign",),
-    ("visuals",),
-    ("bench",),
+    ("campaigns",),
+    ("figures",),
     ("cli",),
+    ("exchange", "incremental", "umat"),  # plug-ins
 )
 BOTTOM = 0
 LAYER = {package: number for number, packages in enumerate(LAYERS) for package in packages}
@@ -42,9 +45,9 @@ LONGEST_FILE = 350
 
 # Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
-    "numba": ("engines/kernel", "engines/fused.py", "engines/cuda", "model", "visuals/render.py", "bench"),
+    "numba": ("engines/kernel", "engines/fused.py", "engines/cuda", "model", "figures/render.py"),
     "llvmlite": ("engines/kernel",),
-    "matplotlib": ("visuals",),
+    "matplotlib": ("figures",),
 }
 
 
@@ -58,7 +61,7 @@ def test_every_package_belongs_to_a_layer():
     assert packages == set(LAYER)
 
 
-@pytest.mark.parametrize("folder", ["labkit", "analysis"])
+@pytest.mark.parametrize("folder", ["labkit", "analysis", "benchmarks"])
 def test_public_functions_are_typed(folder):
     assert [str(name) for name in public(folder) if not name.typed] == []
 
@@ -74,7 +77,7 @@ def test_files_start_with_a_docstring(file):
     assert "from __future__ import annotations" in text or file.name == "__init__.py"
 
 
-@pytest.mark.parametrize("file", files("labkit", "analysis", "yade_scripts", "examples"), ids=name_of)
+@pytest.mark.parametrize("file", files("labkit", "analysis", "benchmarks", "yade_scripts", "examples"), ids=name_of)
 def test_functions_and_files_are_short(file):
     lengths = {f"{node.name}, line {node.lineno}": node.end_lineno - node.lineno + 1 for node in functions(file)}
     assert {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION} == {}
@@ -88,6 +91,13 @@ def test_imports_go_to_lower_layers_only(file):
         package, *rest = module.split(".")
         if package == "labkit" and rest and rest[0] != own:
             assert LAYER[rest[0]] < LAYER[own], f"line {line}: {own} imports {module}"
+
+
+@pytest.mark.parametrize("file", files("labkit"), ids=name_of)
+def test_no_room_of_the_core_imports_a_plugin(file):
+    own = plugin_of(".".join(file.relative_to(ROOT).with_suffix("").parts))
+    if own is None:
+        assert [module for _, module in imports(file) if plugin_of(module)] == []
 
 
 @pytest.mark.parametrize("file", sorted(LABKIT.glob("*.py")), ids=name_of)
@@ -112,7 +122,7 @@ def test_heavy_libraries_are_imported_only_where_allowed(library):
 def test_labkit_does_not_import_its_users():
     for file in files("labkit"):
         packages = {module.split(".")[0] for _, module in imports(file)}
-        assert not packages & {"analysis", "examples", "tests", "yade_scripts"}, name_of(file)
+        assert not packages & {"analysis", "benchmarks", "examples", "tests", "yade_scripts"}, name_of(file)
 
 
 def test_netcdf_files_are_opened_in_one_place():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from labkit.dem.conditions import condition
 from labkit.errors import InputError
 from labkit.incremental.exit_condition import translated
+from labkit.quantities.conditions import condition
 
 RECORD = {
     "stress": np.array([[100e3, 6e3, 4e3], [6e3, 200e3, 5e3], [4e3, 5e3, 300e3]]),

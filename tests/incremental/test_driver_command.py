@@ -8,10 +8,10 @@ import pytest
 import labkit
 from labkit.cli import main
 from labkit.errors import InputError
-from labkit.incremental.columns import NAMES, columns, text_of
+from labkit.incremental.columns import NAMES, columns, output_text
 from labkit.incremental.driver_file import read_test
 from labkit.incremental.initial import read_initial, read_material
-from labkit.incremental.start import model_of, model_state, way_to
+from labkit.incremental.start import model_from_constants, model_state, way_to
 from labkit.model import Model, drive
 from labkit.model.run_file import as_run
 from tests.conftest import ROOT
@@ -86,7 +86,7 @@ def test_on_the_model(folder, monkeypatch, capsys):
 
 
 def test_the_constants_of_the_example_are_table_2():
-    model, table_2 = model_of(read_material(EXAMPLE / "parameters.inp")), Model()
+    model, table_2 = model_from_constants(read_material(EXAMPLE / "parameters.inp")), Model()
     assert model.young_modulus == table_2.young_modulus
     np.testing.assert_allclose(model.constants, table_2.constants, rtol=1e-5)
 
@@ -115,4 +115,4 @@ def test_a_whole_state_continues_where_an_output_file_ends(tmp_path):
     file.write_text(file.read_text().replace(repr(middle[8].item()), "-500.0"))
     with pytest.raises(InputError, match="the stress contradicts the 21 state variables"):
         model_state(read_initial(file), Model())
-    assert text_of(rows, "heading").splitlines()[1] == "heading"
+    assert output_text(rows, "heading").splitlines()[1] == "heading"

@@ -8,6 +8,7 @@ from labkit.cli import main
 from labkit.errors import InputError
 from labkit.incremental.driver_file import read_test
 from labkit.incremental.initial import read_initial, read_material
+from labkit.paths.step import Here
 from tests.conftest import ROOT
 
 EXAMPLE = ROOT / "examples/incremental_driver"
@@ -156,7 +157,7 @@ def test_damaged_copies_of_the_example_give_a_sentence_or_a_path(tmp_path):
                 lines[k] = lines[k][:at] + rng.choice("0-.de*?|:,\t #x=>") + lines[k][at + 1 :]
         file.write_text("\n".join(lines))
         try:
-            read_test(file).path(rate=10.0).starting_at(2e5).turning_points()
+            list(read_test(file).path(rate=10.0).starting_at(2e5).steps_from(Here()))
         except InputError as error:
             refused += 1
             assert str(error).startswith(str(file)) and "\n" not in str(error)
@@ -197,3 +198,10 @@ def test_the_command_refuses_in_one_line(arguments, said, tmp_path, capsys, monk
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and said in lines[0], lines
     assert {file.name for file in tmp_path.iterdir()} == {"test.inp", "initialconditions.inp"}
+
+
+@pytest.mark.parametrize("text", [", ,\n", "1\n-100\n, ,\n"])
+def test_a_line_of_commas_is_no_number(text, tmp_path):
+    (tmp_path / "initial.inp").write_text(text)
+    with pytest.raises(InputError, match="', ,' is not valid as the number"):
+        read_initial(tmp_path / "initial.inp")

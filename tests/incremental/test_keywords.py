@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from labkit.dem.control import Control
 from labkit.errors import InputError
 from labkit.incremental.conventions import components, tensor
 from labkit.incremental.driver_file import read_test
 from labkit.micro.tensors import to_tensor
+from labkit.paths.control import Control
 
 SIX_STRAINS = "0 0\n" * 6
 

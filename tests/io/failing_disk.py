@@ -14,8 +14,8 @@ import traceback
 from pathlib import Path
 
 import labkit as lk
-from labkit.dem.state import read_state, write_state
 from labkit.errors import PhysicsError
+from labkit.grains.state import read_state, write_state
 from labkit.io.atomic import write_text
 from labkit.io.netcdf import extended_netcdf, set_hashes
 from labkit.model import Model, drive, isotropic_state

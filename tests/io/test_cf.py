@@ -12,9 +12,9 @@ import xarray as xr
 
 import labkit as lk
 import labkit.runs.dataset  # registers the accessor of a tree
-from labkit.dem.checkpoint import read_checkpoint
 from labkit.io.conventions import TIME
 from labkit.io.hashes import data_sha256
+from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 
 CHECKER = Path(sys.executable).with_name("compliance-checker")

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.checkpoint import read_checkpoint
-from labkit.dem.state import read_state
+from labkit.grains.state import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
+from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 from tests.conftest import PATIENCE
 

@@ -33,7 +33,7 @@ def test_every_output_has_its_provenance_and_changes_are_detected(folder, labkit
     drawn = {key: ["r.run.nc"] for key in ("f.png", "f.svg", "t.csv")}
     inputs |= drawn
     for name, sources in inputs.items():
-        known = provenance.of_file(folder / name)
+        known = provenance.provenance_of(folder / name)
         assert set(KNOWN) - set(known) <= ({"seed"} if name in drawn else set())
         assert [item["file"] for item in known["inputs"]] == sources
         assert known["command"].startswith("labkit ") and known["libraries"]["numpy"] and known["machine"]["cores"]

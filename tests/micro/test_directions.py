@@ -8,10 +8,10 @@ from scipy.integrate import lebedev_rule
 from scipy.special import eval_legendre
 
 from labkit.micro.directions import (
-    Fit,
+    DirectionalFit,
     bin_means,
+    directional_fit,
     directional_mean,
-    fit,
     hemisphere_bins,
     normal_density,
     polar_bins,
@@ -40,21 +40,21 @@ def random_tensors(seed, second=0.5, fourth=0.3):
 @given(seed=st.integers(0, 10_000))
 def test_the_coefficients_of_a_known_function_are_recovered(seed):
     B, B4 = random_tensors(seed)
-    known = Fit(2.5, B, B4)
+    known = DirectionalFit(2.5, B, B4)
     values = 2.5 * (1 + np.einsum("mi,ij,mj->m", n, B, n) + np.einsum("ijkl,mi,mj,mk,ml->m", B4, n, n, n, n))
     np.testing.assert_allclose(known.at(n), values, rtol=1e-12)
-    found = fit(n, len(n) * weight * values, 4)
+    found = directional_fit(n, len(n) * weight * values, 4)
     assert np.isclose(found.mean, 2.5, rtol=1e-12)
     np.testing.assert_allclose(found.second, B, atol=1e-12)
     np.testing.assert_allclose(found.fourth, B4, atol=1e-12)
-    np.testing.assert_allclose(fit(n, len(n) * weight * values, 2).second, B, atol=1e-12)
+    np.testing.assert_allclose(directional_fit(n, len(n) * weight * values, 2).second, B, atol=1e-12)
 
 
 def test_axisymmetric_coefficients_are_legendre_coefficients():
     """f = 1 + a2 P2 + a4 P4 with the angle from z: B_zz = a2, B4_zzzz = a4, as P2(1) = P4(1) = 1."""
     a2, a4 = 0.4, -0.15
     values = 1 + a2 * eval_legendre(2, n[:, 2]) + a4 * eval_legendre(4, n[:, 2])
-    found = fit(n, len(n) * weight * values, 4)
+    found = directional_fit(n, len(n) * weight * values, 4)
     assert np.isclose(found.second[2, 2], a2) and np.isclose(found.fourth[2, 2, 2, 2], a4)
     np.testing.assert_allclose(np.diag(found.second), [-a2 / 2, -a2 / 2, a2], atol=1e-12)
     np.testing.assert_allclose(found.at(n), values, rtol=1e-12)
@@ -70,7 +70,7 @@ def test_a_directional_mean_does_not_depend_on_the_density_of_contacts(seed):
     _, T4 = random_tensors(seed + 3)
     skew = np.random.default_rng(seed).normal(size=(3, 3))
     W = 0.01 * (skew - skew.T)
-    density, force = Fit(0.25 / np.pi, A, A4), Fit(0.01, F, F4)
+    density, force = DirectionalFit(0.25 / np.pi, A, A4), DirectionalFit(0.01, F, F4)
     crowd = len(n) * weight * density.shape(n)  # the weight of a row represents the number of contacts
     found = directional_mean(n, crowd * force.at(n), density)
     np.testing.assert_allclose(found.second, F, atol=1e-11)
@@ -100,7 +100,7 @@ def test_tensors_are_traceless_and_independent_of_the_sign_of_normals(drawn):
 
 def test_other_orders_are_refused():
     with pytest.raises(ValueError, match="order 3"):
-        fit(n, np.ones(len(n)), 3)
+        directional_fit(n, np.ones(len(n)), 3)
 
 
 def test_bins_have_equal_solid_angles():

@@ -1,7 +1,7 @@
 import numpy as np
 
-from labkit.dem.scene import Scene
-from labkit.dem.state import grains_in_cell
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell
 from labkit.micro.stress import (
     along_deviator,
     deviatoric_stress,

@@ -15,8 +15,8 @@ from labkit.model.calibration import DETERMINED, calibrate, critical_fit, fit
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.observation import observe, require_usable
-from labkit.model.residuals import follow
-from labkit.model.run_file import as_run, records
+from labkit.model.residuals import predict
+from labkit.model.run_file import as_run, records_of_result
 from labkit.model.state import isotropic_state
 
 NOISE = {
@@ -43,7 +43,7 @@ def synthetic(model, rng, tests=TESTS):
     found = []
     for number, (name, e, pressure) in enumerate(tests):
         result = drive(model, model_path(name, pressure), isotropic_state(model, e, pressure)).require()
-        values = records(result)
+        values = records_of_result(result)
         run = xr.Dataset({key: (RECORD[key].dimensions, values[key]) for key in RECORD}, attrs={"path": name})
         for key, size in NOISE.items():
             noise = rng.normal(size=run[key].shape)
@@ -81,7 +81,7 @@ def test_a_fit_without_noise_finds_the_truth(model):
 
 def fit_free_prediction(model, observation):
     first = observation.values[0] * np.array([1.0, 1.0, 0.0, 0.0, 0.0])
-    return follow(observation, first, model.reading(beyond_e_cmax="flat").constants)
+    return predict(observation, first, model.reading(beyond_e_cmax="flat").constants)
 
 
 def test_parameters_that_the_runs_do_not_determine_are_reported(model):
@@ -179,7 +179,7 @@ def test_runs_without_contacts_or_strain_are_refused(model):
     rng = np.random.default_rng(3)
     result = drive(model, model_path("cv", 0.5e6, strain=0.02), isotropic_state(model, 0.67, 0.5e6))
     run = xr.Dataset(
-        {key: (RECORD[key].dimensions, value) for key, value in records(result).items()}, attrs={"path": "cv"}
+        {key: (RECORD[key].dimensions, value) for key, value in records_of_result(result).items()}, attrs={"path": "cv"}
     )
     lost = run.copy()
     lost["coordination_number"] = lost["coordination_number"] * (np.arange(len(result)) < 5)

@@ -14,7 +14,7 @@ from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import Model
 from labkit.model.state import (
     ModelState,
-    contact_anisotropy,
+    inherent_anisotropy,
     isotropic_force_anisotropy,
     isotropic_state,
 )
@@ -159,7 +159,7 @@ def test_a_path_rotated_with_its_state_gives_the_rotated_stress(model):
     """Objectivity of a complete path with tensors that are not coaxial with it."""
     rng = np.random.default_rng(5)
     Q = rotation(rng)
-    A = contact_anisotropy(0.3, 0.7)
+    A = inherent_anisotropy(0.3, 0.7)
     start = ModelState(0.67, 5.0, 0.004, A, isotropic_force_anisotropy(A))
     plain = drive(model, Mixed(AXIS, [], [], [], strain=0.1), start).require()
     turned = drive(model, Mixed(Q @ AXIS @ Q.T, [], [], [], strain=0.1), start.rotated(Q)).require()
@@ -169,7 +169,7 @@ def test_a_path_rotated_with_its_state_gives_the_rotated_stress(model):
 
 
 def test_an_anisotropic_start_under_isotropic_stress():
-    A = contact_anisotropy(0.3, 0.4)
+    A = inherent_anisotropy(0.3, 0.4)
     for exact, limit in ((True, 1e-14), (False, 3e-3)):
         stress = ModelState(0.7, 5.0, 0.004, A, isotropic_force_anisotropy(A, exact)).stress()
         principal = np.linalg.eigvalsh(stress)

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.integrators import FIXED, BackwardEuler, ForwardEuler, Heun, Scipy
 from labkit.errors import InputError, PhysicsError
 from labkit.model.controls import Mixed, model_path, strain_control
 from labkit.model.driver import drive
-from labkit.model.integrators import FIXED, Adaptive, BackwardEuler, ForwardEuler, Heun, Problem, Scipy
+from labkit.model.integrators import Adaptive, Problem
 from labkit.model.state import ModelState, isotropic_state
 
 AXIS = np.diag([-0.5, -0.5, 1.0])

@@ -13,7 +13,7 @@ from labkit.io.schema import RECORD
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.parameters import Model
-from labkit.model.run_file import as_run, model_of, read_model, records
+from labkit.model.run_file import as_run, model_of, read_model, records_of_result
 from labkit.model.state import isotropic_state
 
 START = ("--void-ratio", 0.67, "--pressure", 0.5e6)
@@ -55,7 +55,7 @@ def test_the_file_has_the_variables_of_a_simulation(model_run, run_file):
 def test_the_file_holds_the_result(model_run):
     run = labkit.open_run(model_run)
     result = drive(Model(), model_path("cv", 0.5e6, strain=0.6), isotropic_state(Model(), 0.67, 0.5e6))
-    for name, values in records(result).items():
+    for name, values in records_of_result(result).items():
         np.testing.assert_allclose(run[name].values, values, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(run["stress"], run["stress_sff"])
     np.testing.assert_allclose(run["volume"], 1.0, rtol=1e-12)

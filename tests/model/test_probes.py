@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.dem.checkpoint import read_checkpoint
 from labkit.errors import InputError
 from labkit.micro.fabric import statistics
 from labkit.micro.tensors import to_six, to_tensor
-from labkit.model import probe, state_of
+from labkit.model import probe_model, state_of
 from labkit.model.stiffness import stress_rate
+from labkit.records.checkpoint import read_checkpoint
 from tests.model.random_states import random_state
 
 
@@ -24,7 +24,7 @@ def state():
 
 
 def test_a_small_strain_probe_is_the_rate_of_the_stress(model, state):
-    probes = probe(state, model, plane="deviatoric", directions=8, amplitude=1e-7)
+    probes = probe_model(state, model, plane="deviatoric", directions=8, amplitude=1e-7)
     directions = to_tensor(probes.plane.directions(8)[1])
     expected = to_six(stress_rate(model, state, directions))
     found = to_six(probes.data["stress_increment"].values) / 1e-7
@@ -33,7 +33,7 @@ def test_a_small_strain_probe_is_the_rate_of_the_stress(model, state):
 
 
 def test_stress_probes_reach_their_stress_and_work_as_strain_probes_do(model, state):
-    probes = probe(state, model, directions=6, kind="stress", amplitude=1e-6)
+    probes = probe_model(state, model, directions=6, kind="stress", amplitude=1e-6)
     pressure = lk.mean_stress(state.stress(model))
     reached = to_six(probes.data["stress_increment"].values) / (1e-6 * pressure)
     np.testing.assert_allclose(reached, probes.plane.directions(6)[1], atol=1e-6)

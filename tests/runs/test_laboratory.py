@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from labkit.io.provenance import check
+from labkit.paths.rates import on_grains
 
 PATH = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.004, rate=40.0)
 
@@ -46,9 +47,9 @@ def test_a_complete_program(engine, folder):
     )
     assert run.complete is True and run.exceeded == () and run.file is None
     assert isinstance(run.data, xarray.Dataset) and run.engine == state.engine == engine
-    assert run.scene == scene == state.scene and run.path == lk.paths.ConstantMeanStress(
-        pressure=0.3e6, strain=0.01
-    ).for_scene(scene)
+    assert run.scene == scene == state.scene and run.path == on_grains(
+        lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.01), scene
+    )
     assert run.steps == run.data.attrs["steps"] > 1000 and run.wall_time > 0.0 and run.threads == 1
     assert abs(state.number_of_grains / 300 - 1) < 0.03
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from labkit.dem.scene import Scene
-from labkit.dem.specimen import Recipe
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs.laboratory import make_specimen
 from labkit.runs.preparation import DensityLimits, make_twins, specimen_at
+from labkit.specimens.specimen import Recipe
 
 
 def compressed(friction, **changes):

@@ -8,11 +8,12 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
-from labkit.dem.checkpoint import read_checkpoint
-from labkit.dem.probes import PLANES, Probing, StrainProbe, plane_of, without_sliding
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
+from labkit.paths.probes import StrainProbe
+from labkit.records.checkpoint import read_checkpoint
 from labkit.runs.probes import affine_stiffness, at_rest, path_maker, probes_of
+from labkit.runs.probing import PLANES, Probing, plane_of, without_sliding
 from tests.runs.linear_response import elastic_stiffness
 
 SHORT = 10.0  # duration of elastic probes: enough, as they are linear
@@ -129,7 +130,7 @@ def test_the_increment_is_applied_in_full_and_smoothly():
 def test_a_large_strain_probe_takes_longer_to_stay_quasi_static(sheared):
     number = []
     for amplitude in (1e-4, 1e-2):
-        rate = path_maker(sheared, Probing(amplitude=amplitude), False)(np.eye(6)[2]).axial_rate
+        rate = path_maker(sheared, Probing(amplitude=amplitude), False)(np.eye(6)[2]).rate
         pressure = lk.mean_stress(lk.love_stress(sheared.snapshot()))
         number.append(2.0 * rate * 2.0 * sheared.radius.mean() * np.sqrt(sheared.scene.density / pressure))
     assert number[0] < number[1] == pytest.approx(3e-5)

@@ -8,7 +8,7 @@ from scipy.integrate import lebedev_rule
 
 from labkit.errors import InputError
 from labkit.micro.contacts import Contacts
-from labkit.micro.directions import Fit, TangentialFit
+from labkit.micro.directions import DirectionalFit, TangentialFit
 from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
@@ -27,7 +27,7 @@ n, weight = n_.T, w_ / (4 * np.pi)
 def test_the_product_of_two_fourth_order_functions_is_integrated_exactly(seed):
     A, A4 = random_tensors(seed)
     F, F4 = random_tensors(seed + 1)
-    function = Fit(1.0, A, A4).at(n) * Fit(1.0, F, F4).at(n)
+    function = DirectionalFit(1.0, A, A4).at(n) * DirectionalFit(1.0, F, F4).at(n)
     expected = np.einsum("m,mi,mj->ij", weight * function, n, n)
     np.testing.assert_allclose(product_integral(A, F, A4, F4), expected, atol=1e-13)
 
@@ -40,7 +40,7 @@ def test_the_coupling_of_tangential_forces_and_normals_is_integrated_exactly(see
     Ft -= np.trace(Ft) / 3 * np.eye(3)
     t = TangentialFit(2.5 * (Ft + Ft.T), 1.5 * (Ft.T - Ft), np.zeros((3, 3, 3, 3))).at(n)
     np.testing.assert_allclose(np.einsum("m,mi,mj->ij", weight, n, t), Ft, atol=1e-13)  # t belongs to F^t
-    anisotropic = weight * (Fit(1.0, A, A4).at(n) - 1.0)
+    anisotropic = weight * (DirectionalFit(1.0, A, A4).at(n) - 1.0)
     expected = np.einsum("m,mi,mj->ij", anisotropic, n, t)
     np.testing.assert_allclose(tangential_coupling(A, Ft, A4), expected, atol=1e-13)
 
@@ -78,9 +78,9 @@ def same(found, expected):
 def on_the_sphere(A, F, G, order4=None):
     """A Snapshot of equal grains with known directional functions; each point of the quadrature is repeated."""
     A4, F4 = order4 or (np.zeros((3, 3, 3, 3)),) * 2
-    copies = np.maximum(1, np.round(4000 * weight * Fit(1.0, A, A4).at(n) / weight.max() / 4)).astype(int)
+    copies = np.maximum(1, np.round(4000 * weight * DirectionalFit(1.0, A, A4).at(n) / weight.max() / 4)).astype(int)
     normal = np.repeat(n, copies, axis=0)
-    fn = Fit(1e-3, F, F4).at(normal)
+    fn = DirectionalFit(1e-3, F, F4).at(normal)
     pull = normal @ G
     ft = -1e-3 * (pull - np.einsum("mi,mi->m", pull, normal)[:, None] * normal)
     count = len(normal)

@@ -9,7 +9,7 @@ from pathlib import Path
 import netCDF4
 import pytest
 
-from labkit.campaign.workflow import PROFILES
+from labkit.campaigns.workflow import PROFILES
 
 pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
 

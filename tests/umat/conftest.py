@@ -6,7 +6,7 @@ from labkit.model.parameters import Model
 from labkit.umat import library
 from labkit.umat.export import write
 from labkit.umat.library import Library
-from labkit.umat.props import Start, properties
+from labkit.umat.props import PointStart, properties
 
 
 @pytest.fixture(scope="session")
@@ -16,7 +16,7 @@ def folder(tmp_path_factory):
     if missing:
         pytest.skip(f"{' and '.join(missing)} not installed: apt-get install gfortran gcc")
     folder = tmp_path_factory.mktemp("umat")
-    write(folder, properties(Model(), Start(0.67, 0.5e6)))
+    write(folder, properties(Model(), PointStart(0.67, 0.5e6)))
     library.build(folder)
     return folder
 

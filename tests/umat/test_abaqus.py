@@ -8,7 +8,7 @@ import pytest
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.material_point import update
 from labkit.model.state import ModelState, isotropic_state
-from labkit.umat.props import Start, properties
+from labkit.umat.props import PointStart, properties
 from tests.model.random_states import random_state, rotation, symmetric
 
 INDEX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # 11, 22, 33, 12, 13, 23
@@ -132,7 +132,7 @@ def test_dilation_beyond_e_cmax_is_cut_or_continues_with_flat_lines(model, umat)
 
 def test_points_start_from_the_stress_or_from_props(model, umat):
     """SDVINI leaves zeros: the first call makes the state."""
-    props = np.array(list(properties(model, Start(0.67, 0.2e6)).values()))
+    props = np.array(list(properties(model, PointStart(0.67, 0.2e6)).values()))
     geostatic = -np.array([5e4, 5e4, 1e5, 1e3, 0.0, 0.0])
     stress, statev, _, pnewdt = umat(np.zeros(21), np.zeros(6), geostatic, props)
     np.testing.assert_allclose(stress, geostatic, atol=1e-6)

@@ -14,8 +14,8 @@ from labkit.model.driver import drive
 from labkit.model.material_point import update
 from labkit.model.parameters import READINGS
 from labkit.model.state import isotropic_state
-from labkit.model.tensors import deviator, load, symmetric_product
-from labkit.umat.props import Start, properties
+from labkit.model.tensors import deviatoric_part, six_at, six_product
+from labkit.umat.props import PointStart, properties
 from tests.umat.points import deviators, random_increments, random_states
 
 POINTS = int(os.environ.get("LABKIT_UMAT_POINTS", 3000))  # 100000 for the full check
@@ -24,7 +24,7 @@ OTHER = {name: choices[1] for name, choices in READINGS.items() if name != "line
 
 def formulas(y, D, compressing, c):
     """What Library.formulas returns, from labkit.model."""
-    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], load(y, 3), load(y, 9), load(y, 15)
+    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
     n, rate, volumetric = eq.split_rate(D, c)
     v = np.empty(27)
     rates.strain_driven(y, D, compressing, c, v)
@@ -51,12 +51,12 @@ def formulas(y, D, compressing, c):
         "mean_force_rate": eq.mean_force_rate(e, Lam, rate, volumetric, compressing, c),
         "mobilisation_rate": eq.mobilisation_rate(Ft, n, rate, c),
         "void_ratio_rate": eq.void_ratio_rate(e, volumetric),
-        "symmetric_product": symmetric_product(F, A),
-        "bracket": eq.bracket(A, F, Ft),
+        "symmetric_product": six_product(F, A),
+        "bracket": eq.six_bracket(A, F, Ft),
         "stress": rates.stress_of(y, c),
         "stress_rate": rates.stress_rate_of(y, v, c),
         "relaxation": eq.relaxation(eq.f_eA(Lam, c), c.gamma_A, n, A),
-        "deviator": deviator(D),
+        "deviator": deviatoric_part(D),
         "outside": rates.outside(y, c),
     }
 
@@ -203,7 +203,7 @@ def test_an_increment_of_one_percent_in_which_the_stress_reverses_equals_its_hun
 
 
 def test_initial_states(model, load):
-    law = load(model, Start(0.67, 0.2e6))
+    law = load(model, PointStart(0.67, 0.2e6))
     expected = isotropic_state(model, 0.67, 0.5e6).vector()[:21]
     np.testing.assert_allclose(law.initial_state(np.array([5e5, 5e5, 5e5, 0, 0, 0])), expected, rtol=1e-14)
     np.testing.assert_allclose(
@@ -222,6 +222,10 @@ def test_properties_name_every_constant(model):
     assert names[:23] == list(model.constants._fields[:23]) and len(names) == 30
     assert properties(model, stress_unit=1e3)["E"] == model.young_modulus / 1e3
     assert [properties(model.reading(**{name: OTHER[name]}))[name] for name in OTHER] == [1.0] * 4
-    for wrong in (lambda: properties(model, tolerance=0.0), lambda: Start(-1.0), lambda: properties(model, None, 1, 0)):
+    for wrong in (
+        lambda: properties(model, tolerance=0.0),
+        lambda: PointStart(-1.0),
+        lambda: properties(model, None, 1, 0),
+    ):
         with pytest.raises(InputError):
             wrong()

@@ -8,7 +8,7 @@ import pytest
 from labkit.micro.tensors import to_six
 from labkit.model.material_point import update
 from labkit.model.state import isotropic_state
-from labkit.umat.props import Start, properties
+from labkit.umat.props import PointStart, properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.points import random_increments, random_states
 
@@ -46,7 +46,7 @@ def tfel(y):
 def behaviour(shared_library, model):
     """A function (isvs, strain increment, kind of operator, stress) -> (code, stress, isvs, K, rdt, message)."""
     function = ctypes.CDLL(str(shared_library)).labkit_Tridimensional
-    props = np.array(list(properties(model, Start(0.67)).values()))
+    props = np.array(list(properties(model, PointStart(0.67)).values()))
 
     def call(internal, strain, kind=4.0, stress=None):
         arrays = {name: [np.zeros(30), np.zeros(30)] for name in FIELDS}

@@ -1,28 +1,92 @@
 """The scripts of yade_scripts/ as single runs and through yade-batch."""
 
 import os
+import signal
 import subprocess
+import sys
+import time
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import labkit
-from labkit.dem.state import read_state
+from labkit.grains.state import read_state
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 
+@pytest.fixture(autouse=True)
+def this_python(monkeypatch):
+    monkeypatch.setenv("LABKIT_PYTHON", sys.executable)
+
+
+def yade(script, *words):
+    return ["yade", "-n", "-x", str(SCRIPTS / script), *map(str, words)]
+
+
 def test_single_run(tmp_path, specimen_file):
-    command = ["yade", "-n", "-x", SCRIPTS / "path.py", "cv", specimen_file, "--strain", "0.002", "-o", "r.run.nc"]
-    done = subprocess.run([str(c) for c in command], cwd=tmp_path, capture_output=True, text=True)
+    command = yade("path.py", "cv", specimen_file, "--strain", 0.002, "-o", "r.run.nc")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "left" in done.stdout  # plain lines with the time left
     assert labkit.open_run(tmp_path / "r.run.nc").attrs["complete"] == 1
 
 
 def test_invalid_input_of_a_single_run(tmp_path):
-    command = ["yade", "-n", "-x", SCRIPTS / "specimen.py", "--void-ratio", "5", "-o", "s.state.nc"]
-    done = subprocess.run([str(c) for c in command], cwd=tmp_path, capture_output=True, text=True)
+    command = yade("specimen.py", "--void-ratio", 5, "-o", "s.state.nc")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2 and "labkit: --void-ratio 5 is not valid" in done.stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_a_signal_to_yade_saves_the_run_and_the_same_command_resumes_it(tmp_path, specimen_file):
+    command = yade("path.py", "cv", specimen_file, "--strain", 0.004, "--record-strain", 4e-4, "-o", "r.run.nc")
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    file = tmp_path / "r.run.nc"
+    while not file.exists():
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=300)
+    assert process.returncode == 128 + signal.SIGTERM and "give the same command to resume it" in said
+    assert labkit.open_run(file).attrs["complete"] == 0
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 0
+    labkit.run(
+        read_state(specimen_file),
+        labkit.paths.ConstantVolume(strain=0.004),
+        engine="yade",
+        record_strain=4e-4,
+        file=tmp_path / "unbroken.run.nc",
+        progress=False,
+    )
+    ends = [labkit.open_run(tmp_path / name)["stress"].values for name in ("r.run.nc", "unbroken.run.nc")]
+    np.testing.assert_array_equal(*ends)
+
+
+@pytest.mark.parametrize("words", [("--threads", 2), ("--engine", "fused")])
+def test_other_threads_are_refused_and_another_engine_needs_no_yade(words, tmp_path, specimen_file):
+    command = yade("path.py", "cv", specimen_file, "--strain", 0.0005, *words, "-o", "r.run.nc")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    if words[0] == "--engine":
+        assert done.returncode == 0 and (tmp_path / "r.run.nc").exists(), done.stderr
+    else:
+        assert done.returncode == 2 and "this YADE was started with 1" in done.stderr, done.stderr
+
+
+def test_a_labkit_that_cannot_be_found_is_one_line(tmp_path, monkeypatch):
+    """A copy of the scripts, far from labkit."""
+    for file in SCRIPTS.glob("*.py"):
+        (tmp_path / file.name).write_text(file.read_text())
+    monkeypatch.delenv("LABKIT_PYTHON")
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    command = ["yade", "-n", "-x", str(tmp_path / "path.py"), "cv", "s.state.nc"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert (
+        done.stderr.splitlines()[-1].startswith("labkit: no Python with labkit is found")
+        and "Traceback" not in done.stderr
+    )
 
 
 def batch(folder, table, script):
@@ -47,5 +111,5 @@ def test_an_unknown_column_of_a_table_is_reported(tmp_path):
     (tmp_path / "bad.table").write_text("void_ratio colour output\n0.67 'red' 'a.state.nc'\n")
     batch(tmp_path, "bad.table", "specimen.py")
     logs = "".join(p.read_text() for p in tmp_path.glob("*.log"))
-    assert "column 'colour'" in logs
+    assert "labkit: --colour" in logs and "not an option of labkit specimen" in logs
     assert not list(tmp_path.glob("*.state.nc"))

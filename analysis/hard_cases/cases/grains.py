@@ -7,9 +7,10 @@ import dataclasses
 import labkit as lk
 from analysis.hard_cases.checks import agree, between, later_half, pressure_text, ratio_text, true
 from analysis.hard_cases.laboratory import Judged, Laboratory, without_ledger
-from labkit.dem import critical_time_step, insert_grains, read_state
 from labkit.engines import FusedEngine
+from labkit.grains import critical_time_step, read_state
 from labkit.runs import findings
+from labkit.specimens import insert_grains
 
 
 def deep_overlaps(lab: Laboratory) -> Judged:

@@ -9,16 +9,10 @@ import labkit as lk
 from analysis.hard_cases.checks import Check, below, between, later_half, pressure_text, ratio_text, true
 from analysis.hard_cases.laboratory import Judged, Laboratory, without_ledger
 from analysis.hard_cases.measures import FREE_STEPS
-from labkit.dem import (
-    OVERLAP_LIMIT,
-    ConstantVolume,
-    IsotropicCompression,
-    State,
-    fluctuation_velocity,
-    pressure_limit,
-    read_checkpoint,
-)
 from labkit.engines import FusedEngine
+from labkit.grains import State
+from labkit.paths import ConstantVolume, IsotropicCompression
+from labkit.records import OVERLAP_LIMIT, fluctuation_velocity, pressure_limit, read_checkpoint
 
 
 def loose_cv(lab: Laboratory) -> Judged:

@@ -9,8 +9,10 @@ import numpy as np
 import labkit as lk
 from analysis.hard_cases.checks import agree, between, later_half, pressure_text, ratio_text, true
 from analysis.hard_cases.laboratory import Judged, Laboratory, with_step, without_ledger
-from labkit.dem import IsotropicCompression, IsotropicDilation, State, critical_time_step, read_checkpoint
 from labkit.engines import FusedEngine
+from labkit.grains import State, critical_time_step
+from labkit.paths import IsotropicCompression, IsotropicDilation
+from labkit.records import read_checkpoint
 
 QUASI_STATIC = 20.0  # 1/s, the rate with which `fast` is compared
 

@@ -14,7 +14,6 @@ servo.py     kernels of the servo
 memory.py    memory that States take
 batch.py     States that advance together
 engine.py    the engine: a batch of one State
-turns.py     threads that take turns
 pool.py      runs whose States are in one batch
 
 Each grain has a list of its neighbours and computes its own contacts, so each contact is computed twice, from the same

@@ -10,7 +10,7 @@ the entry SLICE k + i. Each state has two regions of entries: a search writes on
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,6 +21,27 @@ CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, ENERGIES = range(5)
 
 HISTORY = 6  # rows of history: tangential force and rolling moment
 GRID_CELLS = 32  # most grid cells per grain
+
+
+class DeviceArray(Protocol):
+    """An array on the device, for which numba-cuda has no types; in kernels it is indexed like one of NumPy."""
+
+    dtype: np.dtype
+    shape: tuple[int, ...]
+    ndim: int
+    size: int
+
+    def __getitem__(self, index: object) -> Any: ...
+
+    def __setitem__(self, index: object, value: object) -> None: ...
+
+    def __len__(self) -> int: ...
+
+    def copy_to_host(self, *into: object, **options: object) -> np.ndarray:
+        """Copies it to the host."""
+
+    def copy_to_device(self, values: object, **options: object) -> None:
+        """Copies values of the host, or of another array on the device, to it."""
 
 
 class States(NamedTuple):
@@ -36,28 +57,28 @@ class States(NamedTuple):
     last step and of the one before, 1/s; law (n, k): parameters of the contact law (build.py).
     """
 
-    first: Any
-    grains: Any
-    left: Any
-    until: Any
-    running: Any
-    due: Any
-    time_step: Any
-    skin: Any
-    diameter: Any
-    limit: Any
-    factor: Any
-    cell: Any
-    first_cell: Any
-    back: Any
-    drift: Any
-    wanted: Any
-    used: Any
-    previous: Any
-    law: Any
+    first: DeviceArray
+    grains: DeviceArray
+    left: DeviceArray
+    until: DeviceArray
+    running: DeviceArray
+    due: DeviceArray
+    time_step: DeviceArray
+    skin: DeviceArray
+    diameter: DeviceArray
+    limit: DeviceArray
+    factor: DeviceArray
+    cell: DeviceArray
+    first_cell: DeviceArray
+    back: DeviceArray
+    drift: DeviceArray
+    wanted: DeviceArray
+    used: DeviceArray
+    previous: DeviceArray
+    law: DeviceArray
 
 
-class Grains(NamedTuple):
+class DeviceGrains(NamedTuple):
     """One column per grain, G in all with those that fill up blocks.
 
     state (G / BLOCK,): state of each block; number (G,): index in the State; radius, inverse_mass, inverse_inertia
@@ -65,18 +86,18 @@ class Grains(NamedTuple):
     (ENERGIES, G), J.
     """
 
-    state: Any
-    number: Any
-    radius: Any
-    inverse_mass: Any
-    inverse_inertia: Any
-    position: Any
-    velocity: Any
-    spin: Any
-    force: Any
-    torque: Any
-    start: Any
-    energies: Any
+    state: DeviceArray
+    number: DeviceArray
+    radius: DeviceArray
+    inverse_mass: DeviceArray
+    inverse_inertia: DeviceArray
+    position: DeviceArray
+    velocity: DeviceArray
+    spin: DeviceArray
+    force: DeviceArray
+    torque: DeviceArray
+    start: DeviceArray
+    energies: DeviceArray
 
 
 class Lists(NamedTuple):
@@ -88,17 +109,17 @@ class Lists(NamedTuple):
     stiffness (E,): kn; history (HISTORY, E): on the first grain.
     """
 
-    side: Any
-    region: Any
+    side: DeviceArray
+    region: DeviceArray
     count: Any
-    slice_first: Any
-    partner: Any
-    shift: Any
-    stiffness: Any
-    history: Any
+    slice_first: DeviceArray
+    partner: DeviceArray
+    shift: DeviceArray
+    stiffness: DeviceArray
+    history: DeviceArray
 
 
-class Grid(NamedTuple):
+class DeviceGrid(NamedTuple):
     """The grids of a search, C grid cells in all.
 
     searching (n,): 1 for states that are searched; first (n,): first grid cell of a state; shape, span (n, 3): as in
@@ -108,21 +129,21 @@ class Grid(NamedTuple):
     period (3, G).
     """
 
-    searching: Any
-    first: Any
-    shape: Any
-    span: Any
-    inverse: Any
-    needed: Any
-    lost: Any
-    begin: Any
-    free: Any
-    members: Any
-    grid_cell: Any
-    period: Any
+    searching: DeviceArray
+    first: DeviceArray
+    shape: DeviceArray
+    span: DeviceArray
+    inverse: DeviceArray
+    needed: DeviceArray
+    lost: DeviceArray
+    begin: DeviceArray
+    free: DeviceArray
+    members: DeviceArray
+    grid_cell: DeviceArray
+    period: DeviceArray
 
 
-def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> Any:
+def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> DeviceArray:
     """An array of zeros on the device."""
     return cuda.to_device(np.zeros(shape, kind))
 
@@ -136,12 +157,12 @@ def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
     return States._make((*of_host, *counters, *scalars, *matrices, zeros((n, numbers))))
 
 
-def new_grains(state: np.ndarray) -> Grains:
+def new_grains(state: np.ndarray) -> DeviceGrains:
     """Grains for these states of blocks (G / BLOCK,)."""
     g = BLOCK * len(state)
     scalars, vectors = (zeros(g) for _ in range(3)), (zeros((3, g)) for _ in range(6))
     of_blocks = cuda.to_device(state.astype(np.int32))
-    return Grains._make((of_blocks, zeros(g, np.int32), *scalars, *vectors, zeros((ENERGIES, g))))
+    return DeviceGrains._make((of_blocks, zeros(g, np.int32), *scalars, *vectors, zeros((ENERGIES, g))))
 
 
 def new_lists(n: int, grains: int, kind: type = np.float64) -> Lists:
@@ -152,11 +173,11 @@ def new_lists(n: int, grains: int, kind: type = np.float64) -> Lists:
     return Lists(*of_states, *of_grains, *of_entries)
 
 
-def new_grid(count: np.ndarray, grains: int) -> Grid:
+def new_grid(count: np.ndarray, grains: int) -> DeviceGrid:
     """Grids for states of `count` (n,) grains, as many grid cells as labkit.engines.kernel.neighbours may need."""
     cells = GRID_CELLS * (count + 16) + 1
     n, c = len(count), int(cells.sum())
-    return Grid(
+    return DeviceGrid(
         searching=zeros(n, np.int32),
         first=cuda.to_device(np.cumsum(cells) - cells),
         shape=zeros((n, 3), np.int32),
@@ -172,7 +193,7 @@ def new_grid(count: np.ndarray, grains: int) -> Grid:
     )
 
 
-def put(array: Any, first: int, values: np.ndarray) -> None:
+def put(array: DeviceArray, first: int, values: np.ndarray) -> None:
     """Copy values (n,) or (k, n) to the columns of an array on the device from `first` on."""
     values = np.ascontiguousarray(values, array.dtype)
     if values.shape[-1]:
@@ -181,7 +202,7 @@ def put(array: Any, first: int, values: np.ndarray) -> None:
             target[first : first + len(row)].copy_to_device(row)
 
 
-def rows_of(array: Any, first: int, count: int) -> list[Any]:
+def rows_of(array: DeviceArray, first: int, count: int) -> list[DeviceArray]:
     """The parts (count,) of an array (n,) or of each row of one (k, n) on the device, from the column `first` on."""
     rows = [array] if array.ndim == 1 else [array[k] for k in range(array.shape[0])]
     return [row[first : first + count] for row in rows]

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Hashable, Sequence
+from typing import Any, cast
 
 import numpy as np
 
 import labkit
-from labkit.dem.corrections import AHEAD, Corrections
-from labkit.dem.energy import kinetic_energy
-from labkit.dem.state import State
 from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, rows_of, zeros
-from labkit.engines.cuda.build import kernels_for, row_of, shape_of, stiffness_factor
+from labkit.engines.cuda.build import kernels_of, row_of, shape_of, stiffness_factor
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
-from labkit.engines.cuda.listing import listing_of, neighbours, spread
+from labkit.engines.cuda.listing import list_neighbours, listing_of, spread
 from labkit.engines.cuda.memory import KINDS, SPARE, require_room
 from labkit.engines.cuda.reading import Reader
 from labkit.engines.cuda.servo import new_plans, put_plan
 from labkit.engines.cuda.taken import ON_DEVICE, Taken
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
 from labkit.errors import InputError
+from labkit.grains.state import State
+from labkit.records.energy import kinetic_energy
+from labkit.servo.plan import AHEAD, Corrections
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
 CHUNK = 50  # most steps between two looks at whether a search is due
@@ -46,14 +46,15 @@ class Batch:
             raise InputError("a batch needs at least one State")
         require_room([state.number_of_grains for state in states], precision)
         n, self._precision = len(states), precision
-        law, features = states[0].scene.contact_law, states[0].scene.contact_law.features(states[0].scene)
-        self._law, self._shape, self._kernels = type(law), shape_of(features), kernels_for(law, features, precision)
+        scene, law = states[0].scene, states[0].scene.contact_law
+        self._law, self._shape = type(law), shape_of(scene)
+        self._kernels = kernels_of(cast(Hashable, self._law), self._shape, precision == "mixed")
         self._count = np.array([state.number_of_grains for state in states])
         padded = -(-self._count // BLOCK) * BLOCK
         self._first = np.cumsum(padded) - padded
         self._blocks = int(padded.sum()) // BLOCK
         self._room = np.zeros(n, int)
-        self._states = new_states(self._first, self._count, len(row_of(features)))
+        self._states = new_states(self._first, self._count, len(row_of(scene)))
         self._grains = new_grains(np.repeat(np.arange(n), padded // BLOCK))
         self._lists = new_lists(n, int(padded.sum()), KINDS[precision])
         self._grid = new_grid(self._count, int(padded.sum()))
@@ -75,8 +76,8 @@ class Batch:
                 raise
             reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
             raise InputError(
-                f"contact law {law.name} cannot be compiled for a GPU ({reason}): write its `pair` and `spring` using "
-                "only numbers, tuples and functions from labkit.dem.laws.vectors"
+                f"contact law {law.name} cannot be compiled for a GPU ({reason}): write its parts using "
+                "only numbers and the functions of labkit.laws"
             ) from error
 
     def __len__(self) -> int:
@@ -84,8 +85,7 @@ class Batch:
 
     def takes(self, i: int, state: State) -> bool:
         """True if a State can replace the i-th one: as many grains, the contact law and features of the batch."""
-        law = state.scene.contact_law
-        same = type(law) is self._law and shape_of(law.features(state.scene)) == self._shape
+        same = type(state.scene.contact_law) is self._law and shape_of(state.scene) == self._shape
         return same and state.number_of_grains == self._count[i]
 
     def load(self, i: int, state: State) -> None:
@@ -197,7 +197,6 @@ class Batch:
     def _put(self, i: int, state: State) -> None:
         """Copy a State to the device, without its neighbour list. Raises InputError."""
         scene = state.scene
-        features = scene.contact_law.features(scene)
         if not self.takes(i, state):
             raise InputError(
                 f"state {i} of a batch has another contact law or other features, such as friction or rolling "
@@ -215,7 +214,7 @@ class Batch:
         put(g.velocity, first, state.velocity[order].T)
         put(g.spin, first, state.angular_velocity[order].T)
         put(g.energies, first, np.zeros((ENERGIES, len(order))))
-        factor = stiffness_factor(scene.contact_law, scene)
+        factor = stiffness_factor(scene)
         self._by_host[i] = factor is None
         before, dt = state.velocity_gradient, state.time_step
         drift = before @ np.linalg.solve(np.eye(3) + dt * before, state.cell)
@@ -223,7 +222,7 @@ class Batch:
             (s.time_step, dt),
             (s.skin, skin),
             (s.diameter, diameter),
-            (s.law, row_of(features)),
+            (s.law, row_of(scene)),
             (s.factor, factor or 0.0),
             (s.due, 0),
             (s.left, 0),
@@ -258,7 +257,8 @@ class Batch:
         region = np.stack([first, first + room.sum()])
         for name in ("partner", "shift", "stiffness", "history"):
             old = getattr(self._lists, name).copy_to_host()
-            self._lists = self._lists._replace(**{name: None})  # frees the memory on the device
+            freed: dict[str, Any] = {name: None}  # the memory on the device
+            self._lists = self._lists._replace(**freed)
             new = np.zeros((*old.shape[:-1], 2 * int(room.sum()) + 1), old.dtype)
             for i in range(len(self)):
                 source, target = self._region[self._side[i], i], region[self._side[i], i]
@@ -334,7 +334,7 @@ class Batch:
     def _put_stiffness(self, i: int) -> None:
         """Set the stiffness kn of each pair of neighbours of the i-th state, if the kernels cannot."""
         arrays = self._reader.read(self._list(i, ("partner",)))
-        grain, slot, is_first, partner = neighbours(arrays, int(self._first[i]))
+        grain, slot, is_first, partner = list_neighbours(arrays, int(self._first[i]))
         radius, scene = self._start[i].radius[self._order[i]], self._start[i].scene
         a, b = np.where(is_first, grain, partner), np.where(is_first, partner, grain)
         kn = spread(scene.normal_stiffness(radius[a], radius[b]), slot, int(self._room[i]))

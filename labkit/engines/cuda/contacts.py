@@ -1,6 +1,6 @@
 """Kernels of contact forces and of Love's stress.
 
-`pair` and `spring` are functions of the contact law (labkit.dem.laws.ContactLaw), the same that the fused engine
+`pair` and `spring` are functions of the contact law (labkit.grains.laws.ContactLaw), the same that the fused engine
 compiles; labkit.engines.cuda.build replaces them and the functions that read the law's parameters.
 """
 
@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.laws.base import Contact, ContactLaw
-from labkit.dem.laws.vectors import ZERO, Vector, dot, length_and_inverse, minus, plus, times
 from labkit.engines.cuda.arrays import (
     CELL_WORK,
     DAMPING_LOSS,
     FRICTION_LOSS,
     ROLLING_LOSS,
-    Grains,
+    DeviceGrains,
     Lists,
     States,
 )
@@ -26,9 +24,13 @@ from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
 from labkit.engines.cuda.motion import product, put, vector
 from labkit.engines.cuda.servo import Plans, asks
+from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse
 
-pair, spring = ContactLaw.pair, ContactLaw.spring
-constants_of = friction_of = rolling_of = dashpots_of = absent
+pair: Any = None
+spring: Any = None
+shear_of = friction_of = rolling_of = twisting_of = dashpots_of = whole_of = absent
+SINGLE: Any = np.float32
 KIND: Any = np.float64  # type of the numbers of a contact; in mixed precision np.float32
 
 STRESSES = 9  # components of the stress
@@ -41,12 +43,12 @@ def rounded(v: Vector) -> Vector:
 
 def rounded_single(v: Vector) -> Any:
     """A vector in single precision."""
-    return np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
+    return Vector(SINGLE(v.x), SINGLE(v.y), SINGLE(v.z))
 
 
 def double(v: Vector) -> Vector:
     """A vector in double precision, in which all sums are."""
-    return np.float64(v[0]), np.float64(v[1]), np.float64(v[2])
+    return Vector(np.float64(v.x), np.float64(v.y), np.float64(v.z))
 
 
 def overlap_of(radii: float, squared: float, distance: float) -> float:
@@ -59,7 +61,7 @@ def overlap_single(radii: float, squared: float, distance: float) -> Any:
     return np.float32(radii * radii - squared) / (np.float32(radii) + distance)
 
 
-def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
+def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) -> None:
     """Compute forces and torques of running states that need no search. One thread per grain.
 
     moving: 1, or 0 to leave the history as it is, for a state that was just loaded.
@@ -68,8 +70,8 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
     if states.running[s] == 0 or states.due[s] == 1 or g - states.first[s] >= states.grains[s]:
         return
     dt = moving * states.time_step[s]
-    constants, friction = constants_of(states.law, s), friction_of(states.law, s)
-    rolling, dashpots = rolling_of(states.law, s), dashpots_of(states.law, s)
+    shear, friction, rolling = shear_of(states.law, s), friction_of(states.law, s), rolling_of(states.law, s)
+    twisting, dashpots, whole = twisting_of(states.law, s), dashpots_of(states.law, s), whole_of(states.law, s)
     force = torque = ZERO
     cell_work = friction_loss = rolling_loss = dashpot_loss = 0.0
     side = lists.side[s]
@@ -79,12 +81,13 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
         is_first = b >= 0
         sign = 1.0 if is_first else -1.0
         one, two = (g, b) if is_first else (~b, g)
-        periods = (sign * lists.shift[0, at], sign * lists.shift[1, at], sign * lists.shift[2, at])
-        d = minus(plus(vector(grains.position, two), product(states.cell, s, periods)), vector(grains.position, one))
+        periods = Vector(sign * lists.shift[0, at], sign * lists.shift[1, at], sign * lists.shift[2, at])
+        d = vector(grains.position, two) + product(states.cell, s, periods) - vector(grains.position, one)
         near = rounded(d)
         distance, inverse = length_and_inverse(dot(near, near))
         overlap = overlap_of(grains.radius[one] + grains.radius[two], dot(d, d), distance)
-        t, m = vector(lists.history, at), (lists.history[3, at], lists.history[4, at], lists.history[5, at])
+        t = vector(lists.history, at)
+        m = Vector(lists.history[3, at], lists.history[4, at], lists.history[5, at])
         if overlap < 0.0 and dot(t, t) == 0.0 and dot(m, m) == 0.0:
             continue  # the law gives zeros
         drift = product(states.drift, s, periods)
@@ -95,17 +98,17 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
             overlap,
             inverse,
             near,
-            times(inverse, near),
-            rounded(minus(plus(vector(grains.velocity, two), drift), vector(grains.velocity, one))),
+            inverse * near,
+            rounded(vector(grains.velocity, two) + drift - vector(grains.velocity, one)),
             rounded(vector(grains.spin, one)),
             rounded(vector(grains.spin, two)),
         )
-        response = pair(contact, t, m, KIND(dt), constants, friction, rolling, dashpots, True)
+        response = pair(contact, t, m, KIND(dt), True, shear, friction, rolling, twisting, dashpots, whole)
         push = double(response.force)
         put(lists.history, at, response.tangential_force)
         lists.history[3, at], lists.history[4, at], lists.history[5, at] = response.rolling_moment
-        force = plus(force, times(sign, push))
-        torque = plus(torque, double(response.torque_a if is_first else response.torque_b))
+        force += sign * push
+        torque += double(response.torque_a if is_first else response.torque_b)
         counted = 1.0 if is_first else 0.0  # energies belong to the first grain
         cell_work += counted * dt * dot(push, product(states.used, s, d))
         friction_loss += counted * response.friction_loss
@@ -119,11 +122,11 @@ def forces(states: States, grains: Grains, lists: Lists, moving: float) -> None:
     grains.energies[DAMPING_LOSS, g] += dashpot_loss
 
 
-def branch(states: States, grains: Grains, lists: Lists, s: int, g: int, at: int) -> Vector:
+def branch(states: States, grains: DeviceGrains, lists: Lists, s: int, g: int, at: int) -> Vector:
     """Branch of the contact `at` from its first grain g, m."""
     b = lists.partner[at]
-    periods = (1.0 * lists.shift[0, at], 1.0 * lists.shift[1, at], 1.0 * lists.shift[2, at])
-    return minus(plus(vector(grains.position, b), product(states.cell, s, periods)), vector(grains.position, g))
+    periods = Vector(1.0 * lists.shift[0, at], 1.0 * lists.shift[1, at], 1.0 * lists.shift[2, at])
+    return vector(grains.position, b) + product(states.cell, s, periods) - vector(grains.position, g)
 
 
 def sum_of_block(rows: Any, t: int) -> float:
@@ -136,7 +139,7 @@ def sum_of_block(rows: Any, t: int) -> float:
     return total
 
 
-def stress_of_blocks(states: States, grains: Grains, lists: Lists, plans: Plans, sums: Any, every: int) -> None:
+def stress_of_blocks(states: States, grains: DeviceGrains, lists: Lists, plans: Plans, sums: Any, every: int) -> None:
     """Sum branch (x) force over the contacts of the grains of each block, into sums (block, STRESSES), N m.
 
     The dashpot forces are excluded, as in records. every: 1 for all states, 0 for those whose servo needs the stress.
@@ -157,7 +160,7 @@ def stress_of_blocks(states: States, grains: Grains, lists: Lists, plans: Plans,
             distance = math.sqrt(dot(d, d))
             overlap = grains.radius[g] + grains.radius[lists.partner[at]] - distance
             share = -spring(np.float64(lists.stiffness[at]), overlap) / distance if overlap >= 0.0 else 0.0
-            f = plus(times(share, d), double(vector(lists.history, at)))
+            f = share * d + double(vector(lists.history, at))
             for k in range(3):
                 for j in range(3):
                     rows[t, 3 * k + j] += d[k] * f[j]

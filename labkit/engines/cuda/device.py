@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dis
 import importlib
 import inspect
 import math
@@ -10,7 +9,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-from labkit.engines.kernel.compiling import Version, with_globals
+from labkit.engines.kernel.compiling import Version, names_of, numpy_for_numbers, use_operators, with_globals
 from labkit.errors import InputError
 
 try:
@@ -20,6 +19,11 @@ except ImportError:  # numba may leave it to numba-cuda in the future
 SIMULATED = (
     cuda is not None and "simulator" in cuda.jit.__module__
 )  # kernels run as plain Python, to test without a GPU
+
+if cuda is not None and not SIMULATED:
+    extending = importlib.import_module("numba.cuda.extending")
+    if hasattr(extending, "overload"):  # numba's own numba.cuda lacks it; require_device asks for numba-cuda
+        use_operators(extending.overload, cuda.types)
 
 SLICE = 8 if SIMULATED else 32  # consecutive grains whose neighbour lists are interleaved: a warp
 # Threads per block, a multiple of SLICE; each thread of the simulator costs time
@@ -61,10 +65,9 @@ def device_function(function: Callable[..., Any], known: dict[Any, Any], version
 
 
 def callees(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> dict[str, Any]:
-    """The plain Python functions that a function calls by a global name, compiled: name -> function."""
-    names = {code.argval for code in dis.get_instructions(function) if code.opname == "LOAD_GLOBAL"}
-    used = {name: function.__globals__.get(name) for name in names}
-    return {name: device_function(f, known, version) for name, f in used.items() if inspect.isfunction(f)}
+    """The plain Python functions that a function calls, compiled, and numpy for numbers: name -> value."""
+    used = {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
+    return numpy_for_numbers(function) | {name: device_function(f, known, version) for name, f in used.items()}
 
 
 def kernel(function: Callable[..., None], names: dict[str, Any], version: Version) -> Any:

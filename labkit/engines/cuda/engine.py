@@ -2,30 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 
 import labkit
-from labkit.dem.corrections import Corrections
-from labkit.dem.engine import Engine, Start
-from labkit.dem.scene import Scene
-from labkit.dem.state import State
+from labkit.engines.base import Abilities, Engine
 from labkit.engines.cuda.batch import Batch
 from labkit.engines.cuda.build import shape_of
 from labkit.engines.cuda.device import require_device
 from labkit.engines.cuda.memory import memory_of, room
-from labkit.engines.cuda.pool import Pool
+from labkit.engines.cuda.pool import Pool, Run
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.servo.plan import Corrections
+
+
+class CudaBatches:
+    """States of several runs on one GPU."""
+
+    def key(self, scene: Scene) -> Hashable:
+        """Type and features of the contact law, which the kernels are compiled for."""
+        return scene.law, shape_of(scene)
+
+    def memory(self, grains: int, precision: str = "double") -> float:
+        """Bytes on the GPU."""
+        return memory_of(grains, precision)
+
+    def room(self) -> float:
+        """Bytes on the GPU of this computer. Raises InputError without one."""
+        require_device()
+        return room()
+
+    def drive(self, runs: Sequence[Run], precision: str = "double") -> list[Exception | None]:
+        """Carry out runs, see labkit.engines.base.Batches."""
+        require_device()
+        return Pool(runs, precision).execute()
 
 
 class CudaEngine(Engine):
     """A batch of one State. Raises InputError without a GPU or numba-cuda, or for more than one thread."""
 
     name = "cuda"
-    batches = follows = True
-    precisions = ("double", "mixed")
     version = labkit.__version__
+    abilities = Abilities(
+        precisions=("double", "mixed"),
+        require_computer=require_device,
+        follow=lambda engine, corrections: engine.follow(corrections),
+        batches=CudaBatches(),
+    )
 
     def __init__(self, state: State, threads: int = 1, precision: str = "double") -> None:
         """Load the state; compile the kernels at the first use of a contact law. Raises InputError."""
@@ -34,29 +60,6 @@ class CudaEngine(Engine):
         self._precision = precision
         self._batch: Batch | None = None
         self.load(state)
-
-    @classmethod
-    def require_here(cls) -> None:
-        require_device()
-
-    @classmethod
-    def batch_key(cls, scene: Scene) -> Hashable:
-        law = scene.contact_law
-        return law.name, shape_of(law.features(scene))
-
-    @classmethod
-    def batch_memory(cls, grains: int, precision: str = "double") -> float:
-        return memory_of(grains, precision)
-
-    @classmethod
-    def batch_room(cls) -> float:
-        require_device()
-        return room()
-
-    @classmethod
-    def together(cls, works: Sequence[Callable[[Start], None]], precision: str = "double") -> list[Exception | None]:
-        require_device()
-        return Pool(works, precision).execute()
 
     def load(self, state: State) -> None:
         if self._batch is not None and self._batch.takes(0, state):
@@ -77,6 +80,7 @@ class CudaEngine(Engine):
         self._require_going()
 
     def follow(self, corrections: Corrections) -> None:
+        """Advance by the steps of the corrections, of which the GPU runs the servo."""
         self.batch.begin(0, corrections)
         self.batch.run()
         self._require_going()

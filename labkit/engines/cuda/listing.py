@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from labkit.dem.state import State
 from labkit.engines.cuda.arrays import HISTORY
 from labkit.engines.cuda.device import SLICE
+from labkit.grains.state import State
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +76,14 @@ def listing_of(state: State, order: np.ndarray) -> tuple[Listing, np.ndarray, np
 
 def listed(arrays: Mapping[str, np.ndarray], first: int) -> Listing:
     """The Listing in the arrays (k, n) of one State on the device, those of Lists by name; first: its first grain."""
-    grain, slot, is_first, partner = neighbours(arrays, first)
+    grain, slot, is_first, partner = list_neighbours(arrays, first)
     shift, history = arrays["shift"][:, slot].T, arrays["history"][:, slot].T.astype(float)
     return Listing(grain, slot, partner, is_first, shift, history)
 
 
-def neighbours(arrays: Mapping[str, np.ndarray], first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def list_neighbours(
+    arrays: Mapping[str, np.ndarray], first: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """grain, slot, is_first and partner of a Listing, from count, slice_first and partner of one State."""
     grain, slot = entries(arrays["count"][0], arrays["slice_first"][0])
     partner = arrays["partner"][0, slot]
@@ -89,7 +91,7 @@ def neighbours(arrays: Mapping[str, np.ndarray], first: int) -> tuple[np.ndarray
     return grain, slot, is_first, np.where(is_first, partner, ~partner) - first
 
 
-def contacts_of(
+def contacts_from_lists(
     listing: Listing, order: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
 ) -> dict[str, np.ndarray]:
     """The contact arrays of a State: the entries of first grains that overlap or touch their partners, sorted.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from labkit.dem.laws.vectors import Vector, dot, minus, plus, times
-from labkit.engines.cuda.arrays import DAMPING_LOSS, Grains, States
+from labkit.engines.cuda.arrays import DAMPING_LOSS, DeviceGrains, States
 from labkit.engines.cuda.device import cuda
 from labkit.engines.kernel.motion import damped_fraction as compiled_fraction
+from labkit.grains.laws.vectors import Vector, dot
 
 damped_fraction = compiled_fraction.py_func
 
@@ -20,7 +20,7 @@ def damping_of(law: Any, s: int) -> Any:
 
 def vector(rows: Any, i: int) -> Vector:
     """The i-th vector of rows (3, n)."""
-    return rows[0, i], rows[1, i], rows[2, i]
+    return Vector(rows[0, i], rows[1, i], rows[2, i])
 
 
 def put(rows: Any, i: int, v: Vector) -> None:
@@ -30,7 +30,7 @@ def put(rows: Any, i: int, v: Vector) -> None:
 
 def product(matrices: Any, s: int, v: Vector) -> Vector:
     """Product of the s-th of matrices (n, 3, 3) and a vector."""
-    return (
+    return Vector(
         matrices[s, 0, 0] * v[0] + matrices[s, 0, 1] * v[1] + matrices[s, 0, 2] * v[2],
         matrices[s, 1, 0] * v[0] + matrices[s, 1, 1] * v[1] + matrices[s, 1, 2] * v[2],
         matrices[s, 2, 0] * v[0] + matrices[s, 2, 1] * v[1] + matrices[s, 2, 2] * v[2],
@@ -39,7 +39,7 @@ def product(matrices: Any, s: int, v: Vector) -> Vector:
 
 def column(matrices: Any, s: int, k: int) -> Vector:
     """Column k of the s-th of matrices (n, 3, 3)."""
-    return matrices[s, 0, k], matrices[s, 1, k], matrices[s, 2, k]
+    return Vector(matrices[s, 0, k], matrices[s, 1, k], matrices[s, 2, k])
 
 
 def start_step(states: States) -> None:
@@ -106,16 +106,16 @@ def damped(acceleration: Vector, velocity: Vector, load: Vector, dt: float, damp
         damped_fraction(acceleration[1], velocity[1], dt, damping),
         damped_fraction(acceleration[2], velocity[2], dt, damping),
     )
-    a = (
+    a = Vector(
         acceleration[0] * (1.0 - p[0]),
         acceleration[1] * (1.0 - p[1]),
         acceleration[2] * (1.0 - p[2]),
     )
-    mean = plus(velocity, times(0.5 * dt, a))  # velocity at mid-step
-    return a, dt * dot((p[0] * load[0], p[1] * load[1], p[2] * load[2]), mean)
+    mean = velocity + 0.5 * dt * a  # velocity at mid-step
+    return a, dt * dot(Vector(p[0] * load[0], p[1] * load[1], p[2] * load[2]), mean)
 
 
-def move(states: States, grains: Grains) -> None:
+def move(states: States, grains: DeviceGrains) -> None:
     """Move the grains of the running states, and mark states that need a search. One thread per grain."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if states.running[s] == 0 or g - states.first[s] >= states.grains[s]:
@@ -123,22 +123,22 @@ def move(states: States, grains: Grains) -> None:
     dt, damping = states.time_step[s], damping_of(states.law, s)
     x, v, w = vector(grains.position, g), vector(grains.velocity, g), vector(grains.spin, g)
     force, torque = vector(grains.force, g), vector(grains.torque, g)
-    c = minus(v, product(states.previous, s, x))
-    a, lost = damped(times(grains.inverse_mass[g], force), c, force, dt, damping)
-    b, turned = damped(times(grains.inverse_inertia[g], torque), w, torque, dt, damping)
+    c = v - product(states.previous, s, x)
+    a, lost = damped(grains.inverse_mass[g] * force, c, force, dt, damping)
+    b, turned = damped(grains.inverse_inertia[g] * torque, w, torque, dt, damping)
     grains.energies[DAMPING_LOSS, g] += lost + turned
-    jump = minus(product(states.used, s, x), product(states.previous, s, x))
-    v = plus(v, plus(times(dt, plus(a, product(states.previous, s, v))), jump))
-    x = plus(x, times(dt, v))
+    jump = product(states.used, s, x) - product(states.previous, s, x)
+    v += dt * (a + product(states.previous, s, v)) + jump
+    x += dt * v
     L, before = states.used, states.previous
-    spin = (
+    spin = Vector(
         0.5 * (L[s, 2, 1] - before[s, 2, 1] - L[s, 1, 2] + before[s, 1, 2]),
         0.5 * (L[s, 0, 2] - before[s, 0, 2] - L[s, 2, 0] + before[s, 2, 0]),
         0.5 * (L[s, 1, 0] - before[s, 1, 0] - L[s, 0, 1] + before[s, 0, 1]),
     )
     put(grains.velocity, g, v)
     put(grains.position, g, x)
-    put(grains.spin, g, plus(plus(w, times(dt, b)), spin))
-    moved = minus(product(states.back, s, x), vector(grains.start, g))
+    put(grains.spin, g, w + dt * b + spin)
+    moved = product(states.back, s, x) - vector(grains.start, g)
     if not dot(moved, moved) < states.limit[s]:  # or it became NaN
         states.due[s] = 1

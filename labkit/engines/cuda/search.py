@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.laws.base import ContactLaw
-from labkit.engines.cuda.arrays import HISTORY, Grains, Grid, Lists, States
+from labkit.engines.cuda.arrays import HISTORY, DeviceGrains, DeviceGrid, Lists, States
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.kernel.arranging import LOST
 
-pair_stiffness = ContactLaw.pair_stiffness  # replaced by that of the law in labkit.engines.cuda.build
+stiffness_of: Any = None  # that of the normal part of the law, set by labkit.engines.cuda.build
 PARTIAL = BLOCK + 1  # sums of the threads of a block, and their total
 
 
@@ -33,7 +32,7 @@ def exclusive_sums(partial: Any, t: int) -> int:
     return partial[BLOCK]
 
 
-def clear(grid: Grid) -> None:
+def clear(grid: DeviceGrid) -> None:
     """Set the grid cells of a state to empty. One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     if grid.searching[s] == 0:
@@ -44,7 +43,7 @@ def clear(grid: Grid) -> None:
         grid.free[first + c] = 0
 
 
-def place(states: States, grains: Grains, grid: Grid) -> None:
+def place(states: States, grains: DeviceGrains, grid: DeviceGrid) -> None:
     """Find the grid cell and the period of each grain, and count the grains of each grid cell. One thread per grain."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0 or g - states.first[s] >= states.grains[s]:
@@ -69,7 +68,7 @@ def place(states: States, grains: Grains, grid: Grid) -> None:
         cuda.atomic.add(grid.free, grid.first[s] + index, 1)
 
 
-def offsets(grid: Grid) -> None:
+def offsets(grid: DeviceGrid) -> None:
     """Find the first member of each grid cell of a state. One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     partial = cuda.shared.array(PARTIAL, np.int64)
@@ -92,7 +91,7 @@ def offsets(grid: Grid) -> None:
         grid.begin[first + cells] = total
 
 
-def sort(states: States, grains: Grains, grid: Grid) -> None:
+def sort(states: States, grains: DeviceGrains, grid: DeviceGrid) -> None:
     """Enter the grains in their grid cells. One thread per grain."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0 or g - states.first[s] >= states.grains[s] or grid.grid_cell[g] < 0:
@@ -101,7 +100,7 @@ def sort(states: States, grains: Grains, grid: Grid) -> None:
     grid.members[states.first[s] + place] = g - states.first[s]
 
 
-def comes_before(grains: Grains, lists: Lists, one: int, other: int) -> bool:
+def comes_before(grains: DeviceGrains, lists: Lists, one: int, other: int) -> bool:
     """True if an entry comes before another of the same list: by number of the neighbour, then by shift in z, y, x."""
     b, c = lists.partner[one], lists.partner[other]
     b, c = grains.number[b if b >= 0 else ~b], grains.number[c if c >= 0 else ~c]
@@ -113,7 +112,7 @@ def comes_before(grains: Grains, lists: Lists, one: int, other: int) -> bool:
     return False
 
 
-def enter(grains: Grains, lists: Lists, base: int, k: int, neighbour: int, x: int, y: int, z: int) -> None:
+def enter(grains: DeviceGrains, lists: Lists, base: int, k: int, neighbour: int, x: int, y: int, z: int) -> None:
     """Enter a neighbour, with its shift, in a list of k entries from `base` on, in its order."""
     at = base + SLICE * k
     lists.partner[at] = neighbour
@@ -126,7 +125,9 @@ def enter(grains: Grains, lists: Lists, base: int, k: int, neighbour: int, x: in
         k -= 1
 
 
-def neighbours(states: States, grains: Grains, lists: Lists, grid: Grid, s: int, g: int, base: int, write: bool) -> int:
+def neighbours(
+    states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid, s: int, g: int, base: int, write: bool
+) -> int:
     """Count the neighbours of a grain g of a state s, those closer than the skin, and enter them in its list."""
     count, first, cells = 0, states.first[s], grid.first[s]
     nx, ny, nz = grid.shape[s, 0], grid.shape[s, 1], grid.shape[s, 2]
@@ -157,7 +158,7 @@ def neighbours(states: States, grains: Grains, lists: Lists, grid: Grid, s: int,
     return count
 
 
-def count(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
+def count(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -> None:
     """Count the neighbours of each grain. One thread per grain, also for those that fill up blocks."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0:
@@ -168,7 +169,7 @@ def count(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
     lists.count[1 - lists.side[s], g] = found
 
 
-def arrange(states: States, lists: Lists, grid: Grid) -> None:
+def arrange(states: States, lists: Lists, grid: DeviceGrid) -> None:
     """Find the first entry of each slice of a state, and the entries that it needs. One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     partial = cuda.shared.array(PARTIAL, np.int64)
@@ -198,7 +199,7 @@ def longest(lists: Lists, side: int, k: int) -> int:
     return most
 
 
-def fill(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
+def fill(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -> None:
     """Write the list of each grain, with the history of the neighbours that were in it before. One thread per grain.
 
     The stiffness kn is that of the contact law, with its first grain first.
@@ -214,7 +215,7 @@ def fill(states: States, grains: Grains, lists: Lists, grid: Grid) -> None:
     for at in range(base, base + SLICE * found, SLICE):
         b = lists.partner[at]
         one, two = (g, b) if b >= 0 else (~b, g)
-        lists.stiffness[at] = pair_stiffness(states.factor[s], grains.radius[one], grains.radius[two])
+        lists.stiffness[at] = stiffness_of(states.factor[s], grains.radius[one], grains.radius[two])
         while before < end and comes_before(grains, lists, before, at):
             before += SLICE
         same = before < end and not comes_before(grains, lists, at, before)

@@ -1,20 +1,20 @@
 """The servo on the device: the velocity gradients of the coming steps, from stresses that never leave it.
 
-The formulas are those of labkit.dem.servo; what they need of the path is prepared by labkit.dem.corrections.
+The formulas are those of labkit.servo.correction; what they need of the path is prepared by labkit.servo.plan.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from labkit.dem.corrections import Correcting, Corrections
-from labkit.dem.servo import LOW_PASS
-from labkit.engines.cuda.arrays import States, zeros
+from labkit.engines.cuda.arrays import DeviceArray, States, zeros
 from labkit.engines.cuda.device import cuda
 from labkit.micro.tensors import ROOT2, symmetric, to_six
+from labkit.servo.correction import LOW_PASS
+from labkit.servo.plan import Correcting, Corrections
 
 TERMS = 9  # of the exponential of the rates times the time step, which is far below 1
 
@@ -27,22 +27,22 @@ class Plans(NamedTuple):
     isochoric, anew (n,): 1 or 0; measure, gain, project (n, 6, 6); held (n, 6); limit (n,).
     """
 
-    row: Any
-    steps: Any
-    gradient: Any
-    given: Any
-    target: Any
-    both: Any
-    exponential: Any
-    shared: Any
-    controlled: Any
-    isochoric: Any
-    anew: Any
-    measure: Any
-    gain: Any
-    project: Any
-    held: Any
-    limit: Any
+    row: DeviceArray
+    steps: DeviceArray
+    gradient: DeviceArray
+    given: DeviceArray
+    target: DeviceArray
+    both: DeviceArray
+    exponential: DeviceArray
+    shared: DeviceArray
+    controlled: DeviceArray
+    isochoric: DeviceArray
+    anew: DeviceArray
+    measure: DeviceArray
+    gain: DeviceArray
+    project: DeviceArray
+    held: DeviceArray
+    limit: DeviceArray
 
 
 def new_plans(n: int, rows: int) -> Plans:
@@ -94,7 +94,7 @@ def _padded(servo: Correcting) -> dict[str, np.ndarray]:
     }
 
 
-def _put(target: Any, values: np.ndarray | Sequence[float]) -> None:
+def _put(target: DeviceArray, values: np.ndarray | Sequence[float]) -> None:
     target.copy_to_device(np.ascontiguousarray(values, target.dtype))
 
 
@@ -108,7 +108,7 @@ def is_due(states: States, s: int) -> bool:
     return states.left[s] > 0 and states.due[s] == 0 and states.until[s] == 0
 
 
-def correct(states: States, plans: Plans, totals: Any) -> None:
+def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
     """Set the velocity gradients of the states whose next row is due. One thread per state.
 
     totals (n, 9): sums of branch (x) force, N m.
@@ -135,7 +135,7 @@ def correct(states: States, plans: Plans, totals: Any) -> None:
                     states.wanted[s, i, j] += servoed[i, j]
 
 
-def wanted_rates(states: States, plans: Plans, totals: Any, s: int, row: int, rates: Any) -> None:
+def wanted_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
     """Set rates (6,) to those that bring the stresses to their targets, limited, before the low-pass filter, 1/s."""
     stress, missing = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     per_volume = -1.0 / determinant(states.cell, s)
@@ -160,7 +160,7 @@ def wanted_rates(states: States, plans: Plans, totals: Any, s: int, row: int, ra
             rates[j] = -min(max(rates[j], -plans.limit[s]), plans.limit[s])
 
 
-def filtered(states: States, plans: Plans, s: int, row: int, rates: Any) -> None:
+def filtered(states: States, plans: Plans, s: int, row: int, rates: DeviceArray) -> None:
     """Replace rates (6,) by the rates of the servo after the low-pass filter, 1/s."""
     before, kept = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     so_far = 0.0 if plans.anew[s] == 1 and row == 0 else 1.0
@@ -178,7 +178,7 @@ def filtered(states: States, plans: Plans, s: int, row: int, rates: Any) -> None
         rates[k] = plans.held[s, k] * (LOW_PASS * rates[k] + (1.0 - LOW_PASS) * kept[k])
 
 
-def tensor_of(six: Any, tensor: Any) -> None:
+def tensor_of(six: DeviceArray, tensor: DeviceArray) -> None:
     """Set tensor (3, 3) to that of six (6,) components in Mandel notation."""
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -186,7 +186,7 @@ def tensor_of(six: Any, tensor: Any) -> None:
         tensor[i, j] = tensor[j, i] = six[3 + k] / ROOT2
 
 
-def exponential(plans: Plans, s: int, row: int, servoed: Any, dt: float, wanted: Any) -> None:
+def exponential(plans: Plans, s: int, row: int, servoed: DeviceArray, dt: float, wanted: DeviceArray) -> None:
     """Set the velocity gradient L of a state, 1 + L dt = exp(-(given - servoed) dt), by its power series."""
     term, after = cuda.local.array((3, 3), np.float64), cuda.local.array((3, 3), np.float64)
     for i in range(3):
@@ -204,7 +204,7 @@ def exponential(plans: Plans, s: int, row: int, servoed: Any, dt: float, wanted:
                 wanted[s, i, j] += after[i, j]
 
 
-def determinant(matrices: Any, s: int) -> float:
+def determinant(matrices: DeviceArray, s: int) -> float:
     """Determinant of the s-th of matrices (n, 3, 3)."""
     h, total = matrices, 0.0
     for k in range(3):

@@ -6,10 +6,9 @@ import dataclasses
 
 import numpy as np
 
-from labkit.dem.instant import Instant
-from labkit.dem.state import State
-from labkit.engines.cuda.listing import contacts_of, listed
+from labkit.engines.cuda.listing import contacts_from_lists, listed
 from labkit.errors import PhysicsError
+from labkit.grains.state import State
 
 # arrays of a State that the device holds
 ON_DEVICE = (
@@ -47,20 +46,5 @@ class Taken:
             kinematics[name] = np.empty((len(order), 3))
             kinematics[name][order] = self.arrays[array].T
         listing = listed(self.arrays, self.first)
-        contacts = contacts_of(listing, order, kinematics["position"], brief.radius, brief.cell)
+        contacts = contacts_from_lists(listing, order, kinematics["position"], brief.radius, brief.cell)
         return brief.replace(**kinematics, **contacts, ledger=ledger)
-
-
-class TakenInstant(Instant):
-    """An instant whose State is made of what was read from the device, by the first thread that needs it."""
-
-    def __init__(self, taken: Taken) -> None:
-        """`brief` is without grains and contacts until then."""
-        super().__init__(taken.brief)
-        self._taken: Taken | None = taken
-
-    @property
-    def state(self) -> State:
-        if self._taken is not None:
-            self.brief, self._taken = self._taken.state(), None
-        return self.brief

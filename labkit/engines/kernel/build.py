@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import functools
-import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from labkit.dem.laws import vectors
-from labkit.dem.laws.base import Contact, ContactLaw, Response
-from labkit.dem.scene import Scene
 from labkit.engines.kernel import contact, steps
 from labkit.engines.kernel.compiling import (
     OPTIONS,
@@ -20,11 +16,16 @@ from labkit.engines.kernel.compiling import (
     cached,
     compiled,
     compiled_with_callees,
+    names_of,
     stamp_of,
     with_globals,
 )
 from labkit.errors import InputError
 from labkit.extensions import file_of
+from labkit.grains.laws import vectors
+from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.law import ContactLaw
+from labkit.grains.scene import Scene
 
 HERE = Path(__file__).parent
 
@@ -43,10 +44,9 @@ class Kernel(NamedTuple):
 def kernel_of(law: ContactLaw, single: bool = False) -> Kernel:
     """Return the Kernel of a contact law: compiled at its first call, or read from disk if no source has changed.
 
-    single: True for mixed precision, in which the law is compiled in single precision. Laws that inherit both `pair`
-    and `spring` share the kernel of the law that defines them.
+    single: True for mixed precision, in which the law is compiled in single precision.
     """
-    return _compiled_kernel(next(kind for kind in type(law).__mro__ if {"pair", "spring"} & set(vars(kind))), single)
+    return _compiled_kernel(cast(Hashable, type(law)), single)
 
 
 @functools.cache
@@ -59,9 +59,13 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     known: dict[Any, Any] = {}
     if single:
         known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, {}, version)
-    pair, spring = (compiled_with_callees(function, known, version) for function in (law.pair, law.spring))
-    overlap = compiled_with_callees(contact.overlap_single if single else contact.overlap, known, version)
-    names = {**_compiled_functions(contact, known, version), "pair": pair, "spring": spring, "overlap": overlap}
+    names = {
+        "pair": law.pair,
+        "spring": law.normal.force,
+        "overlap": contact.overlap_single if single else contact.overlap,
+        **{name: getattr(contact, name) for name in ("load", "store", "stretched", "dot", "length_and_inverse")},
+    }
+    names = {name: compiled_with_callees(function, known, version) for name, function in names.items()}
     block_forces = compiled(with_globals(contact.block_forces, names, version))
     block_stress = compiled(with_globals(contact.block_stress, names, version))
     contacts = {"block_forces": block_forces, "SINGLE": single}
@@ -83,24 +87,17 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
 def try_out(law: ContactLaw) -> None:
     """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 
-    Raises InputError if the result is not a Response of finite numbers.
+    Raises InputError if the result has other than finite numbers.
     """
-    features = law.features(Scene(law=law.name))
-    branch, zero = (1.6e-4, 0.0, 0.0), (0.0, 0.0, 0.0)
-    touching = Contact(1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, (1.0, 0.0, 0.0), (0.0, 1e-3, 0.0), zero, zero)
-    arguments = features.constants, features.friction, features.rolling, features.dashpots
-    result = law.pair(touching, zero, zero, 1e-7, *arguments, True)
-    numbers = (
-        np.concatenate([np.ravel(part) for part in result]) if isinstance(result, Response) else np.full(1, np.nan)
+    branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
+    sliding = vectors.Vector(0.0, 1e-3, 0.0)
+    touching = Contact(
+        1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
     )
-    if numbers.size != 18 or not np.isfinite(numbers).all():
-        raise InputError(f"contact law {law.name}: pair returned {result!r}: return a Response of finite numbers")
-
-
-def _compiled_functions(module: Any, known: dict[Any, Any], version: Version) -> dict[str, Any]:
-    """Compile the plain Python helpers that a module uses: name -> function."""
-    helpers = {**vars(vectors), "load": module.load, "store": module.store, "stretched": module.stretched}
-    return {name: compiled_with_callees(f, known, version) for name, f in helpers.items() if inspect.isfunction(f)}
+    *numbers, _ = law.features(Scene(law=law.name))
+    result = law.pair(touching, zero, zero, 1e-7, True, *numbers)
+    if not np.isfinite(np.concatenate([np.ravel(part) for part in result])).all():
+        raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
 
 
 def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:
@@ -115,9 +112,9 @@ def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:
     if not all(Path(file).is_file() for file in files):
         return None
     constants = {
-        f"{name} = {function.__globals__[name]!r}"
+        f"{name} = {value!r}"
         for function in functions
-        for name in function.__code__.co_names
-        if isinstance(function.__globals__.get(name), (bool, int, float, tuple))
+        for name, value in names_of(function).items()
+        if isinstance(value, (bool, int, float, tuple))
     }
     return "\n".join([stamp_of([*HERE.glob("*.py"), *map(Path, files)]), *sorted(constants)])

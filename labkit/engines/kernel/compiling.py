@@ -6,8 +6,11 @@ another source file would leave stale code in use. Here the stamp of a cached fu
 
 from __future__ import annotations
 
+import dis
+import functools
 import hashlib
 import inspect
+import operator
 import types
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -16,6 +19,10 @@ from typing import Any, NamedTuple
 import llvmlite.binding
 import numba
 import numpy as np
+from numba.extending import overload
+
+from labkit.engines.kernel import scalars
+from labkit.grains.laws import vectors
 
 CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
 
@@ -70,6 +77,31 @@ def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> A
     return dispatcher
 
 
+def use_operators(overload: Callable[..., Any], kinds: Any, **options: Any) -> None:
+    """Teach a compiler the operators of vectors; overload, kinds: its numba.extending.overload and numba.types."""
+
+    def is_vector(kind: Any) -> bool:
+        return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
+
+    def is_number(kind: Any) -> bool:
+        return isinstance(kind, kinds.Number)
+
+    def teach(operation: Any, meaning: Callable[..., Any], *fits: Callable[[Any], bool]) -> None:
+        @functools.wraps(meaning)  # Numba compares the signatures
+        def implementation(*arguments: Any) -> Callable[..., Any] | None:
+            return meaning if all(fit(kind) for fit, kind in zip(fits, arguments, strict=True)) else None
+
+        overload(operation, **options)(implementation)
+
+    for operation, meaning in vectors.SUMS:
+        teach(operation, meaning, is_vector, is_vector)
+    teach(operator.mul, vectors.product, is_number, is_vector)
+    teach(operator.neg, vectors.opposite, is_vector)
+
+
+use_operators(overload, numba.types, jit_options={"forceinline": True, **OPTIONS})
+
+
 class Version(NamedTuple):
     """Of a kernel. name: of its contact law and precision; single: see `with_globals`."""
 
@@ -84,18 +116,29 @@ def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any], v
     compiled; extended in place.
     """
     if function not in known:
-        names = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-        callees = {
+        callees = numpy_for_numbers(function) | {
             name: compiled_with_callees(value, known, version)
-            for name, value in names.items()
+            for name, value in names_of(function).items()
             if inspect.isfunction(value)
         }
         known[function] = numba.njit(forceinline=True, **OPTIONS)(with_globals(function, callees, version))
     return known[function]
 
 
+def numpy_for_numbers(function: Callable[..., Any]) -> dict[str, Any]:
+    """The name np, redefined, of a function that calls one of `scalars`; none if it does not."""
+    return {"np": scalars} if {"maximum", "minimum", "sqrt"} & set(function.__code__.co_names) else {}
+
+
+def names_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """The values of the global names and of the variables of an enclosing function that a function uses."""
+    used = {code.argval for code in dis.get_instructions(function) if code.opname in ("LOAD_GLOBAL", "LOAD_DEREF")}
+    enclosed = inspect.getclosurevars(function).nonlocals
+    return {name: value for name, value in {**function.__globals__, **enclosed}.items() if name in used}
+
+
 def with_globals(function: Callable[..., Any], names: dict[str, Any], version: Version) -> Callable[..., Any]:
-    """Return a copy of a function with some of its global names redefined, and named after the version of its kernel.
+    """Return a copy of a function with some of its names redefined, and named after the version of its kernel.
 
     The name matters: kernels that different processes wrote to the cache may contain functions with equal symbols,
     which Numba makes of names and argument types. LLVM would then link one kernel to functions of another.
@@ -104,13 +147,16 @@ def with_globals(function: Callable[..., Any], names: dict[str, Any], version: V
     an expression in which one number is double. The copy belongs to this module, because Numba's cache imports the
     module of every compiled function, and a contact law may come from a file that another process cannot import.
     """
-    code = function.__code__
-    values = {**function.__globals__, "__name__": __name__}
+    code, used = function.__code__, names_of(function)
+    values = {name: rounded(value, version.single) for name, value in used.items()} | names
     if version.single:
         code = code.replace(co_consts=tuple(rounded(value) for value in code.co_consts))
-        values |= {name: rounded(values[name]) for name in code.co_names if name in values}
     fresh = types.FunctionType(
-        code, {**values, **names}, function.__name__, rounded(function.__defaults__, version.single)
+        code,
+        {**function.__globals__, **values, "__name__": __name__},
+        function.__name__,
+        rounded(function.__defaults__, version.single),
+        tuple(types.CellType(values[name]) for name in code.co_freevars),
     )
     fresh.__qualname__ = f"{function.__qualname__}_{version.name}"
     return fresh

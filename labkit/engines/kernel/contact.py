@@ -1,8 +1,8 @@
 """Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
-The law is `pair` of a labkit.dem.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
+The law is `pair` of a labkit.grains.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
 compiler vectorises that loop. `pair`, `spring` and `overlap` are placeholders: labkit.engines.kernel.build replaces
-them by functions of the law and the precision for which it compiles a kernel.
+them by functions of the law and of the precision.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
-from labkit.dem.laws.base import Contact, ContactLaw
-from labkit.dem.laws.vectors import ZERO, Vector, dot, length_and_inverse, plus, times
 from labkit.engines.kernel.layout import (
     CELL_WORK,
     DASHPOT_LOSS,
@@ -35,13 +33,16 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     D,
 )
+from labkit.grains.laws.contact import Contact, Features
+from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse
 
-pair, spring = ContactLaw.pair, ContactLaw.spring
+pair: Any = None
+spring: Any = None
 
 
 def load(rows: np.ndarray, first: int, i: int) -> Vector:
     """Read the i-th vector from three rows, the first of which starts at `first`."""
-    return rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)]
+    return Vector(rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)])
 
 
 def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
@@ -50,36 +51,24 @@ def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
 
 
 def block_forces(
-    block: np.ndarray,
-    work: np.ndarray,
-    n: int,
-    dt: float,
-    constants: tuple[float, ...],
-    friction: Any,
-    rolling: Any,
-    dashpots: Any,
-    gradient: np.ndarray | None,
-    turning: bool | None,
+    block: np.ndarray, work: np.ndarray, n: int, dt: float, law: Features, gradient: np.ndarray | None
 ) -> None:
     """Compute forces and torques of n contacts and advance their history by dt.
 
-    block, work: rows as in layout.py. The arguments from `constants` to `dashpots`, and `turning`, are fields of
-    labkit.dem.laws.Features, None for absent features. gradient: the velocity gradient (3, 3), or None to omit
-    the energy sums.
+    block, work: rows as in layout.py; gradient: the velocity gradient (3, 3), or None to omit the energy sums.
     """
+    rolls = law.rolling is not None or law.twisting is not None
+    moment = HISTORY + 3 * WIDTH if law.friction is not None else HISTORY
     for i in range(n):
         d = load(work, D, i)
         distance, inverse = length_and_inverse(dot(d, d))
         v = a = b = t = m = ZERO
-        if turning is not None:
+        if law.turning is not None:
             v, a, b = load(work, VREL, i), load(work, WA, i), load(work, WB, i)
-        if friction is not None:
+        if law.friction is not None:
             t = load(block, HISTORY, i)
-        if rolling is not None:
-            if friction is not None:
-                m = load(block, HISTORY + 3 * WIDTH, i)
-            else:
-                m = load(block, HISTORY, i)
+        if rolls:
+            m = load(block, moment, i)
         contact = Contact(
             block[STIFFNESS + i],
             work[RADIUS_A + i],
@@ -87,29 +76,28 @@ def block_forces(
             overlap(work, i, distance),
             inverse,
             d,
-            times(inverse, d),
+            inverse * d,
             v,
             a,
             b,
         )
-        response = pair(contact, t, m, dt, constants, friction, rolling, dashpots, gradient)
+        response = pair(
+            contact, t, m, dt, gradient, law.shear, law.friction, law.rolling, law.twisting, law.dashpots, law.whole
+        )
         store(work, FORCE, i, response.force)
-        if turning is not None:
+        if law.turning is not None:
             store(work, TORQUE_A, i, response.torque_a)
             store(work, TORQUE_B, i, response.torque_b)
-        if friction is not None:
+        if law.friction is not None:
             store(block, HISTORY, i, response.tangential_force)
-        if rolling is not None:
-            if friction is not None:
-                store(block, HISTORY + 3 * WIDTH, i, response.rolling_moment)
-            else:
-                store(block, HISTORY, i, response.rolling_moment)
+        if rolls:
+            store(block, moment, i, response.rolling_moment)
         if gradient is not None:
-            if friction is not None:
+            if law.friction is not None:
                 work[FRICTION_LOSS + i] += response.friction_loss
-            if rolling is not None:
+            if rolls:
                 work[ROLLING_LOSS + i] += response.rolling_loss
-            if dashpots is not None:
+            if law.dashpots is not None:
                 work[DASHPOT_LOSS + i] += response.dashpot_loss
             work[CELL_WORK + i] += dt * dot(response.force, stretched(gradient, d))
 
@@ -126,14 +114,14 @@ def overlap_single(work: np.ndarray, i: int, distance: float) -> float:
 
 def stretched(L: np.ndarray, d: Vector) -> Vector:
     """Product L d."""
-    return (
-        L[0, 0] * d[0] + L[0, 1] * d[1] + L[0, 2] * d[2],
-        L[1, 0] * d[0] + L[1, 1] * d[1] + L[1, 2] * d[2],
-        L[2, 0] * d[0] + L[2, 1] * d[1] + L[2, 2] * d[2],
+    return Vector(
+        L[0, 0] * d.x + L[0, 1] * d.y + L[0, 2] * d.z,
+        L[1, 0] * d.x + L[1, 1] * d.y + L[1, 2] * d.z,
+        L[2, 0] * d.x + L[2, 1] * d.y + L[2, 2] * d.z,
     )
 
 
-def block_stress(block: np.ndarray, work: np.ndarray, n: int, friction: Any, sums: np.ndarray) -> None:
+def block_stress(block: np.ndarray, work: np.ndarray, n: int, law: Features, sums: np.ndarray) -> None:
     """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,).
 
     The dashpot forces are excluded, as in records.
@@ -143,15 +131,15 @@ def block_stress(block: np.ndarray, work: np.ndarray, n: int, friction: Any, sum
         distance = math.sqrt(dot(d, d))
         depth = overlap(work, i, distance)
         share = -spring(block[STIFFNESS + i], depth) / distance if depth >= 0.0 else 0.0
-        f = times(share, d)
-        if friction is not None:
-            f = plus(f, load(block, HISTORY, i))
-        sums[i] += d[0] * f[0]
-        sums[WIDTH + i] += d[0] * f[1]
-        sums[2 * WIDTH + i] += d[0] * f[2]
-        sums[3 * WIDTH + i] += d[1] * f[0]
-        sums[4 * WIDTH + i] += d[1] * f[1]
-        sums[5 * WIDTH + i] += d[1] * f[2]
-        sums[6 * WIDTH + i] += d[2] * f[0]
-        sums[7 * WIDTH + i] += d[2] * f[1]
-        sums[8 * WIDTH + i] += d[2] * f[2]
+        f = share * d
+        if law.friction is not None:
+            f += load(block, HISTORY, i)
+        sums[i] += d.x * f.x
+        sums[WIDTH + i] += d.x * f.y
+        sums[2 * WIDTH + i] += d.x * f.z
+        sums[3 * WIDTH + i] += d.y * f.x
+        sums[4 * WIDTH + i] += d.y * f.y
+        sums[5 * WIDTH + i] += d.y * f.z
+        sums[6 * WIDTH + i] += d.z * f.x
+        sums[7 * WIDTH + i] += d.z * f.y
+        sums[8 * WIDTH + i] += d.z * f.z

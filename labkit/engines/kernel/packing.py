@@ -28,7 +28,7 @@ LINE = 64  # bytes per cache line
 
 
 @dataclasses.dataclass(frozen=True)
-class Grains:
+class GrainArrays:
     """Grains in the order of the State: position, velocity, spin (grain, 3); radius, mass, inertia (grain,)."""
 
     position: np.ndarray
@@ -55,7 +55,7 @@ class History:
 
 
 @dataclasses.dataclass(frozen=True)
-class Packing:
+class PackedArrays:
     """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
 
     order (grain,): index in the State of each grain; slot (n,): position of each pair in the blocks; pairs (2, n):
@@ -85,13 +85,13 @@ class Packing:
 
 
 def pack(
-    grains: Grains,
+    grains: GrainArrays,
     history: History,
     cell: np.ndarray,
     margin: float,
     stiffness: Callable[[np.ndarray, np.ndarray], np.ndarray],
     kind: type[np.floating],
-) -> Packing:
+) -> PackedArrays:
     """Find all pairs closer than `margin`, m, and lay out all arrays; images are left empty.
 
     cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m; kind: type of the numbers that may be single, np.float64 or
@@ -146,7 +146,7 @@ def pack(
         doubles=aligned((domains, DOUBLE_ROWS * WIDTH)),
         start=position,
     )
-    return Packing(arrays, order, slot, pairs, shift)
+    return PackedArrays(arrays, order, slot, pairs, shift)
 
 
 def aligned(shape: tuple[int, ...], kind: type = float) -> np.ndarray:

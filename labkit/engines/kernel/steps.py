@@ -10,7 +10,7 @@ contact therefore needs no periodic shift, and no two domains write to the same 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -31,6 +31,7 @@ from labkit.engines.kernel.layout import (
 from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
 from labkit.engines.kernel.sites import add_to_sites, collect_images, image_sites, read_places, read_sites
 from labkit.engines.kernel.transfers import prefetch, put_motions, put_places, take_forces, take_records
+from labkit.grains.laws.contact import Features
 
 SINGLE = False  # replaced by labkit.engines.kernel.build for mixed precision
 LINE = 64  # bytes per cache line
@@ -97,12 +98,8 @@ def domain_contacts(
     first: int,
     last: int,
     dt: float,
-    constants: tuple[float, ...],
-    friction: Any,
-    rolling: Any,
-    dashpots: Any,
+    law: Features,
     gradient: np.ndarray | None,
-    turning: bool | None,
 ) -> None:
     """Compute the contacts first <= k < last of a domain; `first` is a multiple of the block size. See `advance`."""
     for start in range(first, last, WIDTH):
@@ -112,11 +109,11 @@ def domain_contacts(
         for i in range(0, len(block) // 2, line):
             prefetch(block, len(block) + i)  # the next block, in two halves so that requests do not queue
         a, b = pairs[0, start : start + n], pairs[1, start : start + n]
-        read_sites(places, motions, a, b, work, turning)
-        block_forces(block, work, n, dt, constants, friction, rolling, dashpots, gradient, turning)
+        read_sites(places, motions, a, b, work, law.turning)
+        block_forces(block, work, n, dt, law, gradient)
         for i in range(len(block) // 2, len(block), line):
             prefetch(block, len(block) + i)
-        add_to_sites(forces, a, b, work, turning)
+        add_to_sites(forces, a, b, work, law.turning)
     if SINGLE and gradient is not None:
         for k in range(4 * WIDTH):
             doubles[CONTACT_SUMS + k] += work[CELL_WORK + k]
@@ -206,21 +203,16 @@ def advance(
     motion: Motion,
     arrays: Arrays,
     contact_dt: float,
-    constants: tuple[float, ...],
-    friction: Any,
-    rolling: Any,
-    dashpots: Any,
+    law: Features,
     damping: float | None,
     gradient: np.ndarray | None,
-    turning: bool | None,
 ) -> tuple[int, bool]:
     """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
 
     If a search is needed, the grains have already been moved for the next step, but its forces have not been computed:
     run the search, then call again with moved_already. L (3, 3): velocity gradient, 1/s; contact_dt, gradient: dt, and
-    L if energies are summed, else None, in the precision of contacts. The other arguments from `constants` to `turning`
-    are fields of labkit.dem.laws.Features. Numba compiles the loop without the features that are None. It can do so
-    only for function arguments, so they are not packed in a tuple.
+    L if energies are summed, else None, in the precision of contacts; law: numbers of the contact law; damping:
+    coefficient of local damping. Numba compiles the loop without the features that are None.
     """
     grain_first, contact_first, contact_last = arrays.grain_first, arrays.contact_first, arrays.contact_last
     places, motions, forces = arrays.places, arrays.motions, arrays.forces
@@ -228,6 +220,7 @@ def advance(
     image_first, owner, shift = arrays.image_first, arrays.owner, arrays.shift
     pairs, blocks, start = arrays.pairs, arrays.blocks, arrays.start
     cell, before = motion.cell, motion.before
+    shear, friction, rolling, twisting, dashpots, whole, turning = law  # a parallel loop takes no tuples in a tuple
     domains = len(contact_first)
     speed = np.empty(domains)
     for step in range(steps):
@@ -269,17 +262,13 @@ def advance(
                 contact_first[d],
                 contact_last[d],
                 contact_dt,
-                constants,
-                friction,
-                rolling,
-                dashpots,
+                Features(shear, friction, rolling, twisting, dashpots, whole, turning),
                 gradient,
-                turning,
             )
     return steps, False
 
 
-def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
+def branch_force(arrays: Arrays, law: Features) -> np.ndarray:
     """Sum of branch (x) force on the first grain over all contacts, (3, 3), N m.
 
     The dashpot forces are excluded, as in records.
@@ -292,7 +281,7 @@ def branch_force(arrays: Arrays, friction: Any) -> np.ndarray:
             end = start + whole_lanes(n)
             work = arrays.work[0]
             read_places(arrays.places, arrays.pairs[0, start:end], arrays.pairs[1, start:end], work)
-            block_stress(arrays.blocks[start // WIDTH], work, n, friction, sums)
+            block_stress(arrays.blocks[start // WIDTH], work, n, law, sums)
     total = np.zeros((3, 3))
     for k in range(9):
         for i in range(WIDTH):

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.dem.laws.spring_dashpot import SpringDashpot
-from labkit.dem.scene import Scene
 from labkit.errors import InputError
+from labkit.grains.laws.named import SpringDashpot
+from labkit.grains.scene import Scene
 
 MOST_CLASSES = 64  # of size: 2080 sets of coefficients
 
@@ -45,7 +45,7 @@ def pair_coefficients(scene: Scene, radius: np.ndarray) -> list[str]:
                 stiffness(a, b)
                 for stiffness in (scene.normal_stiffness, scene.tangential_stiffness, scene.rolling_stiffness)
             )
-            cn, ct = SpringDashpot().dashpots(scene, a, b)
+            *_, cn, ct = SpringDashpot().tangents(scene, a, b, np.zeros(()))
             if cn == 0.0 < ct:
                 raise InputError("LAMMPS does not support beta_t without beta_n: set beta_n above 0, or beta_t = 0")
             share = ct / cn if cn > 0.0 else 0.0

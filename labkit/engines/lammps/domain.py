@@ -24,13 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from labkit.dem.observed import Observed
-from labkit.dem.state import State
 from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
 from labkit.engines.lammps.parts import Part
-from labkit.engines.lammps.records import PartialState, observe_parts
 from labkit.engines.lammps.restart import Histories, histories, put_histories
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.state import State
 from labkit.micro.cells import widths
 
 SKIN = 0.1  # of the mean diameter; half of it is kept for grains that spring apart between two looks
@@ -253,11 +251,6 @@ class Domain:
     def all_parts(self) -> list[Part] | None:
         """The parts of all ranks, on rank 0."""
         return self.comm.gather(self.part())
-
-    def observe(self, brief: State) -> tuple[Observed, np.ndarray]:
-        """The quantities of a record and the stiffness of the cell (labkit.engines.lammps.records)."""
-        brief = brief.replace(radius=self.radius)
-        return observe_parts(PartialState(self.part(), brief), brief, self.comm)
 
     def array(self, name: str) -> np.ndarray:
         """A quantity of the own grains and then of the copies of others'; a scalar as (n,), a vector as (n, 3)."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from labkit.dem.laws.spring_dashpot import SpringDashpot
+from labkit.grains.laws.named import SpringDashpot
 
 if TYPE_CHECKING:
     from labkit.engines.lammps.domain import Domain
@@ -17,18 +17,16 @@ if TYPE_CHECKING:
 class Part:
     """Grains of one rank, and contacts, each of which exactly one rank has. SI units.
 
-    number (g,): of the grains, from 0; radius (g,), position, velocity, angular_velocity (g, 3);
-    pair (c, 2): numbers of the two grains; radii (c, 2); branch (c, 3): from the first to the second grain;
+    number (g,): of the grains, from 0; position, velocity, angular_velocity (g, 3);
+    pair (c, 2): numbers of the two grains; branch (c, 3): from the first to the second grain;
     tangential_force, rolling_moment (c, 3): of the springs, on the first grain.
     """
 
     number: np.ndarray
-    radius: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     angular_velocity: np.ndarray
     pair: np.ndarray
-    radii: np.ndarray
     branch: np.ndarray
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
@@ -47,7 +45,7 @@ class Part:
         radii = np.stack([grains["radius"][first], grains["radius"][second]], axis=1)
         slip = _slip(domain, grains, first, second, branch, radii)
         scene = domain.scene
-        _, ct = SpringDashpot().dashpots(scene, radii[:, 0], radii[:, 1])
+        ct = SpringDashpot().tangents(scene, radii[:, 0], radii[:, 1], np.zeros(len(radii))).tangential_dashpot
         tangential = local[:, 3:6] + ct[:, None] * slip  # without the dashpot
         length = np.sqrt(np.einsum("ci,ci->c", branch, branch))
         reduced = radii.prod(axis=1) / radii.sum(axis=1)
@@ -58,12 +56,10 @@ class Part:
             tangential = np.zeros_like(tangential)
         return cls(
             ids[:n],
-            grains["radius"][:n].copy(),
             grains["x"][:n].copy(),
             grains["v"][:n].copy(),
             grains["omega"][:n].copy(),
             np.sort(number, axis=1),
-            np.where(swapped, radii[:, ::-1], radii),
             sign * branch,
             sign * tangential,
             sign * moment,

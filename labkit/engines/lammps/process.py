@@ -1,22 +1,25 @@
-"""Starts a task on several ranks with mpiexec, and says how to install LAMMPS."""
+"""Starts LAMMPS on several ranks with mpiexec, and says how to install it."""
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import shlex
 import shutil
+import socket
+import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
-from labkit.dem.engine import Progress
-from labkit.engines.child import Program, run_child
+from labkit.engines.server import Server
 from labkit.errors import InputError
 from labkit.io.extras import install_command
-from labkit.io.progress import PIPE
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable: the command that starts MPI programs, e.g. `srun`
 ROOT = Path(__file__).resolve().parents[3]
+SOCKETS = "/tmp"  # TMPDIR may be on a file system that all computers see, which has no sockets
 
 
 def require_lammps() -> None:
@@ -42,17 +45,34 @@ def launcher() -> list[str]:
     return [program]
 
 
-def run_ranks(job: str, ranks: int, progress: Progress) -> None:
-    """Carry out the task in a file on `ranks` ranks. Raises InputError, PhysicsError or Interrupted."""
-    require_lammps()
-    python = [sys.executable, "-m", "labkit.cli.lammps_main", job]
+def start_ranks(ranks: int) -> Server:
+    """Start LAMMPS as a server on `ranks` ranks. Raises InputError if there is no mpiexec, PhysicsError if it ends."""
+    command = [*launcher(), "-n", str(ranks), sys.executable, "-m", "labkit.engines.lammps.server"]
     path = os.pathsep.join(one for one in (str(ROOT), os.environ.get("PYTHONPATH", "")) if one)
-    environment = {**os.environ, PIPE: "1", "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
-    run_child(
-        [*launcher(), "-n", str(ranks), *python], environment, progress, Program("LAMMPS", number_file=number_file(job))
-    )
+    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    output = tempfile.TemporaryFile()
+    folder = tempfile.TemporaryDirectory(prefix="labkit-", dir=SOCKETS)
+    with folder as place, socket.socket(socket.AF_UNIX) as listener:
+        name = str(Path(place) / "lammps")
+        listener.bind(name)
+        listener.listen(1)
+        process = subprocess.Popen(
+            [*command, name],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,  # mpiexec would end the ranks at a signal of the terminal
+        )
+        return Server("LAMMPS", _accepted(listener, process), process, output)
 
 
-def number_file(job: str) -> Path:
-    """File in which rank 0 writes its process number."""
-    return Path(f"{job}.pid")
+def _accepted(listener: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket:
+    """The socket of rank 0; a closed one if the process ends before it connects."""
+    listener.settimeout(0.1)
+    while process.poll() is None:
+        with contextlib.suppress(TimeoutError):
+            return listener.accept()[0]
+    mine, its = socket.socketpair()
+    its.close()
+    return mine

@@ -14,8 +14,8 @@ from analysis.hard_cases.cases.cycles import cycle_ends, turning_records
 from analysis.hard_cases.outcome import examine
 from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_REPORTED, SCENES, SILENT_WRONG
 from labkit.cli.dispatch import main
-from labkit.dem.scene import Scene
-from labkit.dem.state import read_state, write_state
+from labkit.grains.scene import Scene
+from labkit.grains.state import read_state, write_state
 from tests.changed import changed
 
 GRAINS = 120
@@ -55,6 +55,9 @@ def test_no_hard_case_is_silently_wrong_on_fused(name, precision, examined):
 @pytest.mark.parametrize("name", ON_YADE)
 def test_no_hard_case_is_silently_wrong_on_yade(name, examined):
     outcome, _ = examined(name, "yade")
+    if (name, outcome.verdict) == ("isod_to_nothing", CLEAR_ERROR):  # in the gas, on some processors
+        assert "energy balance" in outcome.guard, outcome
+        return
     assert (outcome.verdict, outcome.failed) == (SCENES[name].verdict, "") and outcome.checks > 1, outcome
 
 

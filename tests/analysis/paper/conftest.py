@@ -13,10 +13,10 @@ import pytest
 import analysis.paper
 import labkit
 from analysis.paper.ends import in_memory
-from labkit.campaign import Specimen, read_campaign
-from labkit.dem import StressPath
+from labkit.campaigns import Specimen, read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
+from labkit.paths.path import StressPath
 from labkit.runs import SHEAR
 from labkit.sff.c0 import c0_stress
 from tests.changed import changed

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
-from labkit.dem.paths import travelled
+from labkit.paths.registry import travelled
 from labkit.runs.critical import critical_states
 
 

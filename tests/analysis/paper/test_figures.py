@@ -12,7 +12,7 @@ from analysis.paper.ends import main as papers_tests
 from analysis.paper.lines import critical_lines
 from analysis.paper.model_runs import CALIBRATED, models
 from labkit.cli.dispatch import main
-from labkit.io.provenance import of_file
+from labkit.io.provenance import provenance_of
 from labkit.model.parameters import Model
 
 RUNS = {
@@ -63,7 +63,7 @@ def test_figure_of_available_runs(name, runs, folder, tmp_path):
     figure = DRAW[name](runs, models(folder))
     assert any(line.get_xdata().size > 10 for axes in figure.axes for line in axes.lines)
     file = figures.save(figure, tmp_path / "f.png", runs)
-    known = of_file(file)
+    known = provenance_of(file)
     assert known["command"] == "./lab paper" and len(known["inputs"]) == len(RUNS)
 
 

@@ -9,10 +9,11 @@ import pytest
 import labkit
 from analysis.paper import model_comparison as comparison
 from analysis.paper import model_summary
+from analysis.paper.drawing import curves
 from analysis.paper.ends import in_memory
 from analysis.paper.tables import write_tables
+from labkit.figures import plots
 from labkit.model import Model
-from labkit.visuals import plots
 from tests.analysis.paper.conftest import make
 
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
@@ -97,7 +98,7 @@ def test_all_tables_are_written_and_read(other_runs, tmp_path):
     run = model["cyclic-cyclic_loose"][comparison.OURS]
     assert run.lab.mean_stress().values[-1] == pytest.approx(0.5e6, rel=1e-3)
     assert run.attrs["path"] == "cyclic_cp" and np.isfinite(run["void_ratio"]).all()
-    plots.save(plots.curves({"CV": {"dense": model["cv-dense"][comparison.OURS]}}, ("q-p",)), tmp_path / "f.png")
+    plots.save(curves({"CV": {"dense": model["cv-dense"][comparison.OURS]}}, ("q-p",)), tmp_path / "f.png")
 
 
 def test_tables_without_the_tests_they_need(other_runs, tmp_path):

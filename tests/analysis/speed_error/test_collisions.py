@@ -7,8 +7,8 @@ import pytest
 
 from analysis.speed_error import collisions
 from analysis.speed_error.collisions import collide, collision_errors, orders, restitution
-from labkit.dem.scene import Scene
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
 
 FRACTIONS = (0.2, 0.1, 0.05, 0.025)
 FIRST_ORDER = {(name, "spring_dashpot") for name in ("restitution", "tangential impulse", "tangential restitution")}

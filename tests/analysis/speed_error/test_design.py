@@ -1,20 +1,15 @@
 """The design covers all factors, and its standard settings are the defaults of the commands."""
 
-import argparse
 import dataclasses
 
 import pytest
 
 from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, full
 from labkit.cli import simulate
-from labkit.dem.settings import SETTINGS, settings
+from labkit.cli.dispatch import parse
 from labkit.errors import InputError
-
-
-def parsed(add_options, arguments):
-    parser = argparse.ArgumentParser()
-    add_options(parser)
-    return parser.parse_args(arguments)
+from labkit.paths.rates import on_grains
+from labkit.specimens.settings import SETTINGS, settings
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -45,12 +40,11 @@ def test_rates_and_sizes_cover_the_range():
 
 
 def specimen_task(*options):
-    return simulate.specimen_task(parsed(simulate.specimen_options, ["--void-ratio", "0.67", *options]), "")
+    return simulate.specimen_task(**parse(["specimen", "--void-ratio", "0.67", *options])[1])
 
 
 def run_task(path, file, *options):
-    arguments = [path, str(file), "-o", "x.run.nc", *options]
-    return simulate.run_task(parsed(simulate.run_options, arguments), "")
+    return simulate.run_task(**parse(["run", path, str(file), "-o", "x.run.nc", *options])[1])
 
 
 def test_standard_is_what_the_commands_do_without_options(specimen_file):
@@ -59,7 +53,7 @@ def test_standard_is_what_the_commands_do_without_options(specimen_file):
     side = plain.recipe.side_of(plain.material)
     assert (side, plain.material.time_step_factor) == (SETTINGS["standard"].side, 0.2)
     plain, standard = run_task("cv", specimen_file), run_task("cv", specimen_file, "--settings", "standard")
-    assert plain.path.for_scene(plain.scene) == standard.path and plain.scene == standard.scene
+    assert on_grains(plain.path, plain.scene) == standard.path and plain.scene == standard.scene
 
 
 def test_settings_change_size_rate_and_time_step(specimen_file):

@@ -8,12 +8,12 @@ import pytest
 
 import labkit
 from analysis.speed_error.lammps import shear_in_lammps
-from labkit.bench.lammps import size_classes, steps_per_second
-from labkit.dem.paths import ConstantVolume
-from labkit.dem.scene import Scene
-from labkit.dem.servo import velocity_gradient
+from benchmarks.lammps import size_classes, steps_per_second
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.paths.standard import ConstantVolume
+from labkit.servo.correction import prescribed_gradient
 
 LAMMPS = shutil.which("lmp")
 needs_lammps = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
@@ -40,7 +40,7 @@ def without_tangential_forces(state, found):
     engine.advance(SETTLE, np.zeros((3, 3)))
     stress = [engine.stress()]
     for _ in range(RECORDS):
-        engine.advance(found.steps // RECORDS, velocity_gradient(ConstantVolume(RATE), 1.0, found.time_step))
+        engine.advance(found.steps // RECORDS, prescribed_gradient(ConstantVolume(RATE), found.time_step))
         stress.append(engine.stress())
     return np.array(stress)
 

@@ -1,6 +1,6 @@
 """Loads a script of `labkit export`; writes its stress, and YADE's own files: a save, a SpherePack, a table, VTK.
 
-write_files.py ROOT OUTPUT.json SCRIPT FOLDER
+write_files.py OUTPUT.json SCRIPT FOLDER
 """
 
 import json
@@ -9,7 +9,7 @@ import sys
 import numpy as np
 from yade import export, pack, utils
 
-root, output, script, folder = sys.argv[1:5]
+output, script, folder = sys.argv[1:4]
 exec(open(script).read())  # its names are those of YADE
 contacts = [contact for contact in O.interactions if contact.isReal]
 result = {"stress": (-np.array(utils.getStress())).tolist(), "contacts": len(contacts)}

@@ -1,0 +1,176 @@
+"""The commands bench, bench-statistics, model-speed and umat-speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import pandas
+
+from labkit.cli.arguments import Option, fraction, one_of
+from labkit.cli.outputs import write_table
+from labkit.cli.registry import command
+from labkit.engines.base import Progress
+from labkit.grains.state import State, read_state
+from labkit.io.files import require_writable
+from labkit.io.progress import reporter
+from labkit.io.provenance import write_with_provenance
+
+
+class Asked(NamedTuple):
+    """What to measure: a state file, steps per measurement, rounds, axial strain of whole commands."""
+
+    specimen: str
+    steps: int
+    rounds: int
+    strain: float
+
+
+Result = tuple[str, pandas.DataFrame | None]  # the text to print, and the table for --csv
+
+
+def _engines(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.engines import bench, table
+    from labkit.paths.rates import default_rate
+    from labkit.paths.standard import ConstantVolume
+
+    results = bench(asked.specimen, asked.steps, asked.rounds, progress)
+    rate = default_rate(ConstantVolume, state.scene)
+    return table(results, state.number_of_grains, state.time_step, rate), None
+
+
+def _commands(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.commands import commands, summary
+
+    speeds = commands(asked.specimen, asked.strain, asked.steps, asked.rounds, progress)
+    return summary(speeds, state.number_of_grains), speeds
+
+
+def _features(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.kernel import features
+
+    return features(state, asked.steps, asked.rounds, progress), None
+
+
+def _gpu(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.gpu import gpu, table
+    from labkit.engines.cuda.device import require_device
+
+    require_device()
+    speeds = gpu(state, progress)
+    return table(speeds), speeds
+
+
+def _laws(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.laws import laws
+
+    return laws(state, asked.steps, asked.rounds, progress), None
+
+
+def _sizes(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.sizes import sizes
+
+    speeds = sizes(state, asked.steps, progress)
+    return speeds.to_string(index=False, float_format="%.1f"), speeds
+
+
+def _threads(asked: Asked, state: State, progress: Progress) -> Result:
+    from benchmarks.threads import threads
+
+    return threads(asked.specimen, 10 * asked.steps, asked.rounds, progress), None
+
+
+BENCHMARKS: dict[str, Callable[[Asked, State, Progress], Result]] = {
+    "engines": _engines,
+    "commands": _commands,
+    "features": _features,
+    "gpu": _gpu,
+    "laws": _laws,
+    "sizes": _sizes,
+    "threads": _threads,
+}
+
+
+@command("bench")
+def bench_command(
+    specimen: Annotated[str, Option("state file")],
+    *,
+    what: Annotated[
+        str,
+        Option(
+            "compare engines (default), whole commands `labkit run cv` with LAMMPS, features of the fused engine by "
+            "their cost, batches of specimens on a GPU, contact laws, specimens of several sizes, or threads of the "
+            "fused engine on free and busy cores",
+            f"{{{','.join(BENCHMARKS)}}}",
+            type=one_of(BENCHMARKS),
+        ),
+    ] = "engines",
+    steps: Annotated[int, Option("steps per measurement")] = 500,
+    rounds: Annotated[int, Option("number of rounds; each round measures every variant once")] = 5,
+    strain: Annotated[float, Option("axial strain of whole commands", "E", type=fraction)] = 0.1,
+    csv: Annotated[str | None, Option("also write the table of `commands`, `gpu` or `sizes` as CSV", "FILE")] = None,
+) -> None:
+    """Measures the speed of a CV test: of a stock YADE script, labkit's engines and LAMMPS, where installed.
+
+    Prints a table.
+
+    Examples:
+        labkit bench s.state.nc --steps 500
+        labkit bench s.state.nc --what gpu --csv gpu.csv      # batches of specimens on a GPU
+    """
+    text, table = BENCHMARKS[what](Asked(specimen, steps, rounds, strain), read_state(specimen), reporter("bench"))
+    print(text)
+    if table is not None:
+        write_table(table, csv, [specimen], digits=6 if what == "commands" else 4)
+
+
+@command("bench-statistics")
+def bench_statistics_command(run: Annotated[str, Option("run file")]) -> None:
+    """Measures the time and memory of each statistic of a run.
+
+    Prints a table.
+
+    Example:
+        labkit bench-statistics r.run.nc
+    """
+    from benchmarks.statistics import bench_statistics
+
+    print(bench_statistics(run).to_string(index=False, float_format="%.2f", na_rep=""))
+
+
+@command("model-speed")
+def model_speed_command(*, output: Annotated[str, Option("existing folder", "FOLDER")] = "results") -> None:
+    """Measures time and error of the integrators of the constitutive model.
+
+    Prints a table, and writes it to model_speed.txt and a figure to model_speed.png.
+
+    Example:
+        labkit model-speed -o measured
+    """
+    from benchmarks.model import measure_all
+
+    require_writable(Path(output) / "labkit")
+    print(measure_all(Path(output)))
+
+
+@command("umat-speed")
+def umat_speed_command(
+    *, output: Annotated[str | None, Option("also write the table to this text file", "FILE")] = None
+) -> None:
+    """Compiles the material law and measures its updates per second on one core.
+
+    It does so with and without the consistent tangent, beside the law in Python.
+
+    Example:
+        labkit umat-speed -o umat_speed.txt
+    """
+    from benchmarks.points import measure, text_of
+    from labkit.model.parameters import Model
+
+    if output:
+        require_writable(output)
+    text = text_of(measure(Model()))
+    print(text)
+    if output:
+        write_with_provenance(output, text + "\n")

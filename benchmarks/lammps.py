@@ -1,0 +1,198 @@
+"""A specimen in LAMMPS: pair style granular with the same grains, stiffness, friction, dashpots and rolling.
+
+LAMMPS has one set of coefficients per pair of atom types, labkit one per pair of grains. The grains are therefore
+sorted into `classes` of equal width in radius, and a pair gets the coefficients computed from its class midpoints
+(labkit.engines.lammps.coefficients). The `tsuji` dashpot would use m* of the actual grains, but it accepts only the
+restitution coefficient, through a polynomial fitted for Hertz's law.
+
+Differences from the contact law `spring_dashpot`: the friction and rolling limits cap the sum of spring and dashpot,
+and their fn includes the dashpot; the springs do not turn about the normal; the contact forces stored in the State are
+not transferred.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import os
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from labkit.engines.lammps.coefficients import pair_coefficients
+from labkit.errors import InputError, PhysicsError
+from labkit.grains.state import State
+
+
+@dataclasses.dataclass(frozen=True)
+class Tuning:
+    """What changes the speed of LAMMPS and not its results, apart from rounding.
+
+    skin: fraction of the mean diameter; newton: `on` to compute a pair across two processes once; sort: steps between
+    two sorts of the grains by place.
+    """
+
+    skin: float = 0.05
+    newton: str = "off"
+    sort: int = 1000
+
+    def __str__(self) -> str:
+        return f"skin {self.skin:g} D, newton {self.newton}, sort {self.sort}"
+
+
+STANDARD = Tuning()
+TUNINGS = tuple(Tuning(*each) for each in itertools.product((0.03, 0.05, 0.1), ("off", "on"), (200, 1000)))
+
+# remap v: grains keep their positions and velocities, and images move with the cell. No fix adds the velocity of the
+# mean field, so the input adds it once at the start.
+INPUT = """\
+units si
+atom_style sphere
+atom_modify sort {sort} 0.0
+boundary p p p
+comm_modify vel yes
+newton {newton}
+read_data {data}
+neighbor {skin:.17g} bin
+neigh_modify every 1 delay 0 check yes
+pair_style granular
+{coefficients}
+fix motion all nve/sphere
+timestep {time_step:.17g}
+compute stress all pressure NULL virial
+thermo_style custom step lx ly lz &
+    c_stress[1] c_stress[2] c_stress[3] c_stress[4] c_stress[5] c_stress[6]
+thermo_modify format float %.15g
+thermo {settle}
+run {settle}
+reset_timestep 0
+velocity all ramp vx {start[0]:.17g} {end[0]:.17g} x 0 {size[0]:.17g} sum yes units box
+velocity all ramp vy {start[1]:.17g} {end[1]:.17g} y 0 {size[1]:.17g} sum yes units box
+velocity all ramp vz {start[2]:.17g} {end[2]:.17g} z 0 {size[2]:.17g} sum yes units box
+fix cell all deform 1 x trate {rates[0]:.17g} y trate {rates[1]:.17g} z trate {rates[2]:.17g} remap v
+thermo {every}
+run {steps}
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class LammpsRun:
+    """Records of LAMMPS while the cell deforms.
+
+    size (record, 3): cell, m; stress (record, 3, 3): sum over all contact forces, Pa, compression positive;
+    seconds: wall time of the loop over `steps` steps.
+    """
+
+    size: np.ndarray
+    stress: np.ndarray
+    seconds: float
+    steps: int
+
+
+def write_input(
+    folder: str | os.PathLike[str],
+    state: State,
+    rates: np.ndarray,
+    steps: int,
+    settle: int,
+    every: int,
+    classes: int,
+    tuning: Tuning = STANDARD,
+) -> Path:
+    """Write the LAMMPS data and input files for a State into a folder; return the input file.
+
+    rates (3,): logarithmic strain rates of the cell, 1/s, expansion positive. settle: number of steps at rest before
+    the deformation. every: number of steps between records. classes: number of grain-size classes. Raises InputError
+    if the cell is not a rectangular box.
+    """
+    cell = state.cell
+    if np.abs(cell - np.diag(np.diag(cell))).max() > 1e-12 * cell.max():
+        raise InputError("the cell of the specimen is not rectangular: use a specimen that has not been sheared")
+    size, rates = np.diag(cell), np.asarray(rates, dtype=float)
+    kind, middle = size_classes(state.radius, classes)
+    data = Path(folder) / "grains.data"
+    data.write_text(_grains(state, size, kind, classes))
+    file = Path(folder) / "in.shear"
+    file.write_text(
+        INPUT.format(
+            data=data,
+            skin=tuning.skin * state.scene.mean_diameter,
+            newton=tuning.newton,
+            sort=tuning.sort,
+            coefficients="\n".join(pair_coefficients(state.scene, middle)),
+            time_step=state.time_step,
+            settle=settle,
+            every=every,
+            steps=steps,
+            size=size,
+            rates=rates,
+            start=-0.5 * rates * size,
+            end=0.5 * rates * size,
+        )
+    )
+    return file
+
+
+def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the class of each grain (grain,), from 0, and the midpoint radius of each class (classes,), m."""
+    low, high = radius.min(), radius.max()
+    width = (high - low) / classes
+    kind = np.minimum(((radius - low) / width).astype(int), classes - 1) if width > 0.0 else np.zeros(len(radius), int)
+    return kind, low + width * (np.arange(classes) + 0.5)
+
+
+def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> str:
+    """Text of the data file: cell and grains."""
+    lines = [f"grains\n\n{state.number_of_grains} atoms\n{classes} atom types\n"]
+    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist(), strict=True)]
+    lines += ["\nAtoms # sphere\n"]
+    position = np.mod(state.position, size)
+    grains = zip(kind.tolist(), state.radius.tolist(), position.tolist(), strict=True)
+    for number, (of, radius, place) in enumerate(grains, 1):
+        x, y, z = place
+        lines.append(f"{number} {of + 1} {2.0 * radius!r} {state.scene.density!r} {x!r} {y!r} {z!r}")
+    return "\n".join(lines) + "\n"
+
+
+def deform(
+    program: str,
+    state: State,
+    rates: np.ndarray,
+    steps: int,
+    settle: int,
+    every: int,
+    classes: int,
+    tuning: Tuning = STANDARD,
+) -> LammpsRun:
+    """Run LAMMPS on one core; arguments as in write_input. Raises PhysicsError with LAMMPS's message if it fails."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = write_input(folder, state, rates, steps, settle, every, classes, tuning)
+        command = [program, "-in", str(file), "-log", "none"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    loops = re.findall(r"\n *Step .*\n((?:[ \d.e+-]+\n)+)Loop time of (\S+) on", done.stdout)
+    if done.returncode or len(loops) != 2:
+        raise PhysicsError(f"{program} ended with exit status {done.returncode}: {(done.stdout + done.stderr)[-300:]}")
+    rows, seconds = loops[1]
+    values = np.array([line.split() for line in rows.splitlines()], dtype=float)
+    xx, yy, zz, xy, xz, yz = values[:, 4:].T
+    stress = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+    return LammpsRun(values[:, 1:4], stress, float(seconds), steps)
+
+
+def steps_per_second(program: str, state: State, rates: np.ndarray, steps: int, tuning: Tuning = STANDARD) -> float:
+    """Measure the speed of LAMMPS on one core with one class of grains. Raises PhysicsError as `deform` does."""
+    run = deform(program, state, rates, steps, max(1, steps // 5), steps, 1, tuning)
+    return run.steps / run.seconds
+
+
+def fastest(program: str, state: State, rates: np.ndarray, steps: int, rounds: int) -> Tuning:
+    """The Tuning of TUNINGS with the highest speed in `rounds` alternating rounds of `steps` steps."""
+    speeds = [
+        (steps_per_second(program, state, rates, steps, tuning), number)
+        for _ in range(rounds)
+        for number, tuning in enumerate(TUNINGS)
+    ]
+    return TUNINGS[max(speeds)[1]]

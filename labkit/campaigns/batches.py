@@ -1,0 +1,132 @@
+"""Batches of a campaign: runs that an engine advances together on one GPU, as one job.
+
+The job loads all runs of a batch and leaves each in the folder of unfinished runs, complete or not. The job of each
+run then finds it there: a finished one is moved into place, one that failed says why.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from labkit.campaigns.items import PlannedRun
+from labkit.campaigns.plan import Job, Plan
+from labkit.engines import ENGINES
+from labkit.engines.base import MOST_THREADS
+from labkit.errors import InputError, Interrupted, PhysicsError, sentence
+from labkit.runs.batches import execute_together, packed
+from labkit.runs.tasks import RunTask
+
+BATCHES = "batches"  # folder of the marks of batches that have been carried out
+GB = 1e9
+
+
+@dataclass(frozen=True)
+class RunBatch:
+    """Runs that are carried out together.
+
+    name: differs for other runs or other parameters; memory: bytes that they need on the GPU, about.
+    """
+
+    name: str
+    jobs: tuple[Job, ...]
+    memory: float
+
+    @property
+    def threads(self) -> int:
+        """Threads that compute the records of its runs."""
+        return min(len(self.jobs), MOST_THREADS)
+
+    @property
+    def mark(self) -> str:
+        """Path of an empty file, written once all runs have been tried."""
+        return f"{BATCHES}/{self.name}.done"
+
+
+def batched(job: Job) -> bool:
+    """True if a job is a run on an engine that advances runs together."""
+    return job.kind == "run" and on_gpu(job)
+
+
+def on_gpu(job: Job) -> bool:
+    """True if a job needs the GPU."""
+    return ENGINES[job.item.engine].abilities.batches is not None
+
+
+def batches_of(plan: Plan) -> tuple[RunBatch, ...]:
+    """The batches of a plan: as few as fit the memory of the GPU, which is that of the campaign file, if given there.
+
+    Raises InputError if it is not, and this computer has no GPU.
+    """
+    groups: dict[tuple[str, str], list[Job]] = defaultdict(list)
+    for job in filter(batched, plan.runs):
+        groups[job.item.engine, job.item.precision].append(job)
+    batches = []
+    for (name, precision), jobs in groups.items():
+        engine, given = ENGINES[name].abilities.batches, plan.campaign.gpu_memory
+        assert engine is not None  # `batched`
+        room = engine.room() if given is None else given * GB
+        keys, sizes = [], []
+        for job in jobs:
+            run = job.item
+            assert isinstance(run, PlannedRun)
+            origin = plan.campaign.origin(run.specimen)
+            keys.append(engine.key(run.scene(origin)))
+            sizes.append(engine.memory(origin.expected_grains, precision))
+        for numbers in packed(keys, sizes, room):
+            batches.append(_batch(name, [jobs[number] for number in numbers], sum(sizes[n] for n in numbers)))
+    return tuple(batches)
+
+
+def _batch(engine: str, jobs: list[Job], memory: float) -> RunBatch:
+    digest = hashlib.sha256("".join(job.digest for job in jobs).encode()).hexdigest()
+    return RunBatch(f"{engine}-{digest[:12]}", tuple(jobs), memory)
+
+
+def carry_out(batch: RunBatch, task_of: Callable[[Job], RunTask]) -> None:
+    """Carry out the runs of a batch that are not finished, in the campaign folder; write the mark.
+
+    What fails is written to the log of the run, and does not stop the others. Raises Interrupted after a signal, once
+    the runs have written their checkpoints.
+    """
+    tasks: dict[Job, RunTask] = {}
+    for job in filter(_is_due, batch.jobs):
+        try:
+            tasks[job] = task_of(job)
+        except (InputError, PhysicsError) as error:
+            _log(job, f"labkit: {sentence(error)}")
+        else:
+            _log(job, f"in the batch {batch.name} of {len(batch.jobs)} runs")
+    try:
+        failures = execute_together(list(tasks.values()))
+    except (InputError, PhysicsError, Interrupted, MemoryError) as error:
+        _log_all(tasks, f"labkit: {sentence(error)}")
+        raise
+    for job, failure in zip(tasks, failures, strict=True):
+        _log(job, f"{job.unfinished}: complete" if failure is None else f"labkit: {sentence(failure)}")
+    mark = Path(batch.mark)
+    mark.parent.mkdir(exist_ok=True)
+    mark.touch()
+
+
+def _is_due(job: Job) -> bool:
+    """True unless the result of a run is there, and newer than what it is made from."""
+    with contextlib.suppress(FileNotFoundError):
+        made = os.stat(job.output).st_mtime
+        return any(os.stat(file).st_mtime > made for file in (job.recipe, str(job.source)))
+    return True
+
+
+def _log(job: Job, line: str) -> None:
+    with open(job.log, "a") as log:
+        print(line, file=log)
+
+
+def _log_all(jobs: Iterable[Job], line: str) -> None:
+    for job in jobs:
+        _log(job, line)

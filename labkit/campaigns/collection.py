@@ -1,0 +1,235 @@
+"""All runs of a campaign as one labelled object that is loaded lazily.
+
+runs = labkit.open_campaign("quick")                     # an xarray.Dataset, dimensions run and time
+runs["stress"].sel(run="cp-dense-fused")                 # reads one file
+runs.isel(run=(runs["path"] == "cp").values)             # still lazy: the parameters are in memory
+runs.runs.summary().to_dataframe()                       # one row per run; one run in memory at a time
+runs.runs.open("cp-dense-fused").lab.contacts(3)         # contacts of one run, see labkit.open_run
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import netCDF4
+import numpy as np
+import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+from labkit.campaigns.plan import RECIPES
+from labkit.campaigns.products import Numbers, numbers
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.io.netcdf import open_netcdf
+from labkit.io.schema import RECORD, SIZES, Variable
+from labkit.parameters import Parameter, parameters_of
+from labkit.paths.registry import PATHS
+from labkit.runs.dataset import in_seconds, open_records, open_run
+from labkit.specimens.specimen import Recipe
+
+OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
+    "path": "loading path",
+    "engine": "engine",
+    "specimen": "state file from which the run started",
+    "seed": "seed of the specimen",
+    "grains": "number of grains",
+    "records": "number of records; later elements of the arrays are NaN",
+    "complete": "True if the run is finished",
+    "file": "run file",
+}
+PREFIX = {"path": "target_", "recipe": "specimen_"}  # for parameters with the name of a recorded variable
+
+
+class _File(NamedTuple):
+    """A run file: its coordinates, name -> (value, attributes), and its recorded variables."""
+
+    coordinates: dict[str, tuple[object, dict[str, str]]]
+    variables: dict[str, Variable]
+    records: int
+
+
+def open_campaign(*places: str | Path) -> xr.Dataset:
+    """The runs of campaign folders, or run files, as one lazy xarray.Dataset.
+
+    Dimensions: `run` (coordinate: the name), `time` (records; shorter runs are padded with NaN), `i`, `j`. Variables:
+    those of labkit.io.schema.RECORD present in at least one run, and user-defined statistics. Coordinates along `run`:
+    parameters of the paths, scenes and specimens. A parameter whose name clashes with a recorded variable gets a
+    prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the recipe. Raises
+    InputError for a path that does not exist or contains no run files.
+    """
+    files = run_files(places)
+    known = [_read(file) for file in files]
+    variables = {name: variable for one in known for name, variable in one.variables.items()}
+    present = [name for name in (*RECORD, *sorted(set(variables) - set(RECORD))) if name in variables]
+    records = [one.records for one in known]
+    data = {name: _variable(variables[name], files, records) for name in present}
+    names = dict.fromkeys(name for one in known for name in one.coordinates)
+    columns = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
+    return xr.Dataset(data, {"run": ("run", _names(files)), **columns}, {"labkit_file": "campaign"})
+
+
+def run_files(places: Sequence[str | Path]) -> list[Path]:
+    """Run files in campaign folders and in folders of run files, and any given by name."""
+    if not places:
+        raise InputError("open_campaign() needs a path: give a campaign folder or run files")
+    files: list[Path] = []
+    for place in map(Path, places):
+        if not place.exists():
+            raise InputError(f"{place} does not exist: give a campaign folder or run files")
+        folder = place / "runs" if (place / "runs").is_dir() else place
+        in_place = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
+        if (place / RECIPES).is_dir():
+            in_place = [file for file in in_place if (place / recipe_of(file)).exists()]  # of the current campaign file
+        if not in_place:
+            raise InputError(f"{place} contains no run files: give a campaign folder or run files")
+        files += in_place
+    return files
+
+
+def recipe_of(file: Path) -> str:
+    """Path of the recipe of a run file, relative to the campaign folder."""
+    return f"{RECIPES}/run.{file.name.removesuffix('.run.nc')}.json"
+
+
+def _names(files: Sequence[Path]) -> list[str]:
+    short = [file.name.removesuffix(".run.nc") for file in files]
+    return short if len(set(short)) == len(short) else [str(file) for file in files]
+
+
+def _attributes(units: str, long_name: str) -> dict[str, str]:
+    return {"long_name": long_name, **({"units": units} if units else {})}
+
+
+def _column(cells: Sequence[tuple[object, dict[str, str]] | None]) -> tuple[str, list[object], dict[str, str]]:
+    """A coordinate along `run`; NaN or an empty string for a run that lacks it."""
+    first = next(cell for cell in cells if cell is not None)
+    is_text = any(isinstance(cell[0], str) for cell in cells if cell is not None)
+    values = [("" if is_text else np.nan) if cell is None or cell[0] is None else cell[0] for cell in cells]
+    return "run", values, first[1]
+
+
+def _read(file: Path) -> _File:
+    with open_netcdf(file, "run", verify=False) as run:  # the hashes are checked when values are read
+        texts = {name: getattr(run, name, "") for name in ("recipe", "provenance", "path_parameters", "scene")}
+        known = {name: json.loads(text) if text else {} for name, text in texts.items()}
+        inputs, name = known["provenance"].get("inputs", []), run.getncattr("path")
+        records = len(run.dimensions["time"])
+        of_file = {
+            "path": name,
+            "engine": str(run.engine),
+            "specimen": _specimen_of(inputs),
+            "seed": int(getattr(run, "seed", 0)),
+            "grains": len(run["grains"].dimensions["grain"]),
+            "records": records,
+            "complete": bool(run.complete),
+            "file": str(file),
+        }
+        coordinates = {key: (value, _attributes("", OF_FILES[key])) for key, value in of_file.items()}
+        kind = PATHS[name] if name in PATHS else None
+        coordinates = {
+            **_parameters("recipe", known["recipe"], parameters_of(Recipe)),
+            **_parameters("scene", known["scene"], parameters_of(Scene)),
+            **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}),
+            **coordinates,
+        }
+        return _File(coordinates, {name: _described(run[name]) for name in run.variables}, records)
+
+
+def _parameters(
+    of: str, values: Mapping[str, object], known: Mapping[str, Parameter]
+) -> dict[str, tuple[object, dict[str, str]]]:
+    """Coordinates for all parameters of a path, scene or recipe in a file; those that are known have units and help."""
+    coordinates = {}
+    for name, value in values.items():
+        if isinstance(value, (list, tuple)):
+            value = ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in value)
+        units, help = (known[name].unit, known[name].help) if name in known else ("", name)
+        coordinates[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
+    return coordinates
+
+
+def _described(variable: netCDF4.Variable) -> Variable:
+    """A recorded variable as labkit defines it, or else as the file describes it."""
+    attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
+    own = Variable(variable.name, variable.dimensions, "f8", *attributes)
+    return RECORD.get(variable.name, own)
+
+
+def _specimen_of(inputs: list[dict[str, Any]]) -> str:
+    """Name of the state file among the inputs of a run, which may include user-supplied files."""
+    return next((Path(one["file"]).name for one in inputs if str(one["file"]).endswith(".state.nc")), "")
+
+
+class _Records(BackendArray):
+    """A recorded variable of all runs, (run, time, ...); reads only the files of the selected runs."""
+
+    def __init__(self, name: str, files: Sequence[Path], records: Sequence[int], shape: tuple[int, ...]) -> None:
+        self.name, self.files, self.records = name, files, records
+        self.shape, self.dtype = shape, np.dtype(float)
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> np.ndarray:
+        return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._read)
+
+    def _read(self, key: tuple[Any, ...]) -> np.ndarray:
+        chosen = np.arange(self.shape[0])[key[0]]
+        rest = tuple(key[1:])
+        values = [self._read_one(int(run))[rest] for run in np.atleast_1d(chosen)]
+        return np.array(values) if np.ndim(chosen) else values[0]
+
+    def _read_one(self, run: int) -> np.ndarray:
+        values = np.full(self.shape[1:], np.nan)
+        with open_netcdf(self.files[run], "run") as dataset:
+            if self.name in dataset.variables:
+                values[: self.records[run]] = np.ma.filled(dataset[self.name][...], np.nan)
+        return values
+
+
+def _variable(known: Variable, files: Sequence[Path], records: Sequence[int]) -> xr.Variable:
+    shape = (len(files), max(records), *(SIZES[dimension] for dimension in known.dimensions[1:]))
+    data = indexing.LazilyIndexedArray(_Records(known.name, files, records, shape))
+    return xr.Variable(("run", *known.dimensions), data, _attributes(known.units, known.long_name))
+
+
+@xr.register_dataset_accessor("runs")
+class Runs:
+    """Operations on a campaign, or on a selection of its runs, as `campaign.runs`."""
+
+    def __init__(self, campaign: xr.Dataset) -> None:
+        """`campaign`: Dataset from labkit.open_campaign, or a selection of it."""
+        self._campaign = campaign
+
+    def open(self, name: str) -> xr.Dataset:
+        """Opens one run with its contacts, as labkit.open_run does."""
+        return open_run(str(self._campaign["file"].sel(run=name).values))
+
+    def over(self, function: Callable[[xr.Dataset], Numbers]) -> xr.Dataset:
+        """Applies `function(records)` to every run, one run in memory at a time; a Dataset along `run`.
+
+        `records`: records of one run as a Dataset along `time`, with the accessor `.lab` but without contacts. The
+        function returns name -> (value, units, long name). The result keeps the parameters as coordinates.
+        """
+        files = np.atleast_1d(self._campaign["file"].values)
+        rows = []
+        for file in files:
+            with open_records(file) as records:
+                coordinates = [name for name in ("time", "axial_strain") if name in records]
+                rows.append(function(in_seconds(records).set_coords(coordinates)))
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        missing = (np.nan, "", "")
+        columns = {
+            name: (
+                "run",
+                [row.get(name, missing)[0] for row in rows],
+                _attributes(*next(row[name] for row in rows if name in row)[1:]),
+            )
+            for name in names
+        }
+        return xr.Dataset(columns, coords={name: c for name, c in self._campaign.coords.items() if c.dims == ("run",)})
+
+    def summary(self) -> xr.Dataset:
+        """The numbers reported for every run: end values, peaks, the critical state, the error of C0."""
+        return self.over(numbers)

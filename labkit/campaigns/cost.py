@@ -1,0 +1,213 @@
+"""Cost of a campaign or of a single command: grain-steps, time, memory and disk space.
+
+Time follows from the speeds of labkit.campaigns.speeds. The number of steps that a specimen takes is a typical count;
+it does not depend on the computer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import heapq
+from collections.abc import Mapping
+
+from labkit.campaigns.batches import batches_of
+from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, PlannedRun, schedule_of
+from labkit.campaigns.plan import Job, Plan
+from labkit.campaigns.speeds import Speed, known_speeds, likely_speed
+from labkit.engines import ENGINES
+from labkit.errors import InputError
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.paths.path import Path, holds_stress
+from labkit.paths.rates import on_grains
+from labkit.paths.step import Here
+from labkit.records.schedule import Options, Schedule
+from labkit.runs.pace import expected_pace
+from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
+
+SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
+PRODUCT_SECONDS = 6.0  # statistics and figures of a run; half of it is the start of Python
+MEMORY = {"yade": (350, 0.02)}  # MB: of a process, and per grain
+OTHER_MEMORY = (450, 0.02)
+CONTACTS_PER_GRAIN = 2.8
+RECORD_BYTES = 60 * 8
+SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
+STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
+DAYS = 10 * 86400.0  # s; a longer time is given in days
+ENDLESS = 30 * 86400.0  # s; a command that takes longer says that it cannot finish
+MUCH_FASTER = 3.0  # times; from here on a command suggests the fused engine
+
+
+@dataclasses.dataclass(frozen=True)
+class Cost:
+    """Approximate cost of one job: grain-steps, time in s on its threads, memory in MB, disk space in bytes."""
+
+    grain_steps: float
+    seconds: float
+    memory: float
+    disk: float
+
+
+def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
+    """The Cost of a job of a Plan. `speeds`: engine -> Speed. For a path that ends at a stress it is an upper bound."""
+    item, engine = job.item, speeds[job.item.engine]
+    origin = campaign.origin(_specimen_of(item))
+    grains = origin.expected_grains
+    base, each = MEMORY.get(item.engine, OTHER_MEMORY)
+    disk = STATE_BYTES * grains
+    if isinstance(item, PlannedRun):
+        schedule = schedule_of(item, origin)
+        path = item.loading(origin)
+        slower = 1.0 / expected_pace(path, item.options, item.scene(origin), path.start_pressure() or TYPICAL_PRESSURE)
+        steps = round(slower * schedule.steps)
+        equivalent = _equivalent_steps(schedule, path, item.options, engine, slower)
+        disk += (
+            schedule.steps / schedule.steps_per_record * RECORD_BYTES
+            + (item.options.snapshots + 1) * grains * SNAPSHOT_BYTES
+        )
+    else:
+        steps = SPECIMEN_STEPS if job.kind == "specimen" else CONSOLIDATION_STEPS
+        equivalent = float(steps)
+    seconds = engine.start + engine.seconds(equivalent, grains) / item.threads
+    return Cost(steps * grains, seconds, base + each * grains, disk)
+
+
+def _equivalent_steps(schedule: Schedule, path: Path, options: Options, speed: Speed, slower: float) -> float:
+    """Steps of a run that takes `slower` times the planned ones, with records and the servo's stress sums as steps."""
+    servo = speed.stress_steps / options.servo.interval if holds_stress(path) else 0.0
+    return slower * schedule.steps * (1.0 + servo) + schedule.steps / schedule.steps_per_record * speed.record_steps
+
+
+def _specimen_of(item: Item) -> str:
+    """Name of the specimen that a job starts from, or that it makes."""
+    if isinstance(item, PlannedRun):
+        return item.specimen
+    return item.source if isinstance(item, Consolidated) else item.name
+
+
+def expected_seconds(plan: Plan, costs: Mapping[Job, Cost], cores: int) -> float:
+    """Time for the plan on these cores, s; a job starts once the jobs it depends on are done and a core is free."""
+    free = [0.0] * cores
+    done: dict[str, float] = {}
+    for job in (*plan.specimens, *plan.consolidations, *sorted(plan.runs, key=lambda run: -costs[run].seconds)):
+        start = max(heapq.heappop(free), done.get(job.source or "", 0.0))
+        done[job.output] = start + costs[job].seconds
+        heapq.heappush(free, done[job.output])
+    return max(free) + len(plan.runs) * PRODUCT_SECONDS / cores
+
+
+def cost_table(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
+    """Table printed by `--dry-run`, as text."""
+    costs = {job: cost_of(job, plan.campaign, speeds) for job in plan.jobs}
+    lines = [f"{'kind':<14} {'name':<40} {'engine':<7} {'grain-steps':>11} {'time':>9} {'disk':>9}"]
+    for job in plan.jobs:
+        cost = costs[job]
+        numbers = f"{cost.grain_steps:>11.2e} {time_text(cost.seconds):>9} {size_text(cost.disk):>9}"
+        lines.append(f"{job.kind:<14} {job.name:<40} {job.item.engine:<7} {numbers}")
+    total = sum(cost.seconds for cost in costs.values()) + len(plan.runs) * PRODUCT_SECONDS
+    lines += [
+        f"{len(plan.specimens)} specimens, {len(plan.consolidations)} consolidations, {len(plan.runs)} runs: "
+        f"{sum(cost.grain_steps for cost in costs.values()):.3g} grain-steps",
+        f"about {time_text(expected_seconds(plan, costs, cores))} on {cores} cores, {time_text(total)} on one "
+        "(speeds measured on this computer); tests that end at a given stress take less",
+        f"about {size_text(sum(cost.disk for cost in costs.values()))} of disk space",
+    ]
+    lines += [
+        f"batch {batch.name}: {len(batch.jobs)} runs, about {size_text(batch.memory)} of the GPU's memory"
+        for batch in batches_of(plan)
+    ]
+    return "\n".join(lines)
+
+
+def time_text(seconds: float) -> str:
+    """A time in s as hours:minutes:seconds."""
+    seconds = round(seconds)
+    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def size_text(size: float) -> str:
+    """A number of bytes with a suitable unit."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 1000.0:
+            return f"{size:.3g} {unit}"
+        size /= 1000.0
+    return f"{size:.3g} TB"
+
+
+def announcement(task: Task, steps_done: int = 0) -> str:
+    """One line on what a task will take: engine, grains, steps and time; suggests the fused engine if much faster.
+
+    steps_done: steps of the run already completed.
+    """
+    grains, steps = _size(task)
+    left = max(1.0 - steps_done / steps, 0.0)
+    done = f", {1.0 - left:.0%} of them done" if steps_done else ""
+    most = " at most" if isinstance(task, RunTask) and next(iter(task.path.steps_from(Here()))).stress_ends else ""
+    about = "" if isinstance(task, RunTask) else "about "
+    line = f"{task.start.name}, {about}{grains:,} grains, {about}{steps:,} steps{most}{done}"
+    batches = ENGINES[task.start.name].abilities.batches
+    if batches is not None:
+        line += f", about {size_text(batches.memory(grains, task.start.precision))} of the GPU's memory"
+        if known_speeds([task.start.name]) is None:
+            return f"{line}; its speed on this computer is not known"
+    seconds = left * task_seconds(task, task.start.name)
+    line += f", about {rough_time(seconds)}"
+    if seconds > ENDLESS:
+        return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
+    fused = left * task_seconds(task, "fused")
+    if task.start.name == "fused" or seconds < MUCH_FASTER * fused or not _fits("fused", task):
+        return line
+    return f"{line}; with --engine fused about {rough_time(fused)}"
+
+
+def task_seconds(task: Task, engine: str) -> float:
+    """Approximate time of a task on an engine, s."""
+    speed = likely_speed(engine)
+    grains, steps = _size(task)
+    equivalent = float(steps)
+    if isinstance(task, RunTask):
+        schedule = _schedule(task)
+        equivalent = _equivalent_steps(schedule, task.path, task.options, speed, _slower(task))
+    return speed.start + speed.seconds(equivalent, grains) / task.start.threads
+
+
+def _size(task: Task) -> tuple[int, int]:
+    """Number of grains and of steps of a task; approximate for a specimen and a consolidation."""
+    if isinstance(task, SpecimenTask):
+        return task.recipe.expected_grains(task.material), SPECIMEN_STEPS
+    assert isinstance(task, (ConsolidationTask, RunTask))
+    grains = task.state.number_of_grains
+    if isinstance(task, RunTask):
+        return grains, round(_slower(task) * _schedule(task).steps)
+    return grains, CONSOLIDATION_STEPS
+
+
+def _slower(task: RunTask) -> float:
+    """Time steps of a run divided by the planned ones, which differ if it has an inertial number."""
+    if task.options.inertial_number is None:
+        return 1.0
+    path = on_grains(task.path, task.scene)
+    pressure = path.start_pressure() or float(mean_stress(love_stress(task.state.snapshot())))
+    return 1.0 / expected_pace(path, task.options, task.scene, pressure)
+
+
+def _schedule(task: RunTask) -> Schedule:
+    path = on_grains(task.path, task.scene)
+    return Schedule.of(path, task.scene.time_step, task.state.number_of_grains, task.options)
+
+
+def _fits(engine: str, task: Task) -> bool:
+    """True if an engine can simulate the scene of a task."""
+    try:
+        ENGINES[engine].abilities.require_scene(task.scene)
+    except InputError:
+        return False
+    return True
+
+
+def rough_time(seconds: float) -> str:
+    """A time in s as text, rounded, in a single unit."""
+    if seconds < 100.0:
+        return f"{max(seconds, 1.0):.0f} s"
+    if seconds > DAYS:
+        return f"{seconds / 86400.0:,.0f} days"
+    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.3g} h"

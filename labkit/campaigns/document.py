@@ -1,0 +1,310 @@
+"""A YAML file as nodes with line numbers: reads the fields of a mapping as Parameters and collects every error."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from labkit.errors import InputError, nearest
+from labkit.io.extras import install_command
+from labkit.parameters import Parameter
+
+if TYPE_CHECKING:
+    from yaml.nodes import Node as YamlNode
+
+MOST_ERRORS = 100  # shown in one report
+MOST_BYTES = 1_000_000  # of a file
+MOST_NODES = 100_000  # values in a file, each alias counted with all that it stands for
+MOST_SIMILAR = 1000  # names among which a similar one is looked for
+Made = TypeVar("Made")
+
+
+class Errors:
+    """The errors in a file, with their lines."""
+
+    def __init__(self) -> None:
+        """No errors yet."""
+        self.all: dict[tuple[int, str], None] = {}
+
+    def add(self, line: int, text: str) -> None:
+        """Adds an error unless it is already listed."""
+        self.all[line, text] = None
+
+    @property
+    def count(self) -> int:
+        """Number of errors."""
+        return len(self.all)
+
+    def report(self, file: Path) -> str:
+        """One line per error, in the order of the file."""
+        number = "an error" if self.count == 1 else f"{self.count} errors"
+        lines = [f"{file} has {number}, nothing was started"]
+        lines += [f"  line {line}: {text}" for line, text in sorted(self.all)[:MOST_ERRORS]]
+        return "\n".join(lines + ["  ..."] * (self.count > MOST_ERRORS))
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """A kind of YAML file, for messages: its name, what it needs, what it holds, and the page that describes it."""
+
+    name: str
+    needs: str
+    holds: str
+    page: str
+
+
+CAMPAIGN = Kind("campaign", "PyYAML and Snakemake", "`specimens:` and `runs:`", "docs/campaigns.md")
+
+
+def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
+    """Text of a file. Raises InputError if it cannot be read."""
+    try:
+        if file.exists() and not file.is_file():
+            raise InputError(f"{file} cannot be read (not a regular file): give a {kind.name} file")
+        if file.stat().st_size > MOST_BYTES:
+            raise InputError(f"{file} has more than {MOST_BYTES / 1e6:g} MB: give a {kind.name} file, see {kind.page}")
+        return file.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise InputError(f"{file} is not UTF-8 text: give a {kind.name} file, see {kind.page}") from None
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}): give a {kind.name} file") from None
+
+
+class Text(str):
+    """A single value, with its line; empty: True if YAML reads it as no value."""
+
+    line: int
+    empty: bool
+
+
+class Rows(list["Node"]):
+    """A list, with the line at which it begins."""
+
+    line: int
+
+
+class Block(dict[str, "Node"]):
+    """A mapping, with the line at which it begins and those of its names."""
+
+    line: int
+    lines: dict[str, int]
+
+
+Node = Text | Rows | Block
+
+
+class Entry(NamedTuple):
+    """An entry of a section: its name, its line and its content."""
+
+    name: str
+    line: int
+    content: Node
+
+
+def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
+    """The YAML mapping in a text, or None after a syntax error. Raises InputError if PyYAML is not installed."""
+    try:
+        import yaml
+    except ImportError:
+        raise InputError(f"a {kind.name} needs {kind.needs}: {install_command('campaign')}") from None
+    try:
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        errors.add(1 if mark is None else mark.line + 1, f"this is not YAML: {error.problem}")
+        return None
+    except RecursionError:
+        errors.add(1, f"nested too deep: a {kind.name} file holds names, and values of these names")
+        return None
+    except yaml.YAMLError as error:
+        errors.add(1, f"this is not YAML: {str(error).splitlines()[0]}")
+        return None
+    if root is not None and (line := _exploding(root)) is not None:
+        errors.add(line, f"its aliases stand for more than {MOST_NODES} values: write them out, or leave some out")
+        return None
+    found = None if root is None else _marked(root, errors, {})
+    if not isinstance(found, Block):
+        errors.add(1, f"a {kind.name} file holds {kind.holds}, see {kind.page}")
+        return None
+    return found
+
+
+def _exploding(root: YamlNode) -> int | None:
+    """Line of a list or mapping that stands for too many values through its aliases, or contains itself; else None."""
+    sizes: dict[int, int] = {}
+    stack, open_nodes = [(root, False)], set()
+    while stack:
+        node, visited = stack.pop()
+        children = _children(node)
+        if visited:
+            open_nodes.discard(id(node))
+            sizes[id(node)] = 1 + sum(sizes[id(child)] for child in children)
+            if sizes[id(node)] > MOST_NODES:
+                return _line(node)
+        elif id(node) in open_nodes:
+            return _line(node)
+        elif id(node) not in sizes:
+            open_nodes.add(id(node))
+            stack.append((node, True))
+            stack += [(child, False) for child in children]
+    return None
+
+
+def _children(node: YamlNode) -> list[YamlNode]:
+    if isinstance(node.value, str):
+        return []
+    return [child for one in node.value for child in (one if isinstance(one, tuple) else [one])]
+
+
+def _line(node: YamlNode) -> int:
+    return int(node.start_mark.line) + 1
+
+
+def _marked(node: YamlNode, errors: Errors, done: dict[int, Node]) -> Node:
+    """A node as text, list or mapping with lines; adds an error for each name that is no word, or is there twice."""
+    if id(node) in done:
+        return done[id(node)]
+    found: Node
+    if isinstance(node.value, str):
+        found = Text(node.value)
+        found.empty = node.value == "" or node.tag.endswith(":null")
+    elif all(isinstance(one, tuple) for one in node.value) and node.tag.endswith(":map"):
+        found = Block()
+        found.lines = {}
+        for key, value in node.value:
+            if not isinstance(key.value, str):
+                errors.add(_line(key), f"{kind_of(_marked(key, errors, done))} is not a name: write a word")
+            elif key.value in found:
+                first = f"first in line {found.lines[key.value]}"
+                errors.add(_line(key), f"{key.value!r} is defined twice, {first}: choose another name")
+            else:
+                found[key.value], found.lines[key.value] = _marked(value, errors, done), _line(key)
+    else:
+        found = Rows(_marked(one, errors, done) for one in node.value)
+    found.line = _line(node)
+    done[id(node)] = found
+    return found
+
+
+def kind_of(node: Node) -> str:
+    """What a node is, for messages."""
+    if isinstance(node, Text):
+        return "empty" if node == "" else "a single value"
+    return "a list" if isinstance(node, Rows) else "a mapping"
+
+
+@dataclasses.dataclass
+class Fields:
+    """The fields of one mapping.
+
+    where: name of the mapping in messages; line: where it begins; values: name -> value in SI units, a list where
+    several values were given; lines: name -> line; broken: names whose value cannot be read.
+    """
+
+    where: str
+    line: int
+    errors: Errors
+    values: dict[str, Any] = dataclasses.field(default_factory=dict)
+    lines: dict[str, int] = dataclasses.field(default_factory=dict)
+    broken: set[str] = dataclasses.field(default_factory=set)
+
+    def has(self, name: str) -> bool:
+        """True if the field is given, valid or not."""
+        return name in self.values or name in self.broken
+
+    def listed(self, name: str) -> list[Any]:
+        """Values of a field, as a list: empty if the field is missing or broken."""
+        value = self.values.get(name, [])
+        return value if isinstance(value, list) else [value]
+
+    def error(self, problem: str, name: str | None = None, where: str | None = None) -> None:
+        """Adds an error at the line of a field, or of the mapping. where: replaces the mapping's name."""
+        self.errors.add(self.lines.get(name or "", self.line), f"{where or self.where}: {problem}")
+
+    def require(self, needed: Iterable[Parameter], example: str | None = None) -> bool:
+        """True if all these fields are given; adds an error for each missing one. example: a value to suggest."""
+        missing = [known for known in needed if not self.has(known.name)]
+        for known in missing:
+            self.error(f"{known.name} is missing: give it, e.g. {example or known.example}")
+        return not missing
+
+    def attempt(self, make: Callable[[], Made], where: str | None = None) -> Made | None:
+        """Result of `make`, or None after adding the error that it raised. where: replaces the mapping's name."""
+        try:
+            return make()
+        except InputError as error:
+            self.error(error.said(), error.field, where)
+        except ValueError as error:  # from a user-defined path
+            self.error(str(error), None, where)
+        return None
+
+
+def read_fields(
+    node: Node,
+    known: Mapping[str, Parameter],
+    where: str,
+    errors: Errors,
+    several: Collection[str] = (),
+    sections: Collection[str] = (),
+    line: int | None = None,
+) -> Fields:
+    """Reads the fields of a mapping; adds an error for each name or value that is not valid and leaves it out.
+
+    known: name -> Parameter; several: names that accept a list of values; sections: names that are read elsewhere.
+    """
+    fields = Fields(where, line or node.line, errors)
+    if not isinstance(node, Block):
+        errors.add(node.line, f"{where} is {kind_of(node)}: write names and values, `key: value`")
+        return fields
+    fields.lines = dict(node.lines)
+    for name, value in node.items():
+        if name in known and name not in sections:
+            _read(fields, known[name], value, name in several and known[name].kind is not tuple)
+        elif name not in sections:
+            fields.error(f"{name!r} is unknown{similar(name, list(dict.fromkeys((*known, *sections))))}", name)
+    return fields
+
+
+def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
+    """Reads one field: a value, or a list of values."""
+    name, errors, is_list = known.name, fields.errors, isinstance(node, Rows) and (several or known.kind is tuple)
+    where = f"{fields.where}: {name}"
+    nodes: Sequence[Node] = node if is_list and isinstance(node, Rows) else [node]
+    if not nodes:
+        errors.add(node.line, f"{where} is an empty list: give a value, or leave it out")
+    texts = [scalar(one, where, errors) for one in nodes]
+    fields.broken.add(name)  # removed below if the value is valid
+    if not nodes or None in texts:
+        return
+    given: Sequence[tuple[int, object]] = [(one.line, one) for one in nodes]
+    values = []
+    for line, value in [(node.line, texts)] if known.kind is tuple else given:
+        try:
+            values.append(known.read(value))
+        except InputError as error:
+            errors.add(line, f"{fields.where}: {error.said()}")
+            return
+    if known.kind is not tuple and len(set(values)) < len(values):
+        errors.add(node.line, f"{where} lists the same value twice: leave one out")
+        return
+    fields.broken.discard(name)
+    fields.values[name] = values if is_list and several else values[0]
+
+
+def scalar(node: Node, where: str, errors: Errors) -> str | None:
+    """Text of a single value, or None after adding an error."""
+    if isinstance(node, Text) and not node.empty:
+        return str(node)
+    problem = "empty: give a value, or leave it out" if isinstance(node, Text) else f"{kind_of(node)}: give one value"
+    errors.add(node.line, f"{where} is {problem}")
+    return None
+
+
+def similar(name: str, known: Collection[str]) -> str:
+    """A suggestion for a misspelled name, to append to the message."""
+    if not 0 < len(known) <= MOST_SIMILAR:
+        return ""
+    close = nearest(name, known)
+    return f": did you mean {close!r}?" if close else f": use {', '.join(known)}"

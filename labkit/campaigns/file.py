@@ -1,0 +1,107 @@
+"""Reads a campaign file: YAML edited by hand, parsed into value objects; every error is reported with its line.
+
+    use: own_path.py                    # user-defined paths, laws, statistics, engines: see labkit.extensions
+    settings: quick                     # quick, standard or reference; the default for all entries
+    engine: fused
+    specimens:
+      dense: {void_ratio: 0.606, step1_friction: 0.0405, grains: 500, seed: [1, 2]}
+      dense_1MPa: {from: dense, pressure: 1 MPa}         # the same specimen, consolidated
+    runs:
+      cp: {path: cp, specimen: dense, pressure: [0.5 MPa, 1 MPa], engine: [yade, fused]}
+
+Lists are expanded: `cp` stands for eight runs, cp-dense-s1-p500kPa-yade and so on. Keys are the parameters of Recipe,
+Scene, Options and the path (labkit.parameters). Values are read as on the command line: with a unit, or in SI units.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from labkit import extensions
+from labkit.campaigns.document import (
+    Block,
+    Entry,
+    Errors,
+    Rows,
+    compose,
+    kind_of,
+    read_fields,
+    read_text,
+    scalar,
+)
+from labkit.campaigns.items import Campaign
+from labkit.campaigns.keys import GPU_MEMORY, file_keys
+from labkit.campaigns.runs import check_run, read_runs
+from labkit.campaigns.specimens import read_specimens
+from labkit.errors import InputError
+
+BUILT_IN = ("quick",)  # campaigns that come with labkit
+USE, SECTIONS = "use", ("specimens", "runs")
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
+
+
+def campaign_file(name: str) -> Path:
+    """Path of a campaign file: the file itself, or a campaign that comes with labkit."""
+    return Path(__file__).with_name(f"{name}.yaml") if name in BUILT_IN else Path(name)
+
+
+def read_campaign(file: str | os.PathLike[str]) -> Campaign:
+    """Reads a campaign file and loads the files that it uses. Raises InputError with every error and its line."""
+    file = Path(file)
+    errors = Errors()
+    root = compose(read_text(file), errors)
+    if root is None or not _use(root, file.parent, errors):  # the rest cannot be checked
+        raise InputError(errors.report(file))
+    campaign = _campaign(root, file.stem, errors)
+    if errors.count:
+        raise InputError(errors.report(file))
+    return campaign
+
+
+def _use(root: Block, folder: Path, errors: Errors) -> bool:
+    """Loads the files under `use`, whose paths are relative to the campaign file; True if all could be loaded."""
+    node, before = root.get(USE, Rows()), errors.count
+    for one in node if isinstance(node, Rows) else [node]:
+        name = scalar(one, f"the file: {USE}", errors)
+        try:
+            if name is not None:
+                extensions.use(folder / name)
+        except InputError as error:
+            errors.add(one.line, f"the file: {error.said()}")
+    return errors.count == before
+
+
+def _campaign(root: Block, stem: str, errors: Errors) -> Campaign:
+    top = read_fields(root, file_keys(), "the file", errors, sections=(USE, *SECTIONS), line=1)
+    name, memory = top.values.pop("name", stem), top.values.pop(GPU_MEMORY.name, None)
+    if not NAME.fullmatch(name):
+        top.error(f"the name {name!r} cannot be the name of a folder: use letters, digits, _ . -", "name")
+    specimen_entries, run_entries = (_section(root, section, errors) for section in SECTIONS)
+    specimens = read_specimens(specimen_entries, top.values, errors)
+    runs = read_runs(run_entries, top.values, specimens, errors)
+    used = tuple(map(Path, extensions.used()))
+    campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used, memory)
+    for run, fields in runs:
+        check_run(campaign, run, fields)
+    return campaign
+
+
+def _section(root: Block, section: str, errors: Errors) -> list[Entry]:
+    """Name, line and content of the entries of a section whose names can be file names."""
+    if section not in root:
+        errors.add(1, f"`{section}:` is missing: add it, see docs/campaigns.md")
+        return []
+    node = root[section]
+    if not node:
+        errors.add(node.line, f"`{section}:` is empty: add an entry")
+        return []
+    if not isinstance(node, Block):
+        errors.add(node.line, f"`{section}:` is {kind_of(node)}: write names and values, `key: value`")
+        return []
+    for name in node:
+        if not NAME.fullmatch(name):
+            problem = f"the name {name!r} cannot be the name of a file: use up to 60 letters, digits, _ . -"
+            errors.add(node.lines[name], problem)
+    return [Entry(name, node.lines[name], content) for name, content in node.items() if NAME.fullmatch(name)]

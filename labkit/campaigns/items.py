@@ -1,0 +1,127 @@
+"""Contents of a campaign as value objects: specimens to make, specimens to consolidate, and runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path as File
+from typing import Any
+
+from labkit.grains.scene import Scene
+from labkit.paths.path import Path
+from labkit.paths.rates import on_grains
+from labkit.records.schedule import Options, Schedule
+from labkit.specimens.specimen import Recipe
+
+TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not known before it is made
+
+
+@dataclasses.dataclass(frozen=True)
+class _Work:
+    """What every item has: its name, and how it is computed."""
+
+    name: str
+    engine: str = dataclasses.field(default="yade", kw_only=True)
+    threads: int = dataclasses.field(default=1, kw_only=True)
+    precision: str = dataclasses.field(default="double", kw_only=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Specimen(_Work):
+    """A specimen to make."""
+
+    recipe: Recipe
+    scene: Scene = dataclasses.field(default_factory=Scene)
+
+    @property
+    def expected_grains(self) -> int:
+        """Approximate number of grains."""
+        return self.recipe.expected_grains(self.scene)
+
+
+@dataclasses.dataclass(frozen=True)
+class Consolidated(_Work):
+    """The specimen `source`, consolidated isotropically to `pressure`, Pa."""
+
+    source: str
+    pressure: float
+
+
+@dataclasses.dataclass(frozen=True)
+class PlannedRun(_Work):
+    """A loading path applied to a specimen.
+
+    changes: (parameter, value) pairs of the Scene that may differ from the specimen's.
+    """
+
+    specimen: str
+    path: Path
+    options: Options = dataclasses.field(default_factory=Options)
+    changes: tuple[tuple[str, Any], ...] = ()
+
+    def scene(self, specimen: Specimen) -> Scene:
+        """The Scene of the run, for the Specimen that it starts from."""
+        return dataclasses.replace(specimen.scene, **dict(self.changes))
+
+    def loading(self, specimen: Specimen) -> Path:
+        """The path with its rate.
+
+        A typical value stands in for a pressure that is not known until the specimen has been made.
+        """
+        return on_grains(self.path, self.scene(specimen)).starting_at(TYPICAL_PRESSURE)
+
+
+Item = Specimen | Consolidated | PlannedRun
+
+
+@dataclasses.dataclass(frozen=True)
+class Campaign:
+    """Contents of a campaign file with its lists expanded; specimen names are unique, and so are run names.
+
+    use: user-supplied Python files that it needs, see labkit.extensions; gpu_memory: of the GPU that its runs use
+    together, GB, None for that of the GPU of this computer.
+    """
+
+    name: str
+    specimens: tuple[Specimen, ...]
+    consolidated: tuple[Consolidated, ...]
+    runs: tuple[PlannedRun, ...]
+    use: tuple[File, ...] = ()
+    gpu_memory: float | None = None
+
+    def origin(self, name: str) -> Specimen:
+        """The Specimen from which the named specimen is derived, or that specimen itself."""
+        while name in self._sources:
+            name = self._sources[name]
+        return self._made[name]
+
+    @functools.cached_property
+    def _sources(self) -> dict[str, str]:
+        return {item.name: item.source for item in self.consolidated}
+
+    @functools.cached_property
+    def _made(self) -> dict[str, Specimen]:
+        return {item.name: item for item in self.specimens}
+
+    def consolidation(self, run: PlannedRun) -> str | None:
+        """Name of the consolidation that labkit inserts before a run, or None.
+
+        It is inserted if the run holds a stress to which its specimen was not consolidated.
+        """
+        at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
+        pressure = run.path.start_pressure()
+        return None if pressure is None or pressure == at else consolidation_name(run, pressure)
+
+
+def consolidation_name(run: PlannedRun, pressure: float) -> str:
+    """Name of a specimen that labkit consolidates to a pressure, Pa, before a run."""
+    working = run.engine if run.precision == "double" else f"{run.engine}-{run.precision}"
+    return f"{run.specimen}-at-p{pressure / 1e3:.10g}kPa-{working}"
+
+
+def schedule_of(run: PlannedRun, specimen: Specimen) -> Schedule:
+    """The Schedule (steps and records) of a PlannedRun of a Specimen.
+
+    Raises InputError if rate, strain and time step are incompatible.
+    """
+    return Schedule.of(run.loading(specimen), run.scene(specimen).time_step, specimen.expected_grains, run.options)

@@ -1,0 +1,104 @@
+"""Keys of a campaign file, name -> Parameter, built from the central parameter table (labkit.parameters)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from labkit.engines import ENGINES
+from labkit.engines.base import PRECISIONS
+from labkit.grains.scene import MADE_WITH, Scene
+from labkit.parameters import Parameter, parameter, parameters_of
+from labkit.paths.path import Path
+from labkit.paths.registry import PATHS
+from labkit.paths.standard import Consolidation
+from labkit.records.schedule import Options
+from labkit.specimens.settings import SETTINGS
+from labkit.specimens.specimen import Recipe
+
+MOST_GRAINS = 100_000  # per specimen: this many already take hours on one core
+MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
+
+Keys = dict[str, Parameter]
+
+
+@dataclasses.dataclass(frozen=True)
+class Common:
+    """Keys allowed in any entry, or at the top of the file as the default for all entries."""
+
+    settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
+    engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
+    threads: int = parameter(1, low=1, high=256, help="number of threads")
+    ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
+    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engines fused and cuda")
+
+
+@dataclasses.dataclass(frozen=True)
+class _Words:
+    """Keys with a meaning of their own."""
+
+    name: str = parameter(kind=str, help="name of the campaign and of its folder")
+    path: str = parameter(kind=str, choices=PATHS, help="loading path")
+    specimen: str = parameter(kind=str, help="specimen to start from")
+    gpu_memory: float | None = parameter(
+        None,
+        unit="GB",
+        above=0.0,
+        high=1e6,
+        help="memory of the GPU for the runs of a batch (default: asked from the GPU of this computer)",
+    )
+
+
+NAME, PATH, SPECIMEN, GPU_MEMORY = parameters_of(_Words).values()
+FROM = dataclasses.replace(SPECIMEN, name="from", help="specimen to consolidate")
+
+
+def options_of(kind: type) -> Keys:
+    """Parameters of a dataclass that a user may set."""
+    return {name: known for name, known in parameters_of(kind).items() if known.option}
+
+
+def given(values: Mapping[str, object], kind: type) -> dict[str, Any]:
+    """The subset of the values that are parameters of a dataclass and may be set by a user."""
+    known = options_of(kind)
+    return {name: value for name, value in values.items() if name in known}
+
+
+def file_keys() -> Keys:
+    """Keys at the top of the file, used as defaults: those of Scene for specimens, those of Options for runs."""
+    own = {known.name: known for known in (NAME, GPU_MEMORY)}
+    return {**own, **options_of(Scene), **options_of(Options), **options_of(Common)}
+
+
+def specimen_keys() -> Keys:
+    """Keys of a specimen to make."""
+    known = {**options_of(Recipe), **options_of(Scene), **options_of(Common)}
+    return {**known, "grains": dataclasses.replace(known["grains"], high=MOST_GRAINS)}
+
+
+def consolidated_keys() -> Keys:
+    """Keys of a specimen that is consolidated from another."""
+    common = options_of(Common)
+    pressure = parameters_of(Consolidation)["pressure"]
+    working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}
+    return {FROM.name: FROM, "pressure": pressure, **working}
+
+
+def changes_of_runs() -> Keys:
+    """Parameters of the Scene that a run may change."""
+    return {name: known for name, known in options_of(Scene).items() if name not in MADE_WITH}
+
+
+def any_run_keys() -> Keys:
+    """Keys that every run accepts, whatever its path."""
+    return {PATH.name: PATH, SPECIMEN.name: SPECIMEN, **options_of(Options), **changes_of_runs(), **options_of(Common)}
+
+
+def run_keys(path: type[Path] | None) -> Keys:
+    """Keys of a run along a path, or along an unknown path (None).
+
+    They include the parameters of all other paths, so that messages can name the path a parameter belongs to.
+    """
+    others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
+    return {**others, **any_run_keys(), **({} if path is None else options_of(path))}

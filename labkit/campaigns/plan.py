@@ -1,0 +1,255 @@
+"""The jobs of a campaign: commands of labkit with the files that they read and write, in the campaign folder.
+
+    specimens/    state files, made or consolidated     runs/         run files of finished runs
+    unfinished/   state and run files in progress       statistics/   a netCDF file per run
+    figures/      a figure per run                      recipes/      a JSON file per job: what determines its result
+    logs/         the output of each job                report.md     all runs on one page, with provenance
+    extensions/   user-supplied files (own_files.py)    outdated/     results of earlier parameters
+
+A recipe is rewritten only if it changes, so that tools that compare file times rerun only the jobs that depend on it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from labkit.campaigns.items import Campaign, Consolidated, Item, PlannedRun, Specimen
+from labkit.campaigns.keys import changes_of_runs, options_of
+from labkit.engines import ENGINES
+from labkit.errors import InputError, option_name
+from labkit.extensions import is_labkits
+from labkit.grains.scene import Scene
+from labkit.io.hashes import file_sha256
+from labkit.parameters import Parameter, with_unit
+from labkit.records.schedule import Options
+from labkit.specimens.specimen import Recipe
+
+STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
+OUTDATED = "outdated"  # results of earlier parameters
+RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
+FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Job:
+    """One command of labkit; its files are relative to the campaign folder.
+
+    kind: specimen, consolidation or run; arguments: those of the command, without its files; source: the state file
+    that it starts from; extensions: hashes of the user-supplied files that its result depends on; digest: hash of
+    everything that determines its result, including the jobs that it depends on.
+    """
+
+    kind: str
+    name: str
+    arguments: tuple[str, ...]
+    output: str
+    source: str | None
+    threads: int
+    item: Item
+    extensions: tuple[str, ...]
+    digest: str
+
+    @property
+    def ranks(self) -> int:
+        """Number of MPI ranks, 1 for an engine with threads."""
+        return self.threads if ENGINES[self.item.engine].abilities.parallel == "ranks" else 1
+
+    @property
+    def recipe(self) -> str:
+        """Path of the recipe file."""
+        return f"{RECIPES}/{self.kind}.{self.name}.json"
+
+    @property
+    def log(self) -> str:
+        """Path of the log file."""
+        return f"{LOGS}/{self.kind}.{self.name}.log"
+
+    @property
+    def unfinished(self) -> str:
+        """Path written to until the job is finished; it differs for different parameters."""
+        return f"{UNFINISHED}/{self.name}.{self.digest[:12]}.{self.ending}"
+
+    @property
+    def ending(self) -> str:
+        """Extension of the job's output file."""
+        return "run.nc" if self.kind == "run" else "state.nc"
+
+    @property
+    def command(self) -> list[str]:
+        """The command line after `labkit`, as typed in the campaign folder."""
+        first, *rest = self.arguments
+        if self.kind == "run":
+            return [first, rest[0], str(self.source), *rest[1:], "-o", self.unfinished]
+        return [first, *([self.source] if self.source else []), *rest, "-o", self.unfinished]
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """The jobs of a campaign, each after the jobs that it depends on."""
+
+    campaign: Campaign
+    specimens: tuple[Job, ...]
+    consolidations: tuple[Job, ...]
+    runs: tuple[Job, ...]
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """All jobs."""
+        return (*self.specimens, *self.consolidations, *self.runs)
+
+    @property
+    def engines(self) -> list[str]:
+        """Names of the engines that the jobs need."""
+        return sorted({job.item.engine for job in self.jobs})
+
+
+def plan_of(campaign: Campaign) -> Plan:
+    """The Plan of a Campaign. Runs of a specimen that hold the same stress share one consolidation."""
+    hashes = tuple(map(file_sha256, campaign.use))
+    made = {item.name: _specimen_job(item, hashes) for item in campaign.specimens}
+    consolidated: dict[str, Job] = {}
+    for item in campaign.consolidated:
+        scene = campaign.origin(item.source).scene
+        consolidated[item.name] = _consolidation_job(item, {**made, **consolidated}[item.source], scene, hashes)
+    runs = []
+    for run in campaign.runs:
+        start, origin = {**made, **consolidated}[run.specimen], campaign.origin(run.specimen)
+        name, pressure = campaign.consolidation(run), run.path.start_pressure()
+        if name is not None and pressure is not None:
+            item = Consolidated(
+                name, run.specimen, pressure, engine=run.engine, threads=run.threads, precision=run.precision
+            )
+            start = consolidated.setdefault(name, _consolidation_job(item, start, origin.scene, hashes))
+        runs.append(_run_job(run, start, origin, hashes))
+    return Plan(campaign, tuple(made.values()), tuple(consolidated.values()), tuple(runs))
+
+
+def _specimen_job(item: Specimen, hashes: tuple[str, ...]) -> Job:
+    recipe = _options(options_of(Recipe), vars(item.recipe))
+    arguments = ["specimen", *recipe, *_options(options_of(Scene), vars(item.scene), vars(Scene()))]
+    return _job("specimen", item, arguments, None, _needed(item, item.scene, hashes))
+
+
+def _consolidation_job(item: Consolidated, source: Job, scene: Scene, hashes: tuple[str, ...]) -> Job:
+    arguments = ["consolidate", f"--pressure={_text(item.pressure, 'Pa')}"]
+    return _job("consolidation", item, arguments, source, _needed(item, scene, hashes))
+
+
+def _run_job(item: PlannedRun, source: Job, origin: Specimen, hashes: tuple[str, ...]) -> Job:
+    known = options_of(type(item.path))
+    arguments = [
+        "run",
+        item.path.name,
+        *_options(known, dataclasses.asdict(item.path), {name: one.default for name, one in known.items()}),
+        *_options(options_of(Options), vars(item.options)),
+        *_options(changes_of_runs(), vars(item.scene(origin)), vars(origin.scene)),
+    ]
+    return _job("run", item, arguments, source, hashes)  # every run records user-defined statistics
+
+
+def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]) -> tuple[str, ...]:
+    """Hashes of the user-supplied files, if the contact law or the engine is user-defined."""
+    kinds = (type(scene.contact_law), ENGINES[item.engine])
+    return () if all(map(is_labkits, kinds)) else hashes
+
+
+def _options(
+    known: Mapping[str, Parameter], values: Mapping[str, object], defaults: Mapping[str, object] = {}
+) -> list[str]:
+    """Command-line options for the values that are not None and differ from the defaults."""
+    return [
+        f"{option_name(name)}={_text(values[name], one.unit)}"
+        for name, one in known.items()
+        if values[name] is not None and (name not in defaults or values[name] != defaults[name])
+    ]
+
+
+def _text(value: object, unit: str) -> str:
+    """A value as the text of an option, to the last digit; a pressure has its unit."""
+    if isinstance(value, tuple) and value and isinstance(value[0], dict):
+        return json.dumps(value)
+    if isinstance(value, tuple):
+        return ",".join(_text(one, unit) for one in value)
+    if unit == "Pa" and isinstance(value, float):
+        return with_unit(value, unit).replace(" ", "")
+    return value if isinstance(value, str) else repr(value)
+
+
+def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extensions: tuple[str, ...]) -> Job:
+    arguments = [*arguments, f"--engine={item.engine}", f"--{ENGINES[item.engine].abilities.parallel}={item.threads}"]
+    arguments += [] if item.precision == "double" else [f"--precision={item.precision}"]
+    determining = [deciding(arguments, item.engine), source.digest if source else None, *extensions]
+    digest = hashlib.sha256(json.dumps(determining).encode()).hexdigest()
+    output = f"{RUNS}/{item.name}.run.nc" if kind == "run" else f"{STATES}/{item.name}.state.nc"
+    before = source.output if source else None
+    return Job(kind, item.name, tuple(arguments), output, before, item.threads, item, extensions, digest)
+
+
+def deciding(arguments: list[str], engine: str) -> list[str]:
+    """Arguments that determine the result.
+
+    The number of threads is left out for the fused engine, whose results are bit-identical for any number of threads.
+    """
+    return [one for one in arguments if engine != "fused" or not one.startswith("--threads=")]
+
+
+def require_campaign_folder(folder: Path, others: Sequence[str] = ()) -> None:
+    """Raises InputError if a folder holds files that a campaign replaces or deletes, and that none has written.
+
+    others: names of further files that the campaign writes there.
+    """
+    recipes = list((folder / RECIPES).glob("*.json"))
+    foreign = [file for file in recipes if not _is_recipe(file)]
+    if not recipes:
+        within = (file for name in FOLDERS for file in (folder / name).rglob("*") if file.is_file())
+        named = (folder / name for name in (REPORT, OVERVIEW, *others))
+        foreign = [*(file for file in named if file.exists()), *within]
+    if foreign:
+        raise InputError(f"{foreign[0]} is not from a campaign, and could be replaced: choose another --folder")
+
+
+def _is_recipe(file: Path) -> bool:
+    try:
+        recipe = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(recipe, dict) and {"command", "digest"} <= recipe.keys()
+
+
+def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
+    """Makes the folders, writes new and changed recipes, and removes recipes of jobs that are no longer planned."""
+    folder = Path(folder)
+    for name in FOLDERS:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    wanted = {job.recipe for job in plan.jobs}
+    for job in plan.jobs:
+        file, text = folder / job.recipe, recipe_text(job)
+        if not file.exists() or file.read_text() != text:
+            _set_aside(folder, job)
+            file.write_text(text)
+    for file in (folder / RECIPES).glob("*.json"):
+        if f"{RECIPES}/{file.name}" not in wanted:
+            file.unlink()
+
+
+def _set_aside(folder: Path, job: Job) -> None:
+    """Moves the results of a job with earlier parameters into the folder OUTDATED."""
+    products = [f"{STATISTICS}/{job.name}.nc", f"{FIGURES}/{job.name}.png"] if job.kind == "run" else []
+    for name in [job.output, *products]:
+        if (folder / name).exists():
+            (folder / OUTDATED).mkdir(exist_ok=True)
+            (folder / name).replace(folder / OUTDATED / Path(name).name)
+
+
+def recipe_text(job: Job) -> str:
+    """Everything that determines the result of a job, as JSON."""
+    recipe: dict[str, Any] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
+    if job.extensions:
+        recipe["extensions"] = list(job.extensions)
+    return json.dumps(recipe, indent=1) + "\n"

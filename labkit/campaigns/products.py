@@ -1,0 +1,113 @@
+"""Statistics of each run of a campaign, as a netCDF file. Paths are relative to the campaign folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from labkit.campaigns.plan import RUNS, STATISTICS
+from labkit.io.netcdf import write_xarray
+from labkit.io.provenance import provenance_json
+from labkit.io.schema import RECORD
+from labkit.records.limits import RECORDED, exceeded
+from labkit.runs.critical import critical_states, is_shear
+from labkit.runs.dataset import open_run
+from labkit.runs.verify import SFF_PRESSURE
+
+Numbers = dict[str, tuple[float, str, str]]  # name -> (value, units, long name)
+
+
+def write_statistics(name: str) -> None:
+    """Writes the statistics of a run: one value per variable, with units."""
+    file = Path(RUNS) / f"{name}.run.nc"
+    output = Path(STATISTICS) / f"{name}.nc"
+    run = open_run(file)
+    statistics = xr.Dataset(
+        {
+            key: ((), value, {"units": units, "long_name": long_name})
+            for key, (value, units, long_name) in numbers(run).items()
+        }
+    )
+    statistics["grains"] = (), run.sizes["grain"], {"units": "1", "long_name": "number of grains"}
+    statistics.attrs = {
+        "labkit_file": "statistics",
+        "run": name,
+        "run_data_sha256": run.attrs.get("data_sha256", ""),
+        "path": run.attrs["path"],
+        "engine": run.attrs["engine"],
+        "outside_limits": "; ".join(map(str, exceeded({name: run[name].values for name in RECORDED}, run.lab.scene))),
+        "provenance": provenance_json(inputs=[file], output=output, seed=run.attrs.get("seed")),
+    }
+    run.close()
+    write_xarray(output, statistics)
+
+
+def numbers(run: xr.Dataset) -> Numbers:
+    """Statistics of a run, name -> (value, units, long name). `run`: from labkit.open_run; only records are needed.
+
+    User-defined statistics that the run recorded are included with their final value.
+    """
+    p, q = run.lab.mean_stress().values, run.lab.q().values
+    strain = run.lab.strain()
+    ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
+    error = run.lab.sff_error().values[p > SFF_PRESSURE]
+    values = {
+        "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
+        "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
+        "initial_mean_stress": (float(p[0]), "Pa", "mean stress at the start"),
+        "final_mean_stress": (float(p[-1]), "Pa", "mean stress at the end"),
+        "peak_stress_ratio": (float(np.nanmax(ratio, initial=-np.inf)), "1", "largest q/p"),
+        "initial_void_ratio": (float(run["void_ratio"][0]), "1", "void ratio at the start"),
+        "final_void_ratio": (float(run["void_ratio"][-1]), "1", "void ratio at the end"),
+        "initial_coordination_number": (float(run["coordination_number"][0]), "1", "coordination number at the start"),
+        "final_coordination_number": (float(run["coordination_number"][-1]), "1", "coordination number at the end"),
+        "largest_sff_error": (
+            float(error.max()) if error.size else np.nan,
+            "1",
+            "largest relative error of C0 against Love's stress",
+        ),
+        "steps": (float(run.attrs["steps"]), "1", "number of time steps"),
+        "wall_time": (float(run.attrs["wall_time"]), "s", "wall time of the run"),
+    }
+    values |= _cyclic(run)
+    if is_shear(run):
+        end = critical_states({"run": run}).iloc[0]
+        for key, long_name in CRITICAL.items():
+            values[f"critical_{key}"] = float(end[key]), "1", long_name
+    return {**values, **{f"final_{name}": _at_end(run[name]) for name in run.data_vars if _is_own(run[name])}}
+
+
+def _cyclic(run: xr.Dataset) -> Numbers:
+    """Numbers of a cyclic test, and of its liquefaction if it is undrained."""
+    if run.lab.path is None or not run.lab.path.cyclic:
+        return {}
+    values: Numbers = {"cycles": (float(run.lab.cycles()[-1]), "1", "number of cycles")}
+    if run.lab.is_undrained:
+        found = run.lab.liquefaction()
+        values["largest_pore_pressure_ratio"] = found.largest_ratio, "1", "largest pore pressure ratio r_u"
+        values["cycles_to_pressure"] = found.cycles_to_ratio, "1", "cycles to r_u > 0.95"
+        values["cycles_to_strain"] = found.cycles_to_double_amplitude, "1", "cycles to a double amplitude of 5 % strain"
+    return values
+
+
+def _is_own(variable: xr.DataArray) -> bool:
+    """True for a user-defined statistic: one number per record, not one of labkit's variables."""
+    return variable.dims == ("time",) and variable.name not in RECORD
+
+
+def _at_end(variable: xr.DataArray) -> tuple[float, str, str]:
+    attributes = variable.attrs
+    long_name = attributes.get("long_name", variable.name)
+    return float(variable[-1]), attributes.get("units", "1"), f"{long_name}, at the end"
+
+
+CRITICAL = {
+    "M": "q/p over the last quarter of the strain",
+    "Z": "coordination number over the last quarter of the strain",
+    "Lambda": "mean normalised contact force over the last quarter of the strain",
+    "A_zz": "contact anisotropy over the last quarter of the strain",
+    "F_zz": "normal-force anisotropy over the last quarter of the strain",
+    "Ft_zz": "mobilisation over the last quarter of the strain",
+}

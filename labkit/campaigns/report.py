@@ -1,0 +1,180 @@
+"""The report of a campaign: all runs, limits that were exceeded, failures, and provenance, in Markdown.
+
+Paths are relative to the campaign folder.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import labkit
+from labkit.campaigns.items import Campaign, PlannedRun
+from labkit.campaigns.own_files import CAMPAIGN
+from labkit.campaigns.plan import FIGURES, OVERVIEW, REPORT, RUNS, STATISTICS, Job, Plan
+from labkit.campaigns.workflow import failures
+from labkit.io.netcdf import damage_named, open_netcdf
+from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
+from labkit.paths.rates import default_rate, on_grains, rate_of
+from labkit.records.limits import Exceeded, exceeded_in
+from labkit.runs.critical import ENOUGH_STRAIN
+from labkit.specimens.settings import SETTINGS
+
+INERTIAL = "inertial number"  # name of the limit in labkit.records.limits
+Limits = Mapping[str, Sequence[Exceeded]]  # name of a run -> limits that it exceeded
+
+
+def write_report(plan: Plan) -> None:
+    """Writes the report: a summary, one row per run, limits exceeded, what failed and why, and the provenance."""
+    finished = [job for job in plan.runs if Path(job.output).exists()]
+    limits = {job.name: exceeded_in(job.output) for job in finished}
+    rows = [row for job in finished if (row := _row(job, limits[job.name]))]
+    failed, waiting = failures(plan, ".")
+    lines = [f"# Campaign {Path.cwd().name}", "", _summary(plan, finished, failed, limits), ""]
+    if failed:
+        lines += ["## Failed", "", *(f"- {kind} `{name}`: {reason}" for kind, name, reason in failed), ""]
+    if waiting:
+        lines += [f"Not started: {', '.join(waiting)}.", ""]
+    if rows:
+        lines += ["## Overview", "", f"![q/p and void ratio of all runs]({OVERVIEW})", ""] * Path(OVERVIEW).exists()
+        lines += ["## Runs", "", *markdown_table(rows), ""]
+        lines += limits_section(
+            [item for job in finished if isinstance(item := job.item, PlannedRun)], limits, plan.campaign
+        )
+        lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
+    lines += ["## Provenance", "", *_origin(rows)]
+    inputs = [Path(STATISTICS) / f"{row['run']}.nc" for row in rows]
+    write_with_provenance(REPORT, "\n".join(lines) + "\n", inputs)
+
+
+def _summary(plan: Plan, finished: Sequence[Job], failed: Sequence[object], limits: Limits) -> str:
+    """Sentence on finished runs, failures and limits."""
+    failures = f", {len(failed)} {'job' if len(failed) == 1 else 'jobs'} failed" if failed else ""
+    start = f"{len(finished)} of {len(plan.runs)} runs are finished{failures}."
+    if not finished:
+        return start
+    runs = [item for job in finished if isinstance(item := job.item, PlannedRun) and limits[job.name]]
+    fast = [run for run in runs if _only_inertial(limits[run.name]) and _rate_factor(run, plan.campaign) > 1.0]
+    sentences = [start]
+    if fast:
+        sentences.append(
+            f"{len(fast)} exceed only the limit on the inertial number, as expected of runs above the standard rate."
+        )
+    if len(runs) > len(fast):
+        others = "others" if fast else "of them"
+        sentences.append(f"{len(runs) - len(fast)} {others} exceed a limit of quasi-static tests.")
+    return " ".join([*sentences, "See Limits." if runs else "None exceeds a limit of quasi-static tests."])
+
+
+def _only_inertial(limits: Sequence[Exceeded]) -> bool:
+    """True if the inertial number is the only limit exceeded."""
+    return {one.name for one in limits} == {INERTIAL}
+
+
+def limits_section(runs: Sequence[PlannedRun], limits: Limits, campaign: Campaign) -> list[str]:
+    """Lines of the section on limits: one table row per limit, and how many runs exceed it because of their rate."""
+    names = dict.fromkeys(one.name for run in runs for one in limits[run.name])
+    if not names:
+        return []
+    rows = [_limit_row(name, len(runs), limits) for name in names]
+    return ["## Limits", "", *markdown_table(rows), "", *_explanation(runs, limits, campaign)]
+
+
+def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, Any]:
+    over = {run: one for run, all_of_run in limits.items() for one in all_of_run if one.name == name}
+    worst = max(over, key=lambda run: over[run].largest)
+    return {
+        "limit": name,
+        "at most": over[worst].limit,
+        "runs above": f"{len(over)} of {runs}",
+        "records above, median": f"{np.median([one.records / one.of for one in over.values()]):.0%}",
+        "largest": over[worst].largest,
+        "times the limit": over[worst].largest / over[worst].limit,
+        "in run": worst,
+    }
+
+
+def _explanation(runs: Sequence[PlannedRun], limits: Limits, campaign: Campaign) -> list[str]:
+    """Lines on the runs whose inertial number is high because they are sheared faster than the standard rate."""
+    inertial = [run for run in runs if any(one.name == INERTIAL for one in limits[run.name])]
+    fast = Counter(factor for run in inertial if (factor := _rate_factor(run, campaign)) > 1.0)
+    if not fast:
+        return []
+    names = {settings.rate_factor: f" (`settings: {name}`)" for name, settings in SETTINGS.items()}
+    lines = [
+        f"{number} of these runs are sheared at {factor:.3g} times the standard rate{names.get(factor, '')}. This is a "
+        "choice of the campaign file, which trades accuracy for time, and a higher inertial number is expected."
+        for factor, number in sorted(fast.items())
+    ]
+    return [*lines, ""]
+
+
+def _rate_factor(run: PlannedRun, campaign: Campaign) -> float:
+    """Rate of a run divided by the default rate of its path for these grains."""
+    scene = run.scene(campaign.origin(run.specimen))
+    return float(f"{rate_of(on_grains(run.path, scene)) / default_rate(type(run.path), scene):.6g}")
+
+
+def markdown_table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Lines of a Markdown table, with the keys of the first row as columns."""
+    cells = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
+    return [f"| {' | '.join(line)} |" for line in cells]
+
+
+def _cell(value: Any) -> str:
+    """Text of a cell; empty for NaN."""
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return "" if text == "nan" else text
+
+
+def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, Any] | None:
+    file = Path(STATISTICS) / f"{job.name}.nc"
+    if not file.exists():
+        return None
+    with open_netcdf(file, "statistics"):
+        pass
+    with damage_named(file), xr.open_dataset(file) as statistics:
+        value = {name: float(statistics[name]) for name in statistics}
+    run = job.item
+    assert isinstance(run, PlannedRun)
+    critical = abs(value.get("strain_reached", value["axial_strain_reached"])) >= ENOUGH_STRAIN * (1.0 - 1e-6)
+    return {
+        "run": run.name,
+        "path": run.path.name,
+        "engine": run.engine,
+        "specimen": run.specimen,
+        "grains": int(value["grains"]),
+        "p0, kPa": value["initial_mean_stress"] / 1e3,
+        "p, kPa": value["final_mean_stress"] / 1e3,
+        "e0": value["initial_void_ratio"],
+        "e": value["final_void_ratio"],
+        "Z": value["final_coordination_number"],
+        "peak q/p": value["peak_stress_ratio"],
+        "M": value.get("critical_M", np.nan) if critical else np.nan,
+        "cycles": value.get("cycles", np.nan),
+        "largest r_u": value.get("largest_pore_pressure_ratio", np.nan),
+        "C0 error, %": 100.0 * value["largest_sff_error"],
+        "limits exceeded": ", ".join(one.name for one in limits),
+        "time, s": value["wall_time"],
+    }
+
+
+def _origin(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Lines on the software and the computers behind the runs and the report."""
+    here = machine()
+    made = {
+        (known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])
+        for row in rows
+        if (known := provenance_of(Path(RUNS) / f"{row['run']}.run.nc"))
+    }
+    yield f"- campaign file: `{CAMPAIGN}`; `labkit info FILE` shows the origin of any file"
+    for version, code, name in sorted(made):
+        yield f"- runs by labkit {version}, {code}, on {name}"
+    code = commit() or "installed"
+    yield f"- this page by labkit {labkit.__version__}, {code}, on {here['name']} ({here['processor']})"
+    yield f"- {', '.join(f'{name} {version}' for name, version in libraries().items())}"

@@ -1,0 +1,150 @@
+"""The section `runs` of a campaign file: loading paths applied to specimens, with lists expanded."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from labkit.campaigns.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
+from labkit.campaigns.items import Campaign, PlannedRun, schedule_of
+from labkit.campaigns.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, changes_of_runs, given, options_of, run_keys
+from labkit.campaigns.specimens import Specimens, chosen_settings, require_unique, worked
+from labkit.campaigns.steps import STEPS, read_steps
+from labkit.engines import require_engine
+from labkit.parameters import restored
+from labkit.paths.path import Path
+from labkit.paths.rates import at_rate, default_rate
+from labkit.paths.registry import PATHS
+from labkit.paths.steps import Steps
+from labkit.records.limits import require_pressure
+from labkit.records.schedule import Options
+from labkit.runs.pace import require_one_rate
+
+MOST_RUNS = 10_000
+EXPANDED = "pressure"  # the parameter of a path that accepts a list of values
+
+
+def read_runs(
+    section: Iterable[Entry], top: Mapping[str, Any], specimens: Specimens, errors: Errors
+) -> list[tuple[PlannedRun, Fields]]:
+    """Reads the section: every run, with the fields of its entry. `top`: the defaults at the top of the file."""
+    runs: list[tuple[PlannedRun, Fields]] = []
+    for name, line, node in section:
+        kind, where = _path_of(node), f"run {name}"
+        sections = (STEPS,) if kind is Steps else ()
+        fields = read_fields(node, run_keys(kind), where, errors, MULTIPLIED["runs"], sections, line)
+        if kind is Steps:
+            _read_steps(fields, node)
+        runs += [(run, fields) for run in _runs(name, kind, fields, top, specimens)]
+        if len(runs) > MOST_RUNS:
+            errors.add(line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them")
+            return []
+    require_unique([(run.name, fields.line) for run, fields in runs], "run", errors)
+    return runs
+
+
+def _read_steps(fields: Fields, node: Node) -> None:
+    """Adds the list `steps` of a run to its fields."""
+    if not isinstance(node, Block) or STEPS not in node:
+        fields.error(f"{STEPS} is missing: give a list of steps, see docs/paths.md")
+        fields.broken.add(STEPS)
+        return
+    before = fields.errors.count
+    found = read_steps(node[STEPS], f"{fields.where}: {STEPS}", fields.errors)
+    if fields.errors.count > before:
+        fields.broken.add(STEPS)
+    else:
+        fields.values[STEPS], fields.values["order"] = found
+
+
+def _path_of(node: Node) -> type[Path] | None:
+    """The path named by an entry, or None if it is missing or unknown."""
+    named = node.get(PATH.name) if isinstance(node, Block) else None
+    return PATHS[named] if isinstance(named, Text) and named in PATHS else None
+
+
+def _runs(
+    name: str, kind: type[Path] | None, fields: Fields, top: Mapping[str, Any], specimens: Specimens
+) -> list[PlannedRun]:
+    """The Runs of one entry; empty if the entry has errors."""
+    fields.require([PATH], example="cv")
+    fields.require([SPECIMEN], example=next(iter(specimens.groups), "dense"))
+    for one in fields.listed(SPECIMEN.name):
+        if one not in specimens.groups:
+            problem = f"there is no specimen {one!r}{similar(one, tuple(specimens.groups))}"
+            fields.error(problem, SPECIMEN.name)
+    if kind is None:
+        return []
+    paths = list(itertools.islice(_paths(kind, fields, top), MOST_RUNS + 1))
+    names = [item for one in fields.listed(SPECIMEN.name) for item in specimens.groups.get(one, ())]
+    options = restored(Options, {**given(top, Options), **given(fields.values, Options)})
+    changes = _changes(fields, top)
+    runs = []
+    factor = chosen_settings(fields.values, top).rate_factor
+    combinations = itertools.product(names, paths, _workings(fields, top))
+    for specimen, (pressure, path), working in itertools.islice(combinations, MOST_RUNS + 1):
+        if factor != 1.0 and "rate" not in fields.values and options.inertial_number is None:
+            scene = dataclasses.replace(specimens.origins[specimen].scene, **dict(changes))
+            path = at_rate(path, factor * default_rate(kind, scene))
+        suffixes = _suffixes(fields, names, specimen, pressure, working)
+        runs.append(PlannedRun("-".join([name, *suffixes]), specimen, path, options, changes, **working))
+    for run in runs[:MOST_RUNS]:  # checked even if the entry has other errors
+        scene = run.scene(specimens.origins[run.specimen])
+        fields.attempt(functools.partial(require_pressure, run.path, scene))
+        fields.attempt(functools.partial(require_one_rate, run.path, run.options))
+    return [] if fields.broken else runs
+
+
+def _paths(kind: type[Path], fields: Fields, top: Mapping[str, Any]) -> Iterator[tuple[float | None, Path]]:
+    """(pressure, path) for each listed pressure, from the parameters that could be read."""
+    known, values = options_of(kind), given(fields.values, kind)
+    for name in set(fields.values) - set(known) - set(any_run_keys()):
+        fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
+        fields.broken.add(name)
+    required = [one for one in known.values() if one.default is dataclasses.MISSING]
+    if not fields.require(required) or any(one.name not in values for one in required):
+        fields.broken.add(PATH.name)
+        return
+    several = isinstance(values.get(EXPANDED), list)
+    for one in values[EXPANDED] if several else [None]:
+        chosen = {**values, EXPANDED: one} if several else values
+        path = fields.attempt(functools.partial(restored, kind, chosen))
+        if path is not None:
+            yield one, path
+        else:
+            fields.broken.add(PATH.name)
+
+
+def _changes(fields: Fields, top: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    """Changes to the specimen's Scene. The time step is that of the run's settings, never the specimen's."""
+    factor = top.get("time_step_factor", chosen_settings(fields.values, top).time_step_factor)
+    known = changes_of_runs()
+    own = {name: value for name, value in fields.values.items() if name in known}
+    return tuple({"time_step_factor": factor, **own}.items())
+
+
+def _workings(fields: Fields, top: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Engine, threads and precision for each listed engine."""
+    engines = fields.listed("engine")
+    return [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]
+
+
+def _suffixes(
+    fields: Fields, names: list[str], specimen: str, pressure: float | None, working: Mapping[str, Any]
+) -> list[str]:
+    """Parts of the name that distinguish a run from the others of its entry."""
+    parts = [specimen] * (len(names) > 1)
+    parts += [f"p{pressure / 1e3:g}kPa"] if pressure is not None else []
+    return [*parts, working["engine"]] if isinstance(fields.values.get("engine"), list) else parts
+
+
+def check_run(campaign: Campaign, run: PlannedRun, fields: Fields) -> None:
+    """Checks that also need the specimen: the contact law, and whether the number of steps suits the path."""
+    origin, where = campaign.origin(run.specimen), f"run {run.name}"
+    fields.attempt(lambda: require_engine(run.engine, run.scene(origin), run.precision), where)
+    if campaign.consolidation(run):
+        fields.attempt(lambda: require_engine(run.engine, origin.scene, run.precision), f"{where}, its consolidation")
+    fields.attempt(lambda: schedule_of(run, origin), where)

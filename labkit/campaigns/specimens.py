@@ -1,0 +1,187 @@
+"""The section `specimens` of a campaign file: specimens to make, and specimens consolidated from others."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from graphlib import CycleError, TopologicalSorter
+from typing import Any
+
+from labkit.campaigns.document import Block, Entry, Errors, Fields, read_fields, similar
+from labkit.campaigns.items import Consolidated, Specimen
+from labkit.campaigns.keys import (
+    FROM,
+    MOST_GRAINS,
+    MULTIPLIED,
+    Common,
+    consolidated_keys,
+    given,
+    specimen_keys,
+)
+from labkit.engines import ENGINES, require_engine
+from labkit.grains.scene import Scene
+from labkit.parameters import restored
+from labkit.paths.standard import Consolidation
+from labkit.records.limits import require_pressure
+from labkit.specimens.settings import Settings, settings
+from labkit.specimens.specimen import Recipe, side_for
+
+
+@dataclasses.dataclass(frozen=True)
+class Specimens:
+    """The parsed contents of the section.
+
+    groups: name in the file -> names of its specimens, empty if the entry is invalid; origins: name of any specimen ->
+    the Specimen from which it is derived.
+    """
+
+    made: tuple[Specimen, ...]
+    consolidated: tuple[Consolidated, ...]
+    groups: Mapping[str, Sequence[str]]
+    origins: Mapping[str, Specimen]
+
+
+def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], errors: Errors) -> Specimens:
+    """Reads the section. `top`: the defaults at the top of the file."""
+    groups: dict[str, list[str]] = {}
+    made: list[Specimen] = []
+    lines: dict[str, int] = {}
+    others: dict[str, Fields] = {}
+    for name, line, node in section:
+        groups[name], lines[name] = [], line
+        where = f"specimen {name}"
+        if isinstance(node, Block) and FROM.name in node:
+            others[name] = read_fields(node, consolidated_keys(), where, errors, line=line)
+            continue
+        fields = read_fields(node, specimen_keys(), where, errors, MULTIPLIED["specimens"], line=line)
+        items = _made(name, fields, top)
+        groups[name] = [item.name for item in items]
+        made += items
+    origins = {item.name: item for item in made}
+    consolidated = _all_consolidated(others, groups, origins, top, errors)
+    named = [(one, lines[name]) for name, ones in groups.items() for one in ones]
+    engines = "|".join(map(re.escape, ENGINES))
+    reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({engines})(-mixed)?")  # Campaign.consolidation
+    for one, line in named:
+        if reserved.fullmatch(one):
+            errors.add(line, f"specimen {one}: labkit reserves this name for its own consolidations: choose another")
+    require_unique(named, "specimen", errors)
+    return Specimens(tuple(made), tuple(consolidated), groups, origins)
+
+
+def chosen_settings(values: Mapping[str, Any], top: Mapping[str, Any]) -> Settings:
+    """The Settings of an entry, or else those at the top of the file."""
+    return settings(values.get("settings", top.get("settings", Common.settings)))
+
+
+def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Engine, threads and precision of an entry, or else those at the top of the file.
+
+    An engine over MPI has `ranks` where the others have `threads`.
+    """
+    engine = values.get("engine", top.get("engine", Common.engine))
+    parallel = ENGINES[engine].abilities.parallel if engine in ENGINES else "threads"
+    names = {"engine": "engine", parallel: "threads", "precision": "precision"}
+    return {to: value for name, to in names.items() if (value := values.get(name, top.get(name))) is not None}
+
+
+def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
+    """The Specimens of one entry, one per seed; empty if the entry has errors."""
+    errors_before = fields.errors.count
+    chosen = chosen_settings(fields.values, top)
+    fields.require(known for known in specimen_keys().values() if known.default is dataclasses.MISSING)
+    size, material = given(fields.values, Recipe), {**given(top, Scene), **given(fields.values, Scene)}
+    seeds = size.pop("seed", Recipe.seed)
+    if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
+        size["grains"] = chosen.grains
+    scene = restored(Scene, {"time_step_factor": chosen.time_step_factor, **material})
+    recipe = fields.attempt(lambda: restored(Recipe, size)) if "void_ratio" in size else None
+    if recipe is None or fields.broken:
+        return []
+    specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
+    fields.attempt(lambda: require_engine(specimen.engine, scene, specimen.precision))
+    if fields.attempt(lambda: recipe.side_of(scene)) and specimen.expected_grains > MOST_GRAINS:
+        most = side_for(MOST_GRAINS, recipe.void_ratio, scene) * 1e3
+        problem = f"side makes about {specimen.expected_grains} grains: give at most {most:.2g} mm, or `grains`"
+        fields.error(problem, "side")
+    if fields.errors.count > errors_before:
+        return []
+    several = isinstance(seeds, list)
+    named = [(f"{name}-s{seed}" if several else name, seed) for seed in (seeds if several else [seeds])]
+    return [
+        dataclasses.replace(specimen, name=one, recipe=dataclasses.replace(recipe, seed=seed)) for one, seed in named
+    ]
+
+
+def _all_consolidated(
+    others: Mapping[str, Fields],
+    groups: dict[str, list[str]],
+    origins: dict[str, Specimen],
+    top: Mapping[str, Any],
+    errors: Errors,
+) -> list[Consolidated]:
+    """The Consolidated of these entries, each after its source; adds them to the groups and the origins."""
+    for fields in others.values():
+        fields.require([consolidated_keys()["pressure"]])
+        source = fields.values.get(FROM.name)
+        if source is not None and source not in groups:
+            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
+    consolidated = []
+    for name in _sources_first(others, errors):
+        fields = others[name]
+        for item in _consolidated(name, fields, groups, top):
+            origins[item.name] = origin = origins[item.source]
+            fields.attempt(functools.partial(require_engine, item.engine, origin.scene, item.precision))
+            path = restored(Consolidation, {"pressure": item.pressure})
+            fields.attempt(functools.partial(require_pressure, path, origin.scene))
+            groups[name].append(item.name)
+            consolidated.append(item)
+    return consolidated
+
+
+def _consolidated(
+    name: str, fields: Fields, groups: Mapping[str, Sequence[str]], top: Mapping[str, Any]
+) -> list[Consolidated]:
+    """The Consolidated of one entry, one per specimen of its source; empty if the entry has errors."""
+    source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
+    if fields.broken or pressure is None or source is None:
+        return []
+    chosen, ones = worked(fields.values, top), list(groups.get(source, ()))
+    names = [name] if ones == [source] else [name + one.removeprefix(source) for one in ones]
+    return [Consolidated(made, one, pressure, **chosen) for made, one in zip(names, ones, strict=True)]
+
+
+def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
+    """The names, each after its source; adds an error for specimens that are derived from each other."""
+    sources = {
+        name: {fields.values[FROM.name]} & others.keys()
+        for name, fields in others.items()
+        if FROM.name in fields.values
+    }
+    while True:
+        try:
+            return list(TopologicalSorter(sources).static_order())
+        except CycleError as error:
+            loop = error.args[1][:0:-1]  # each from the next one
+            first = min(range(len(loop)), key=lambda k: others[loop[k]].line)
+            turned = [*loop[first:], *loop[:first], loop[first]]
+            shown = [*turned[:LONGEST_LOOP], "..."] if len(loop) > LONGEST_LOOP else turned
+            problem = f"specimen {turned[0]} is derived from itself ({' from '.join(shown)})"
+            errors.add(others[turned[0]].line, f"{problem}: start from a specimen with a void ratio")
+            for name in loop:
+                del sources[name]
+            sources = {name: source & sources.keys() for name, source in sources.items()}
+
+
+LONGEST_LOOP = 10  # names shown of specimens that are derived from each other
+
+
+def require_unique(named: Iterable[tuple[str, int]], what: str, errors: Errors) -> None:
+    """Adds an error for each name that occurs twice. `named`: (name, line) pairs."""
+    first: dict[str, int] = {}
+    for name, line in named:
+        if name in first:
+            errors.add(line, f"{what} {name} is defined twice, first in line {first[name]}: choose another name")
+        first.setdefault(name, line)

@@ -1,0 +1,163 @@
+"""Speed of the engines on this computer: measured once and cached, or a typical value.
+
+An engine takes a + b N seconds for a step of N grains; a and b are measured on two specimens of different size.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from labkit.engines import ENGINES
+from labkit.engines.base import Progress
+from labkit.engines.speed import speed
+from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.io.atomic import write_text
+from labkit.io.provenance import machine
+
+SIZES = (150, 1000)  # grains of the two specimens
+STEPS = {"fused": 3000}
+OTHER_STEPS = 500  # of any other engine
+
+
+@dataclasses.dataclass(frozen=True)
+class Speed:
+    """Speed of one engine on one thread.
+
+    start: time to start, s; step, grain_step: time per step and per grain and step, s; record_steps, stress_steps:
+    cost of a record, and of the stress sum for the servo, in equivalent steps.
+    """
+
+    start: float
+    step: float
+    grain_step: float
+    record_steps: float
+    stress_steps: float
+
+    def seconds(self, steps: float, grains: float) -> float:
+        """Time, s, for the given number of steps and grains."""
+        return steps * (self.step + self.grain_step * grains)
+
+
+# Measured on two cores of a Xeon at 2.8 GHz; used where nothing was measured, for example on a cluster.
+TYPICAL = {
+    "fused": Speed(3.0, 1.2e-5, 4.3e-8, 45.0, 0.35),
+    "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),
+    "lammps": Speed(2.0, 1.0e-4, 1.1e-6, 10.0, 0.05),
+}
+
+
+def typical_speeds(engines: Iterable[str]) -> dict[str, Speed]:
+    """engine -> typical Speed; an unknown engine is assumed to be as slow as the slowest known one."""
+    return {engine: TYPICAL.get(engine, TYPICAL["yade"]) for engine in engines}
+
+
+def known_speeds(engines: Iterable[str]) -> dict[str, Speed] | None:
+    """engine -> Speed measured earlier on this computer, or None if any engine has not been measured."""
+    try:
+        known = json.loads(cache_file().read_text())[computer()]
+        return {engine: Speed(**known[engine]) for engine in engines}
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def likely_speed(engine: str) -> Speed:
+    """Speed of an engine: measured earlier on this computer, or else the typical one."""
+    return (known_speeds([engine]) or typical_speeds([engine]))[engine]
+
+
+def cache_file() -> Path:
+    """File that stores the measured speeds, in $XDG_CACHE_HOME/labkit or ~/.cache/labkit.
+
+    Without a home folder, as for an unknown user of a container, it is in the folder for temporary files.
+    """
+    home = os.path.expanduser("~")
+    default = tempfile.gettempdir() if home == "~" else os.path.join(home, ".cache")
+    return Path(os.environ.get("XDG_CACHE_HOME") or default) / "labkit" / "speed.json"
+
+
+def computer() -> str:
+    """A string that identifies this computer."""
+    here = machine()
+    return f"{here['name']}, {here['processor']}, {here['cores']} cores"
+
+
+def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Speed]:
+    """engine -> Speed, measured now and stored. Raises PhysicsError if an engine does not run."""
+    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
+        speeds = {}
+        for number, engine in enumerate(engines):
+            progress(number / len(engines), f"measuring {engine}")
+            files = [_specimen(grains, law_on(engine), Path(folder)) for grains in SIZES]
+            speeds[engine] = _speed_of(engine, files)
+        progress(1.0, "speeds measured")
+    _store(speeds)
+    return speeds
+
+
+def law_on(engine: str) -> str:
+    """The contact law on which an engine is measured: that of the paper's tests, if the engine has it."""
+    try:
+        ENGINES.require(engine).abilities.require_scene(Scene())
+    except InputError:
+        return "spring_dashpot"
+    return Scene().law
+
+
+def _specimen(grains: int, law: str, folder: Path) -> Path:
+    """State file of a specimen, made in a separate process unless it is there."""
+    file = folder / f"n{grains}-{law}.state.nc"
+    if file.exists():
+        return file
+    done = subprocess.run([sys.executable, "-c", MAKE, str(grains), law, str(file)], capture_output=True, text=True)
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or ["no output"]
+        raise PhysicsError(f"speeds cannot be measured: {lines[-1]}")
+    return file
+
+
+MAKE = """
+import sys
+from labkit.runs.laboratory import make_specimen
+from labkit.grains.scene import Scene
+from labkit.specimens.specimen import Recipe
+recipe = Recipe(void_ratio=0.67, grains=int(sys.argv[1]), size_classes=16)
+make_specimen(recipe, Scene(law=sys.argv[2]), file=sys.argv[3], progress=False)
+"""
+
+
+def _speed_of(engine: str, files: Sequence[Path]) -> Speed:
+    steps = STEPS.get(engine, OTHER_STEPS)
+    runs = [_timed(engine, file, steps) for file in files]
+    small, large = (1.0 / values["steps_per_second"] for _, values in runs)
+    grain_step = max((large - small) / (SIZES[1] - SIZES[0]), 0.1 * large / SIZES[1])
+    step = max(small - grain_step * SIZES[0], 0.0)
+    start = max(runs[0][0] - 2.0 * steps * small, 0.5)  # a fifth warms up; the rest measures records and stresses
+    last = runs[1][1]
+    return Speed(start, step, grain_step, last["steps_per_record"], last["steps_per_stress"])
+
+
+def _timed(engine: str, file: Path, steps: int) -> tuple[float, dict[str, float]]:
+    """(seconds, {quantity: value}) of a measurement in a separate process."""
+    begin = time.monotonic()
+    values = speed(engine, file, steps)
+    return time.monotonic() - begin, values
+
+
+def _store(speeds: Mapping[str, Speed]) -> None:
+    file = cache_file()
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        known = json.loads(file.read_text()) if file.exists() else {}
+        here = {**known.get(computer(), {}), **{name: dataclasses.asdict(one) for name, one in speeds.items()}}
+        write_text(file, json.dumps({**known, computer(): here}, indent=1))
+    except (OSError, ValueError):
+        return  # will be measured again next time

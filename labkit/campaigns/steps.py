@@ -1,0 +1,108 @@
+"""The steps of a path in YAML, in a path file or in a campaign: named increments of stress and strain.
+
+steps:
+  - strain: {zz: 2 %}                      # drained triaxial compression: the lateral stresses stay as they are
+    stress: {xx: 0, yy: 0}
+    until: q/p > 0.8
+  - repeat: 10
+    steps:
+      - {stress: {q: -40 kPa}, variables: roscoe}       # undrained: v is not named, and keeps its value
+      - {stress: {q: 40 kPa}, variables: roscoe}
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from labkit.campaigns.document import Block, Errors, Fields, Node, Rows, read_fields
+from labkit.parameters import Parameter, parameter, parameters_of
+from labkit.paths.phase import Phase
+from labkit.paths.steps import MOST_STEPS
+from labkit.paths.variables import VARIABLES, increments
+
+STEPS, REPEAT = "steps", "repeat"
+DEEPEST = 5  # repetitions within one another
+
+
+@dataclasses.dataclass(frozen=True)
+class _Keys:
+    """Keys of a step apart from `stress` and `strain`."""
+
+    variables: str = parameter("cartesian", choices=VARIABLES, help="names of stresses and strains")
+    absolute: bool = parameter(False, help="stresses are values to reach, not increments")
+    over: float | None = parameter(None, above=0.0, high=50.0, help="accumulated strain of the step")
+    until: str | None = parameter(None, kind=str, help="condition that ends the step")
+    records: int | None = parameter(None, low=1, high=100_000, kind=int, help="number of records")
+    label: str = parameter("", help="name of the step in messages")
+
+
+def read_steps(node: Node, where: str, errors: Errors) -> tuple[tuple[Phase, ...], tuple[int, ...]]:
+    """The steps of a list, each once, and the order in which they are carried out; adds every error with its line."""
+    steps: list[Phase] = []
+    order = _read_list(node, where, errors, steps, 0)
+    if len(order) > MOST_STEPS:
+        errors.add(node.line, f"{where} makes {len(order)} steps: give at most {MOST_STEPS}")
+        order = []
+    return tuple(steps), tuple(order)
+
+
+def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+    if not isinstance(node, Rows) or not node:
+        errors.add(node.line, f"{where} is not a list of steps: write each step after a dash, see docs/paths.md")
+        return []
+    order: list[int] = []
+    for number, one in enumerate(node, start=1):
+        name = f"{where}, step {number}"
+        if isinstance(one, Block) and REPEAT in one:
+            order += _repeated(one, name, errors, steps, depth)
+        else:
+            order += _single(one, name, errors, steps)
+    return order
+
+
+def _repeated(node: Block, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+    times = Parameter(REPEAT, None, "", "1", int, 1, MOST_STEPS, -math.inf, None, False, False)
+    fields = read_fields(node, {REPEAT: times}, where, errors, sections=(STEPS,))
+    if STEPS not in node or depth == DEEPEST:
+        text = f"repeats more than {DEEPEST} times within one another" if STEPS in node else "has nothing to repeat"
+        fields.error(f"{text}: give `repeat` a list of `steps`")
+        return []
+    once = _read_list(node[STEPS], where, errors, steps, depth + 1)
+    number = fields.values.get(REPEAT, 1)
+    if number * len(once) > MOST_STEPS:
+        fields.error(f"makes {number * len(once)} steps: give at most {MOST_STEPS}", REPEAT)
+        return []
+    return once * number
+
+
+def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[int]:
+    before = errors.count
+    fields = read_fields(node, parameters_of(_Keys), where, errors, sections=("stress", "strain"))
+    parts = node if isinstance(node, Block) else Block()
+    variables = VARIABLES[fields.values.get("variables", "cartesian")]
+    changes = {
+        name: _changes(parts.get(name), f"{where}: {name}", errors, names, unit)
+        for name, names, unit in (("stress", variables.stress, "Pa"), ("strain", variables.strain, "1"))
+    }
+    if errors.count == before and not (changes["stress"] or changes["strain"]):
+        fields.error("changes nothing: give `stress` or `strain`, e.g. strain: {zz: 2 %}")
+    if errors.count > before:
+        return []
+    made = _made(fields, changes)
+    steps += [] if made is None else [made]
+    return [] if made is None else [len(steps) - 1]
+
+
+def _made(fields: Fields, changes: dict[str, dict[str, float]]) -> Phase | None:
+    values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
+    return fields.attempt(lambda: increments(**values))
+
+
+def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ...], unit: str) -> dict[str, float]:
+    """Changes of named stresses or strains in SI units."""
+    if node is None:
+        return {}
+    known = {name: Parameter.number(name, unit) for name in names}
+    return dict(read_fields(node, known, where, errors).values)

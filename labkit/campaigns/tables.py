@@ -1,0 +1,64 @@
+"""A campaign as tables for yade-batch: specimens, consolidations and loading paths in YADE."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from labkit.campaigns.plan import Job, Plan
+from labkit.errors import InputError
+from labkit.io.atomic import write_text
+from labkit.io.files import require_writable
+
+SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
+
+
+def write_tables(plan: Plan, folder: Path) -> list[Path]:
+    """Writes a table per kind of job into the folder; returns the files.
+
+    Raises InputError if a job needs an engine other than yade, which yade-batch cannot start.
+    """
+    others = [job for job in plan.jobs if job.item.engine != "yade"]
+    if others:
+        problem = f"yade-batch runs only the engine yade, and {others[0].name} has the engine {others[0].item.engine}"
+        raise InputError(f"{problem}: give `engine: yade`")
+    folder.mkdir(parents=True, exist_ok=True)
+    groups = {"specimen": plan.specimens, "consolidation": plan.consolidations, "run": plan.runs}
+    written = []
+    for kind, jobs in groups.items():
+        if not jobs:
+            continue
+        file = folder / f"{kind}.table"
+        require_writable(file)
+        write_text(file, table_text(kind, jobs))
+        written.append(file)
+    return written
+
+
+def table_text(kind: str, jobs: Sequence[Job]) -> str:
+    """Text of a table: a line with the columns, then a row per job. `*` stands for the default of an option."""
+    rows = [_row(job) for job in jobs]
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    script = f"yade_scripts/{SCRIPTS[kind]}"
+    lines = [f"# yade-batch --log %.log {kind}.table {script}", " ".join(columns)]
+    lines += [" ".join(row.get(name, "*") for name in columns) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _row(job: Job) -> dict[str, str]:
+    row = {"path": f"'{job.arguments[1]}'"} if job.kind == "run" else {}
+    if job.source:
+        row["specimen"] = f"'{job.source.rpartition('/')[2]}'"
+    for argument in job.arguments:
+        if argument.startswith("--"):
+            name, _, value = argument[2:].partition("=")
+            row[name.replace("-", "_")] = value if _is_number(value) else f"'{value}'"
+    return {**row, "output": f"'{job.output.rpartition('/')[2]}'"}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

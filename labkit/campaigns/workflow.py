@@ -1,0 +1,193 @@
+"""Runs Snakemake on a campaign and reports at the end what failed and why."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from labkit.campaigns.own_files import copy_campaign, to_write
+from labkit.campaigns.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
+from labkit.engines.base import Progress, silent
+from labkit.errors import InputError, Interrupted
+from labkit.io.extras import install_command
+from labkit.io.interruption import die_with_parent, only_writer
+
+HERE = Path(__file__).resolve().parent
+SNAKEFILE = HERE / "Snakefile"
+PROFILES = HERE / "profiles"
+PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
+LOG = f"{LOGS}/snakemake.log"
+
+
+def require_snakemake(profile: str | None = None) -> None:
+    """Raises InputError if Snakemake, or anything else that the profile needs, is not installed."""
+    slurm = profile is not None and uses_slurm(profile)
+    needed = ["snakemake"] + ["snakemake_executor_plugin_slurm"] * slurm
+    if any(importlib.util.find_spec(name) is None for name in needed):
+        raise InputError(f"Snakemake is not installed: install it with {install_command('campaign')}")
+    if slurm and shutil.which("sbatch") is None:
+        problem = "needs SLURM, but its command sbatch is not on the PATH of this computer"
+        allowed = "it on a login node of the cluster, or leave it out to run the jobs here"
+        raise InputError(problem, field="profile", value=profile, allowed=allowed)
+
+
+def run_workflow(
+    plan: Plan, text: str, folder: Path, cores: int, profile: str | None = None, progress: Progress = silent
+) -> int:
+    """Brings the campaign described by the text up to date in its folder; returns Snakemake's exit code.
+
+    profile: None for this computer, `slurm`, or the folder of a Snakemake profile. Raises InputError if another
+    process is running a campaign in the folder, or if it holds files that no campaign has written; Interrupted after
+    Ctrl-C.
+    """
+    require_snakemake(profile)
+    require_campaign_folder(folder, list(to_write(plan.campaign, text, folder)))
+    folder.mkdir(parents=True, exist_ok=True)
+    with alone_in(folder):
+        write_recipes(plan, folder)
+        copy_campaign(plan.campaign, text, folder)
+        for job in plan.jobs:  # so that the reason of a failure comes from this attempt
+            if not (folder / job.output).exists():
+                (folder / job.log).unlink(missing_ok=True)
+        here = {PROCESS: str(os.getpid())} if profile is None else {}
+        return _watched(snakemake_command(cores, profile), folder, progress, {**os.environ, **here})
+
+
+@contextlib.contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Context that keeps other campaigns out of the folder. Raises InputError if one is running there."""
+    with contextlib.ExitStack() as held:
+        try:
+            held.enter_context(only_writer(folder / "campaign"))
+        except InputError:
+            problem = f"another campaign is running in {folder}: wait for it, or give another --folder"
+            raise InputError(problem) from None
+        yield
+
+
+def _watched(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
+    """Runs Snakemake, reports its progress and writes its output to the log; returns its exit code.
+
+    Snakemake and its jobs form a process group, so that Ctrl-C reaches each of them exactly once.
+    """
+    with open(folder / LOG, "w") as log:
+        child = subprocess.Popen(
+            command_line,
+            cwd=folder,
+            env=environment,
+            preexec_fn=die_with_parent,
+            process_group=0,
+            text=True,
+            errors="replace",
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            for line in child.stdout or ():
+                log.write(line)
+                log.flush()
+                done = re.match(r"(\d+) of (\d+) steps", line)
+                if done:
+                    progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
+            return child.wait()
+        except (KeyboardInterrupt, Interrupted) as error:
+            print("labkit: stopping; running jobs write their checkpoints", file=sys.stderr, flush=True)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
+            child.communicate()
+            said = f"interrupted; repeat the same command to resume ({folder})"
+            raise Interrupted(said, error.code if isinstance(error, Interrupted) else 130) from None
+
+
+def snakemake_command(cores: int, profile: str | None) -> list[str]:
+    """Snakemake's command line, to be run in the campaign folder.
+
+    labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
+    move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
+    """
+    arguments = [
+        "--snakefile",
+        str(SNAKEFILE),
+        "--nolock",
+        "--ignore-incomplete",
+        "--keep-going",
+        "--rerun-triggers",
+        "mtime",
+        "--quiet",
+        "rules",
+    ]
+    if profile is None:
+        arguments += ["--cores", str(cores), "--resources", "gpu=1"]
+    else:
+        arguments += ["--profile", str(profile_folder(profile))]
+    return [sys.executable, "-m", "snakemake", *arguments]
+
+
+def uses_slurm(profile: str) -> bool:
+    """True if a profile submits its jobs to SLURM. Raises InputError if there is no such profile."""
+    text = (profile_folder(profile) / "config.yaml").read_text(encoding="utf-8", errors="replace")
+    return re.search(r"""^executor:\s*["']?slurm\b""", text, re.MULTILINE) is not None
+
+
+def profile_folder(profile: str) -> Path:
+    """Folder of a Snakemake profile: one of labkit's, by its name, or a user's. Raises InputError for any other."""
+    for folder in (PROFILES / profile, Path(profile).resolve()):
+        if (folder / "config.yaml").is_file():
+            return folder
+    known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
+    raise InputError(
+        "is not a folder with a config.yaml", field="profile", value=profile, allowed=f"such a folder, or {known}"
+    )
+
+
+def tell(plan: Plan, folder: Path, code: int) -> int:
+    """Reports the status of the campaign after Snakemake ended with `code`; returns the exit code of the command."""
+    failed, waiting = failures(plan, folder)
+    for kind, name, reason in failed:
+        print(f"labkit: {kind} {name} failed: {reason}", file=sys.stderr)
+    if waiting:
+        print(
+            f"labkit: not started{' because of these failures' * bool(failed)}: {', '.join(waiting)}", file=sys.stderr
+        )
+    finished = sum((folder / job.output).exists() for job in plan.runs)
+    print(f"{folder}: {finished} of {len(plan.runs)} runs are finished; see {folder / REPORT}")
+    if code and not failed:
+        print(f"labkit: Snakemake ended with exit status {code}: see {folder / LOG}", file=sys.stderr)
+    return 1 if failed or code else 0
+
+
+def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]], list[str]]:
+    """Missing results: (kind, name, reason) of the jobs that failed, and names of those that were not started."""
+    folder = Path(folder)
+    failed: list[tuple[str, str, str]] = []
+    waiting: list[str] = []
+    for job in plan.jobs:
+        if (folder / job.output).exists():
+            continue
+        if (folder / job.log).exists():
+            failed.append((job.kind, job.name, reason(folder / job.log)))
+        else:
+            waiting.append(job.name)
+    for job in plan.runs:
+        for kind, file in (("statistics", f"{STATISTICS}/{job.name}.nc"), ("figure", f"{FIGURES}/{job.name}.png")):
+            if (folder / job.output).exists() and not (folder / file).exists():
+                failed.append((kind, job.name, f"see {LOG}"))
+    return failed, waiting
+
+
+def reason(log: Path) -> str:
+    """The last message of a job, without the prefix `labkit: `."""
+    lines = log.read_text(errors="replace").strip().splitlines()
+    messages = [line for line in lines if line.startswith("labkit: ")]
+    if messages:
+        return messages[-1].removeprefix("labkit: ")
+    return f"ended without a message, perhaps killed: see {log.name} in {LOGS}/"

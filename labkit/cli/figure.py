@@ -1,0 +1,203 @@
+"""`labkit figure`, `grading`, `picture`, `paraview` and `watch`: runs and specimens as pictures."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Annotated
+
+from labkit.cli.arguments import Csv, Option, one_of
+from labkit.cli.naming import figure_name
+from labkit.cli.outputs import require_outputs, write_table
+from labkit.cli.parser import name_list, summary_of
+from labkit.cli.registry import command
+from labkit.cli.verify import open_runs
+from labkit.errors import InputError
+from labkit.io.files import make_folder
+from labkit.io.netcdf import labkit_kind
+from labkit.runs.figures import FIGURES
+
+
+def list_of_figures(words: Collection[str]) -> str:
+    """The figures for the end of the help; it needs matplotlib."""
+    return name_list("figure", {name: summary_of(FIGURES[name]) for name in FIGURES})
+
+
+@command("figure", epilog=list_of_figures)
+def figure_command(
+    figure: Annotated[str, Option(f"one of {', '.join(FIGURES)}", type=one_of(FIGURES))],
+    run: Annotated[
+        list[str],
+        Option("run file; several for stress_path, pi_plane, shear, cycles and test; a probes file for envelope"),
+    ],
+    *,
+    variable: Annotated[str | None, Option("recorded variable to draw (figure `records` only)")] = None,
+    strength: Annotated[
+        float | None,
+        Option(
+            "q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "
+            "tests drawn, else that of Table 2)",
+            "M",
+        ),
+    ] = None,
+    groups: Annotated[int, Option("number of grain-size groups")] = 5,
+    snapshot: Annotated[int, Option("number of the snapshot; a negative number counts from the end", type=int)] = -1,
+    output: Annotated[str | None, Option("figure to write (default: next to the run file)", "FILE")] = None,
+    csv: Csv = None,
+) -> None:
+    """Draws a figure of a run.
+
+    Writes the figure, and prints the table behind it or writes it as CSV.
+
+    Examples:
+        labkit figure family r.run.nc
+        labkit figure records r.run.nc --variable void_ratio
+    """
+    import labkit
+    from labkit.figures import plots
+    from labkit.runs.dataset import require_snapshots
+
+    draw = FIGURES.require(figure, "figure")
+    if len(run) > 1 and not draw.several:
+        raise InputError("draws one run", field="figure", value=figure, allowed="one file")
+    runs = {} if draw.needs == "probes" else open_runs(run)
+    first = labkit.open_probes(run[0]).data if draw.needs == "probes" else next(iter(runs.values()))
+    output = output or figure_name(run[0], variable or figure)
+    require_outputs(output, csv)
+    if draw.needs == "snapshots":
+        require_snapshots(first, run[0], [snapshot], ", or draw the figure shares")
+    own = _own_options(figure, draw, {"variable": variable, "strength": strength})
+    drawn, table = draw(runs if len(runs) > 1 else first, groups, snapshot, **own)
+    if len(runs) == 1:
+        plots.name_run(drawn, first)  # a figure of the user may not name its run
+    plots.save(drawn, output, run)
+    print(f"figure: {output}")
+    write_table(table, csv, run)
+    if not csv:
+        print(table.to_string(index=False, float_format="%.4g", max_rows=30))
+
+
+def _own_options(figure: str, draw: Callable[..., object], options: dict[str, object]) -> dict[str, object]:
+    """The options that are given and for some figures only. Raises InputError if this figure is not one of them."""
+    given = {name: value for name, value in options.items() if value is not None}
+    for name, value in given.items():
+        if name not in inspect.signature(draw).parameters:
+            figures = ", ".join(each for each in FIGURES if name in inspect.signature(FIGURES[each]).parameters)
+            problem = f"does not apply to the figure {figure}, only to {figures}: leave it out"
+            raise InputError(problem, field=name, value=value)
+    return given
+
+
+@command("grading")
+def grading_command(
+    file: Annotated[str, Option("state or run file")],
+    *,
+    output: Annotated[str | None, Option("figure to write (default: next to the file)", "FILE")] = None,
+    csv: Csv = None,
+) -> None:
+    """Compares the grading that was asked for with the sizes of the grains.
+
+    Prints a table and writes a figure.
+
+    Example:
+        labkit grading s.state.nc
+    """
+    from labkit.figures import grading_figure, plots
+    from labkit.grains.state import read_state
+    from labkit.records.checkpoint import read_checkpoint
+
+    state = (read_checkpoint if labkit_kind(file) == "run" else read_state)(file)
+    output = output or figure_name(file, "grading")
+    require_outputs(output, csv)
+    table = grading_figure.grading_table(state)
+    print(table.to_string(index=False, float_format="%.4g"))
+    plots.save(grading_figure.grading(state), output, [file])
+    print(f"figure: {output}")
+    write_table(table, csv, [file])
+
+
+@command("picture")
+def picture_command(
+    file: Annotated[str, Option("state or run file")],
+    *,
+    snapshot: Annotated[
+        list[int] | None,
+        Option(
+            "snapshots of a run to draw, one below the other; negative numbers count from the end (default: -1)",
+            "N",
+            type=int,
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        Option(
+            "picture to write (default: next to the file); FILE.html: a page with a 3D view of all snapshots", "FILE"
+        ),
+    ] = None,
+) -> None:
+    """Draws the grains (left) and the contact forces (right) in 3D.
+
+    Writes an image, or a page for a browser with a 3D view and a slider over the snapshots.
+
+    Examples:
+        labkit picture r.run.nc --snapshot 0 -1
+        labkit picture r.run.nc -o r.html
+    """
+    from labkit.figures import plots
+    from labkit.figures.picture import draw_grains
+    from labkit.figures.viewer import Viewer
+    from labkit.runs.dataset import snapshots
+
+    output = output or figure_name(file, "picture")
+    if Path(output).suffix.lower() == ".html":
+        Viewer(snapshots(file, snapshot or []), Path(file).name).write(output)
+        print(f"page: {output}")
+        return
+    require_outputs(output, None, ".html")
+    numbers = snapshot or [-1] * (labkit_kind(file) == "run")
+    plots.save(draw_grains(snapshots(file, numbers), Path(file).name), output, [file])
+    print(f"picture: {output}")
+
+
+@command("paraview")
+def paraview_command(
+    file: Annotated[str, Option("state or run file")],
+    *,
+    snapshot: Annotated[
+        list[int] | None,
+        Option("snapshots of a run to write; negative numbers count from the end (default: all)", "N", type=int),
+    ] = None,
+    output: Annotated[str | None, Option("folder to write to (default: next to the file)", "FOLDER")] = None,
+) -> None:
+    """Writes grains, contacts and cell of each snapshot in a format that ParaView opens, and a .pvd file of them all.
+
+    Example:
+        labkit paraview r.run.nc -o r_paraview
+    """
+    from labkit.figures import paraview
+    from labkit.runs.dataset import snapshots
+
+    paraview.require_meshio()
+    chosen = snapshots(file, snapshot or ())
+    folder = make_folder(output or str(Path(figure_name(file, "paraview")).with_suffix("")), "-o")
+    print(*paraview.write_series(chosen, folder), paraview.HINT, sep="\n")
+
+
+@command("watch")
+def watch_command(
+    run: Annotated[list[str], Option("run file, complete or not")],
+    *,
+    interval: Annotated[int, Option("time between two plots in s", "SECONDS")] = 5,
+    once: Annotated[bool, Option("plot once and stop")] = False,
+) -> None:
+    """Plots runs in the terminal, again and again, while they are computed.
+
+    Writes no file. Stop it with Ctrl-C.
+
+    Example:
+        labkit watch *.run.nc
+    """
+    from labkit.figures.watch import watch
+
+    watch(run, interval, once)

@@ -1,0 +1,32 @@
+"""Figures and tables that commands write: whether they can be written, and the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from labkit.errors import InputError
+from labkit.io.files import require_writable
+from labkit.io.provenance import write_with_provenance
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def require_outputs(figure: str, csv: str | None, *other: str) -> None:
+    """Raises InputError if the figure, or the CSV file that was asked for, cannot be written; other: formats."""
+    from labkit.figures.plots import require_format
+
+    require_format(figure, *other)
+    require_writable(figure)
+    if csv:
+        require_writable(csv)
+        if Path(csv).resolve() == Path(figure).resolve():
+            raise InputError(f"{csv} is given as both the figure and the CSV file: use two different names")
+
+
+def write_table(table: pandas.DataFrame, file: str | None, inputs: Sequence[str], digits: int = 5) -> None:
+    """Writes a table as CSV if a file is given; inputs: the files it was made from."""
+    if file:
+        write_with_provenance(file, table.to_csv(index=False, float_format=f"%.{digits}g"), inputs)

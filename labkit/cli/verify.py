@@ -1,0 +1,122 @@
+"""`labkit verify`, `critical` and `info`: runs and files in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from labkit.cli.arguments import Csv, Option
+from labkit.cli.naming import figure_name
+from labkit.cli.outputs import require_outputs, write_table
+from labkit.cli.registry import command
+from labkit.io.provenance import write_with_provenance
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@command("verify")
+def verify_command(
+    run: Annotated[list[str], Option("run file")],
+    *,
+    output: Annotated[str | None, Option("figure to write (default: next to the first run file)", "FILE")] = None,
+    rows: Annotated[int, Option("number of rows of the table")] = 20,
+    csv: Annotated[str | None, Option("also write the checks and limits as CSV, to this file", "FILE")] = None,
+) -> int:
+    """Compares the stress that C0 predicts with Love's stress, and checks the energy balance and what the path holds.
+
+    Prints a table and the checks, which docs/verify.md explains, and writes a figure. Exit code 1 if a check fails.
+
+    Example:
+        labkit verify r.run.nc --csv checks.csv
+    """
+    from labkit.figures import plots
+    from labkit.runs import verify
+
+    runs = open_runs(run)
+    verify.require_simulations(runs)
+    figure = output or figure_name(run[0], "verify")
+    require_outputs(figure, csv)
+    findings = {name: verify.findings(each) for name, each in runs.items()}
+    for name, each in runs.items():
+        print(
+            f"{name}: path {each.attrs['path']}, {each.sizes['grain']} grains, {each.sizes['time']} records"
+            + ("" if each.attrs["complete"] else ", not complete yet")
+        )
+        print(verify.findings_table(each, rows))
+        print(*findings[name], sep="\n")
+    plots.save(plots.sff_against_love(runs), figure, run)
+    print(f"figure: {figure}")
+    if csv:
+        write_with_provenance(csv, verify.findings_csv(findings), run)
+    return 0 if all(f.holds for lines in findings.values() for f in lines if f.decides) else 1
+
+
+@command("critical")
+def critical_command(
+    run: Annotated[list[str], Option("run file")],
+    *,
+    min_strain: Annotated[
+        float | None,
+        Option(
+            "strain that a test must reach to be included: gamma_xz in simple shear, else axial (default: 0.15)",
+            "STRAIN",
+        ),
+    ] = None,
+    output: Annotated[str, Option("figure to write", "FILE")] = "critical.png",
+    csv: Csv = None,
+) -> None:
+    """Averages the last quarter of each shear test, its critical state.
+
+    Prints a table and writes a figure of the paths in e and p, and in q and p.
+
+    Example:
+        labkit critical cv.run.nc cp.run.nc --csv critical.csv
+    """
+    from labkit.figures import plots
+    from labkit.runs.critical import ENOUGH_STRAIN, critical_states, mean_strengths, require_critical
+
+    opened = open_runs(run)
+    runs, left_out = require_critical(opened, ENOUGH_STRAIN if min_strain is None else min_strain)
+    files = [file for file, name in zip(run, opened, strict=True) if name in runs]
+    require_outputs(output, csv)
+    print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
+    table = critical_states(runs)
+    print(table.to_string(index=False, float_format="%.4g"))
+    print(*mean_strengths(runs, table), sep="\n")
+    plots.save(plots.e_p_paths(runs, list_runs=True), output, files)
+    print(f"figure: {output}")
+    write_table(table, csv, files)
+
+
+@command("info")
+def info_command(
+    file: Annotated[str, Option("state file, run file, or any other file that labkit wrote")],
+    *,
+    check: Annotated[bool, Option("recompute the hashes of its data and of its input files")] = False,
+) -> int:
+    """Prints the contents of a state, run or probes file, and how it was made: command, versions, computer, inputs.
+
+    Exit code 1 if a hash does not match.
+
+    Example:
+        labkit info r.run.nc --check
+    """
+    from labkit.runs.info import check_file, describe_file
+
+    print(describe_file(file))
+    if not check:
+        return 0
+    lines, same = check_file(file)
+    print("hashes", *lines, sep="\n")
+    return 0 if same else 1
+
+
+def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
+    """Name -> run, in command-line order. Names are file names, or full paths where two file names are the same."""
+    import labkit
+
+    short = [Path(file).name.removesuffix(".run.nc") for file in files]
+    names = short if len(set(short)) == len(short) else files
+    return {name: labkit.open_run(file) for name, file in zip(names, files, strict=True)}

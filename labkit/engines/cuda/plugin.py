@@ -1,0 +1,15 @@
+"""What the plug-in cuda adds to labkit."""
+
+from __future__ import annotations
+
+from labkit.engines.registry import ENGINES, Precision, Start, starter
+
+ENGINES.offer("cuda", "labkit.engines.cuda.engine:CudaEngine")
+
+
+class Cuda(Start):
+    """An NVIDIA GPU, on which many runs advance together."""
+
+    def __init__(self, precision: Precision = "double") -> None:
+        """precision: of the forces."""
+        super().__init__(**vars(starter("cuda", 1, precision)))

@@ -1,0 +1,18 @@
+"""numpy for one number, which replaces numpy in the functions that the engines compile.
+
+The functions of the parts of a contact law are also applied to arrays and therefore call numpy. These functions compile
+to fewer instructions, and numba-cuda lacks some of numpy's.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+maximum, minimum, sqrt = max, min, math.sqrt
+
+
+def __getattr__(name: str) -> Any:
+    return getattr(np, name)

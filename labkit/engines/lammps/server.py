@@ -1,0 +1,166 @@
+"""LAMMPS on all ranks as a server: `mpiexec -n N python -m labkit.engines.lammps.server SOCKET`.
+
+Rank 0 answers labkit's messages (yade_scripts/server.py lists them) on the Unix socket of that name. The other ranks
+wait for the calls that rank 0 makes of its Domain, and make the same ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import socket
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from labkit.engines.lammps.domain import Domain
+from labkit.engines.lammps.parts import gathered
+from labkit.engines.messages import PROTOCOL, Message, receive, send
+from labkit.errors import PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.io.schema import STATE
+
+END = "end"  # what tells the other ranks that rank 0 has finished
+UNKNOWN = float("nan")  # losses: LAMMPS sums none
+LEAST_ROOM = 10  # steps; with less, neighbours are searched
+SILENCE = 10.0  # s, after which a long `advance` says that it is alive
+
+
+class Ranks:
+    """LAMMPS with the grains of one State, seen from rank 0. Each public method answers the message of its name."""
+
+    def __init__(self, domain: Domain, peer: socket.socket) -> None:
+        """domain: that of rank 0; peer: the socket to labkit."""
+        self._domain, self._peer = domain, peer
+        self._step = 0
+
+    def _all(self, name: str, *arguments: Any) -> Any:
+        """Call a method of Domain on all ranks; returns the result of rank 0."""
+        self._domain.comm.bcast((name, arguments))
+        try:
+            return getattr(self._domain, name)(*arguments)
+        except Exception as error:
+            if type(error) is not Exception:  # LAMMPS's Python module raises no other
+                raise
+            raise PhysicsError(f"LAMMPS stopped at step {self._step}: {error}") from None
+
+    def load(self, message: Message) -> Message:
+        """The State of the message; `work`: on the cell so far, J, to which that of later steps is added."""
+        values = message.values
+        arrays: dict[str, Any] = {name: message.arrays[name] for name in STATE}
+        self._step, self._time, self._work = values["step"], values["time"], values["work"]
+        self._loss, self._searches = 0.0, 0
+        state = State(Scene.from_json(values["scene"]), **arrays, time_step=values["time_step"])
+        self._load(state, tilted=False)
+        return self.stress(message)
+
+    def _load(self, state: State, tilted: bool) -> None:
+        self._all("load", state, tilted)
+        self._start = state
+        self._stress, self._room = self._all("stress"), 0
+
+    def advance(self, message: Message) -> Message:
+        """Advance, and search neighbours where that is due."""
+        gradient, steps = message.arrays["velocity_gradient"], message.values["steps"]
+        if np.triu(gradient, 1).any() and not self._domain.tilted:
+            self._load(self._now(), tilted=True)
+        due = time.monotonic() + SILENCE
+        while steps:
+            part = min(steps, self._steps_until_search(gradient))
+            self._advance(part, gradient)
+            steps, self._room = steps - part, self._room - part
+            if time.monotonic() > due:
+                send(self._peer, Message("alive", {}, {}))
+                due = time.monotonic() + SILENCE
+        return self.stress(message)
+
+    def _steps_until_search(self, gradient: np.ndarray) -> int:
+        """Number of steps that can be made now; loads the State, and so searches neighbours, if it would be small."""
+        if self._room < 1:
+            self._room = self._all("room", gradient)
+            if self._room < LEAST_ROOM:
+                self._load(self._now(), tilted=self._domain.tilted)
+                self._searches += 1
+                self._room = max(self._all("room", gradient), LEAST_ROOM)
+        return self._room
+
+    def _advance(self, steps: int, gradient: np.ndarray) -> None:
+        before, time_step = self._stress, self._start.time_step
+        self._all("advance", steps, gradient)
+        self._step += steps
+        self._time += steps * time_step
+        self._stress, self._loss = self._all("stress"), UNKNOWN
+        strain = -gradient * steps * time_step
+        volume = float(np.linalg.det(self._domain.cell))
+        self._work += volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
+
+    def stress(self, message: Message) -> Message:
+        """That after the last step."""
+        return Message(message.name, {"searches": self._searches}, {"stress": self._stress, "cell": self._domain.cell})
+
+    def stop_grains(self, message: Message) -> Message:
+        """Load the State at rest; the energy that is lost is unknown, as all losses."""
+        state = self._now()
+        still = dict.fromkeys(("velocity", "angular_velocity"), np.zeros_like(state.position))
+        self._load(state.replace(**still, velocity_gradient=np.zeros((3, 3))), tilted=self._domain.tilted)
+        return Message(message.name, {"kinetic_energy": 0.0}, {})
+
+    def state(self, message: Message) -> Message:
+        """The State, gathered from all ranks."""
+        state = self._now()
+        values = {"time": self._time, "work": self._work, "losses": [self._loss] * 3}
+        return Message(message.name, values, {name: getattr(state, name) for name in STATE if name != "radius"})
+
+    def _now(self) -> State:
+        cell, gradient = self._domain.cell.copy(), self._domain.gradient.copy()
+        parts = self._all("all_parts")
+        return self._start.replace(cell=cell, velocity_gradient=gradient, **gathered(parts, cell))
+
+    def serve(self) -> None:
+        """Answer until labkit ends, or says that it will."""
+        processors = self._domain.comm.size
+        hello = {"protocol": PROTOCOL, "version": self._domain.version, "threads": processors}
+        with contextlib.suppress(EOFError, OSError):
+            send(self._peer, Message("hello", hello, {}))
+            while (message := receive(self._peer)).name != "quit":
+                try:
+                    answer = getattr(self, message.name)(message)
+                except OSError:  # from `alive`
+                    return
+                except PhysicsError as error:
+                    answer = Message("error", {"text": str(error)}, {})
+                except Exception as error:
+                    answer = Message("error", {"text": f"LAMMPS stopped: {type(error).__name__}: {error}"}, {})
+                send(self._peer, answer)
+
+
+def follow(domain: Domain) -> None:
+    """Make the calls that rank 0 makes, until it has finished."""
+    while True:
+        name, arguments = domain.comm.bcast(None)
+        if name == END:
+            return
+        with contextlib.suppress(Exception):  # rank 0 has the same error and reports it
+            getattr(domain, name)(*arguments)
+
+
+def serve_ranks(name: str) -> None:
+    """Serve the socket on rank 0, or follow rank 0."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # labkit decides when to stop, and closes the socket
+        signal.signal(number, signal.SIG_IGN)
+    domain = Domain(MPI.COMM_WORLD)
+    if domain.comm.rank:
+        follow(domain)
+        return
+    with socket.socket(socket.AF_UNIX) as peer:
+        peer.connect(name)
+        Ranks(domain, peer).serve()
+    domain.comm.bcast((END, ()))
+
+
+if __name__ == "__main__":
+    serve_ranks(sys.argv[1])

@@ -1,0 +1,108 @@
+"""Registry of the engines."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Literal, TypeAlias, TypeVar
+
+from labkit.engines.base import Engine, Start
+from labkit.errors import InputError
+from labkit.extensions import Registry
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+
+Precision: TypeAlias = Literal["double", "mixed"]
+Kind = TypeVar("Kind", bound=Engine)
+
+ENGINES = Registry[type[Engine]](
+    "engine",
+    {
+        "yade": "labkit.engines.yade:YadeEngine",
+        "fused": "labkit.engines.fused:FusedEngine",
+    },
+)
+
+
+def require_engine(name: str, scene: Scene, precision: str = "double") -> type[Engine]:
+    """Return the engine class of that name.
+
+    Raises InputError if it is unknown or does not support the scene or the precision.
+    """
+    kind = ENGINES.require(name)
+    kind.abilities.require_scene(scene)
+    if precision not in kind.abilities.precisions:
+        allowed = " or ".join(kind.abilities.precisions)
+        raise InputError(
+            f"is not available on the engine {name}", field="precision", value=precision, allowed=allowed, quoted=True
+        )
+    return kind
+
+
+def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
+    """Return the Start that makes engines of that name.
+
+    Raises InputError for an unknown name. The Start raises InputError for a scene or a precision that the engine does
+    not support.
+    """
+    ENGINES.require(name)
+    return Start(name, threads, functools.partial(_make, name, precision), precision)
+
+
+def _make(name: str, precision: str, state: State, threads: int) -> Engine:
+    kind: Callable[..., Engine] = require_engine(name, state.scene, precision)
+    return kind(state, threads) if precision == "double" else kind(state, threads, precision=precision)
+
+
+class Fused(Start):
+    """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
+
+    def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
+        """threads: their number; precision: of the forces."""
+        super().__init__(**vars(starter("fused", threads, precision)))
+
+
+class Yade(Start):
+    """YADE, the reference; it must be installed."""
+
+    def __init__(self, threads: int = 1) -> None:
+        """threads: their number."""
+        super().__init__(**vars(starter("yade", threads)))
+
+
+def start_of(engine: str | Start, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Start:
+    """Return the Start of an engine that is given as one, or by its name and what it runs on.
+
+    Raises InputError for an unknown name, ranks of an engine with threads, threads of one with ranks, or an engine that
+    is given with its threads and with others beside it.
+    """
+    if isinstance(engine, str):
+        return starter(engine, processors(engine, threads, ranks), precision)
+    for name, value, default in (("threads", threads, 1), ("precision", precision, "double"), ("ranks", ranks, None)):
+        if value != default:
+            problem = "is given beside an engine that has its own"
+            raise InputError(problem, field=name, value=value, allowed=f"it in {type(engine).__name__}(...)")
+    return engine
+
+
+def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
+    """Number of threads, or of MPI ranks, that an engine runs on.
+
+    Raises InputError if the engine has threads and ranks are given, or the other way round.
+    """
+    if ENGINES.require(engine).abilities.parallel == "ranks":
+        if threads != 1:
+            raise InputError(
+                f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead"
+            )
+        return 1 if ranks is None else ranks
+    if ranks is not None:
+        raise InputError(
+            f"are not for the engine {engine}", field="ranks", value=ranks, allowed="threads instead, or engine lammps"
+        )
+    return threads
+
+
+def register_engine(kind: type[Kind]) -> type[Kind]:
+    """Register a subclass of Engine under its `name`; use it as a class decorator."""
+    return ENGINES.register(kind)

@@ -1,0 +1,195 @@
+"""Engines whose grains are in another process, the server: YADE, or LAMMPS on several ranks.
+
+The run, its records and checkpoints are on this side. A server that dies, hangs or speaks another version ends the run
+with one line, and the run can be resumed. An idle server is kept for the next engine of the same kind; it ends with
+this process, because its socket then closes.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import os
+import socket
+import subprocess
+import weakref
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from typing import IO, Any, ClassVar
+
+import numpy as np
+
+from labkit.engines.base import Engine
+from labkit.engines.messages import PROTOCOL, Message, receive, send
+from labkit.errors import PhysicsError
+from labkit.grains.state import State
+from labkit.io.schema import STATE
+
+SILENCE = 600.0  # s without an answer; a long `advance` says every 10 s, between two time steps, that it is alive
+RESUME = "give the same command to resume a run from its last checkpoint"
+
+
+class Server:
+    """A program that serves an engine over a socket.
+
+    program: its name, for messages; process: None for a server that has started this process; output: what it prints.
+    """
+
+    def __init__(
+        self,
+        program: str,
+        peer: socket.socket,
+        process: subprocess.Popen[bytes] | None = None,
+        output: IO[bytes] | None = None,
+    ) -> None:
+        """Wait for the greeting. Raises PhysicsError if it does not come, or is that of another version."""
+        self.program, self._peer, self._process, self._output = program, peer, process, output
+        self._owner = os.getpid()
+        peer.settimeout(SILENCE)
+        hello = self._guarded("start", lambda: receive(self._peer))
+        spoken = hello.values.get("protocol")
+        if hello.name != "hello" or spoken != PROTOCOL:
+            self.close()
+            raise PhysicsError(
+                f"the server in {program} speaks version {spoken} of labkit's messages, labkit {PROTOCOL}: use the "
+                "scripts of this installation of labkit"
+            )
+        self.version, self.processors = str(hello.values["version"]), int(hello.values["threads"])
+
+    def ask(self, name: str, values: Mapping[str, object] | None = None, **arrays: np.ndarray) -> Message:
+        """The answer to a message. Raises PhysicsError if the server reports an error, dies or hangs."""
+        return self._guarded(name, lambda: self._exchange(Message(name, values or {}, arrays)))
+
+    def _exchange(self, message: Message) -> Message:
+        send(self._peer, message)
+        while (answer := receive(self._peer)).name == "alive":
+            pass
+        if answer.name == "error":
+            raise PhysicsError(answer.values["text"])
+        return answer
+
+    def _guarded(self, doing: str, work: Callable[[], Message]) -> Message:
+        """The result of an exchange; the server is of no more use if that ends in the middle."""
+        try:
+            return work()
+        except PhysicsError:
+            raise
+        except TimeoutError:
+            self.close()
+            raise PhysicsError(
+                f"{self.program} has not answered for {self._peer.gettimeout() or 0.0:g} s ({doing}); {RESUME}"
+            ) from None
+        except (EOFError, OSError):
+            raise PhysicsError(f"{self.program} {self._end()} ({doing}); {RESUME}") from None
+        except BaseException:  # a signal
+            self.close()
+            raise
+
+    def _end(self) -> str:
+        """How the process has ended, and the last line that it has printed."""
+        if self._process is None:
+            self.close()
+            return "has ended"
+        try:
+            code = self._process.wait(10.0)
+        except subprocess.TimeoutExpired:  # it has closed the socket only
+            code = None
+        self.close()
+        said = f"was killed by signal {-code}" if code is not None and code < 0 else f"ended with exit status {code}"
+        if self._output is None or not code or code < 0:
+            return said
+        self._output.seek(0)
+        lines = [line for line in self._output.read().decode(errors="replace").splitlines() if line.strip()]
+        return f"{said}, its last line: {lines[-1].strip()}" if lines else said
+
+    @property
+    def usable(self) -> bool:
+        """True if another engine can use the server."""
+        alive = self._process is None or self._process.poll() is None
+        return self._owner == os.getpid() and self._peer.fileno() >= 0 and alive
+
+    def close(self) -> None:
+        """End the server."""
+        if self._owner != os.getpid():  # a copy in a forked process
+            return
+        self._peer.close()
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+
+
+_IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
+
+
+class ServedEngine(Engine):
+    """An engine in a server. A subclass starts the server, and says what it needs to load a State.
+
+    keeps_server: True to keep an idle server for the next engine.
+    """
+
+    keeps_server: ClassVar[bool] = True
+
+    def __init__(self, state: State, threads: int = 1) -> None:
+        """Load the state into an idle server, or into a new one."""
+        key = (type(self), threads)
+        idle = _IDLE[key]
+        idle[:] = [server for server in idle if server.usable]
+        self._server = idle.pop() if idle else self.start_server(threads)
+        weakref.finalize(self, idle.append if self.keeps_server else Server.close, self._server).atexit = False
+        self.version = self._server.version
+        self.load(state)
+
+    @classmethod
+    @abc.abstractmethod
+    def start_server(cls, threads: int) -> Server:
+        """Start the server with a number of threads or ranks."""
+
+    @abc.abstractmethod
+    def load_message(self, state: State) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Values and arrays that the server needs to load a state. Raises InputError if it cannot."""
+
+    def load(self, state: State) -> None:
+        values, arrays = self.load_message(state)
+        ledger = dataclasses.replace(state.ledger, cell_work=state.ledger.cell_work - values.get("work", 0.0))
+        values |= {"time": state.time, "time_step": state.time_step, "step": state.step}
+        self._loaded, self._ledger, self._step = state, ledger, state.step
+        self._keep(self._server.ask("load", values, **{name: getattr(state, name) for name in STATE}, **arrays))
+
+    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
+        gradient = np.array(velocity_gradient, dtype=float)
+        answer = self._server.ask("advance", {"steps": steps}, velocity_gradient=gradient)
+        self._step += steps
+        self._keep(answer)
+
+    def _keep(self, answer: Message) -> None:
+        """Keep the stress and the cell after a motion."""
+        self._stress, self._cell = answer.arrays["stress"], answer.arrays["cell"]
+
+    def stress(self) -> np.ndarray:
+        return self._stress.copy()  # it came with the answer to the last `advance`
+
+    def stop_grains(self) -> None:
+        lost = self._server.ask("stop_grains").values["kinetic_energy"]
+        self._ledger = self._ledger.plus(0.0, 0.0, 0.0, lost)
+
+    def state(self) -> State:
+        """The State, with contacts sorted by grain; the server has them in any order."""
+        answer = self._server.ask("state")
+        values, arrays = answer.values, dict(answer.arrays)
+        pair = arrays["contact_grain"]
+        swap = (pair[:, 0] > pair[:, 1])[:, None]
+        sign = np.where(swap, -1.0, 1.0)
+        pair = np.sort(pair, axis=1)
+        order = np.lexsort((pair[:, 1], pair[:, 0]))
+        arrays["contact_grain"] = pair[order]
+        arrays["contact_shift"] = np.where(swap, -arrays["contact_shift"], arrays["contact_shift"])[order]
+        for name in ("tangential_force", "rolling_moment"):
+            arrays[name] = (sign * arrays[name])[order]
+        return self._loaded.replace(
+            **arrays,
+            time=values["time"],
+            step=self._step,
+            engine=self.name,
+            engine_version=self.version,
+            ledger=self._ledger.plus(values["work"], *values["losses"]),
+        )

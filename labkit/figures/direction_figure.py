@@ -1,0 +1,168 @@
+"""Figure of the directional functions of contacts and forces in a run: data, and fits of second and fourth order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from labkit.errors import InputError
+from labkit.figures.frame import WIDTH, add_heading, new_figure, where
+from labkit.micro.directions import (
+    bin_means,
+    directional_mean,
+    hemisphere_bins,
+    normal_density,
+    polar_bins,
+    tangential_mean,
+)
+from labkit.micro.normalised import vectors_of_contacts
+from labkit.runs.figures import register_figure
+
+POLAR_BINS = 12
+BANDS, SECTORS = 8, 24
+FINE_GRID = 201  # points along each side of the map for the lines of the fit
+FUNCTIONS = {  # name in the table: title of the panel
+    "4 pi E_PDF": "contact normals\n$4\\pi E_{PDF}$",
+    "mean Lambda_n / Lambda": "normal force\n$\\overline{\\Lambda_n}/\\Lambda$",
+    "mean -Lambda_t.e_theta / Lambda": "tangential force towards z\n$-\\overline{\\Lambda_t\\cdot e_\\theta}/\\Lambda$",
+}
+
+Function = Callable[[np.ndarray], np.ndarray]  # of directions (m, 3)
+
+
+@register_figure("directions")
+def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """E_PDF(n), mean Lambda_n(n) and mean tangential Lambda_t(n): data, second- and fourth-order fits.
+
+    Top row: against the angle to the z axis, averaged about that axis (polar diagrams). Bottom row: over the whole
+    hemisphere of directions.
+    """
+    vectors = vectors_of_contacts(run.lab.snapshot(snapshot))
+    if not len(vectors):
+        raise InputError("has no contacts", field="snapshot", value=snapshot, allowed="another")
+    n = vectors.normal
+    up = np.where(n[:, 2:] < 0.0, -n, n)
+    pull = -vectors.tangential * np.where(n[:, 2:] < 0.0, -1.0, 1.0)  # t of the contact seen from its other side
+    mean = directional_mean(n, vectors.normal_component, normal_density(n)).mean
+    tangential = np.einsum("mi,mi->m", pull, _toward_z(up)) / mean
+    values = dict(zip(FUNCTIONS, (None, vectors.normal_component / mean, tangential), strict=True))
+    fits = [_directional_fits(vectors, mean, order) for order in (2, 4)]
+    figure = new_figure(WIDTH, 7.2)
+    rows = []
+    for column, (name, data) in enumerate(values.items()):
+        polar = figure.add_subplot(2, 3, column + 1, projection="polar")
+        rows += _polar_diagram(polar, up, data, [fit[column] for fit in fits], name)
+        _hemisphere(figure, figure.add_subplot(2, 3, column + 4), up, data, fits[1][column], name)
+    figure.key(3)
+    detail = (
+        f"at {where(run, snapshot)}, {len(n)} contacts; top: by angle to the z axis;\n"
+        "bottom: hemisphere seen along z, means over bins (colours) and fourth-order fit (lines)"
+    )
+    add_heading(figure, run, detail)
+    return figure, pandas.DataFrame(rows)
+
+
+def _directional_fits(vectors: Any, mean: float, order: int) -> tuple[Function, Function, Function]:
+    """Functions of n (m, 3) for the three columns of `directions`."""
+    n = vectors.normal
+    density = normal_density(n, order)
+    normal = directional_mean(n, vectors.normal_component, density)
+    tangential = tangential_mean(n, -vectors.tangential / mean, density)
+    return (
+        density.shape,
+        lambda m: normal.at(m) / mean,
+        lambda m: np.einsum("mi,mi->m", tangential.at(m), _toward_z(m)),
+    )
+
+
+def _toward_z(n: np.ndarray) -> np.ndarray:
+    """Unit tangents at n (m, 3) that point towards the z axis; zero on the axis."""
+    along = np.array([0.0, 0.0, 1.0]) - n[:, 2:] * n
+    size = np.linalg.norm(along, axis=1, keepdims=True)
+    return np.divide(along, size, out=np.zeros_like(along), where=size > 1e-12)
+
+
+def _polar_diagram(
+    axes: Any, n: np.ndarray, data: np.ndarray | None, fits: Sequence[Function], name: str
+) -> list[dict[str, Any]]:
+    """Draws bins of equal solid angle about z and the fits, mirrored to the full circle; returns rows of the table."""
+    edges, bin_of = polar_bins(n, POLAR_BINS)
+    means = _means(data, bin_of, POLAR_BINS)
+    angle = np.arccos(edges)  # from z; bin k lies between edges k and k + 1
+    for quarter in range(4):
+        sign, start = ((1, 0), (-1, np.pi), (1, np.pi), (-1, 0))[quarter]
+        left = start + sign * 0.5 * (angle[1:] + angle[:-1])
+        axes.bar(
+            left,
+            np.nan_to_num(np.abs(means)),  # no contact in a bin
+            width=angle[:-1] - angle[1:],
+            color="0.85",
+            edgecolor="0.6",
+            lw=0.5,
+            label="contacts" if quarter == 0 else None,
+        )
+    theta = np.linspace(0.0, 2 * np.pi, 361)
+    averages = [_average_about_z(fit, theta) for fit in fits]
+    for average, style, color, order in zip(averages, ("-", "--"), ("C0", "C3"), ("second", "fourth"), strict=True):
+        axes.plot(theta, np.abs(average), style, color=color, lw=1.4, label=f"{order}-order fit")
+    axes.set_theta_zero_location("N")
+    around = np.arange(0, 360, 45)
+    axes.set_thetagrids(around, [f"{min(a, 360 - a)}°" for a in around])
+    axes.set_rticks(MaxNLocator(4).tick_values(0.0, axes.get_rmax())[1:-1])
+    axes.set_rlabel_position(67.5)
+    axes.set_title(FUNCTIONS[name] + (" (magnitude)" if np.nanmin(means) < 0 else ""), fontsize=10)
+    axes.tick_params(labelsize=7)
+    middle = np.degrees(0.5 * (angle[1:] + angle[:-1]))
+    at = [_average_about_z(fit, np.radians(middle)) for fit in fits]
+    return [
+        {"function": name, "angle_deg": middle[k], "data": means[k], "order_2": at[0][k], "order_4": at[1][k]}
+        for k in range(POLAR_BINS)
+    ]
+
+
+def _means(data: np.ndarray | None, bin_of: np.ndarray, bins: int) -> np.ndarray:
+    """Mean of the data in each bin; without data, the density of directions relative to a uniform one."""
+    if data is None:
+        return np.bincount(bin_of, minlength=bins) / len(bin_of) * bins
+    return bin_means(data, bin_of, bins)
+
+
+def _average_about_z(function: Function, theta: np.ndarray) -> np.ndarray:
+    """Mean of a function of n over the circle at each angle `theta` from z."""
+    azimuth = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+    theta, azimuth = np.meshgrid(theta, azimuth, indexing="ij")
+    n = np.stack([np.sin(theta) * np.cos(azimuth), np.sin(theta) * np.sin(azimuth), np.cos(theta)], axis=-1)
+    up = np.where(n[..., 2:] < 0.0, -n, n)
+    return function(up.reshape(-1, 3)).reshape(theta.shape).mean(axis=1)
+
+
+def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | None, fit: Function, name: str) -> None:
+    """Draws an equal-area map seen along z: bins as colours, and lines of the fourth-order fit."""
+    bin_of = hemisphere_bins(n, BANDS, SECTORS)
+    means = _means(data, bin_of, BANDS * SECTORS)
+    z = np.linspace(0.0, 1.0, BANDS + 1)
+    azimuth = np.linspace(0.0, 2 * np.pi, 4 * SECTORS + 1)  # four points per sector give a smooth rim
+    r, a = np.meshgrid(np.sqrt(1.0 - z), azimuth, indexing="ij")
+    sectors = np.repeat(means.reshape(BANDS, SECTORS), 4, axis=1)
+    mesh = axes.pcolormesh(r * np.cos(a), r * np.sin(a), sectors, cmap="viridis")
+    x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, FINE_GRID)] * 2)
+    inside = x**2 + y**2 <= 1.0
+    square = np.where(inside, x**2 + y**2, 0.0)  # 1 - z, as areas are kept
+    scale = np.sqrt(2.0 - square)  # of (x, y) on the map to the unit vector: sqrt(1 - z^2) / sqrt(1 - z)
+    unit = np.stack([x * scale, y * scale, 1.0 - square], axis=-1)[inside]
+    fitted = np.full(x.shape, np.nan)
+    fitted[inside] = fit(unit)
+    lines = axes.contour(x, y, fitted, 6, colors="white", linewidths=0.8)
+    axes.clabel(lines, fontsize=6)
+    axes.set(aspect="equal", xticks=[], yticks=[], xlabel="x", ylabel="y")
+    axes.set_frame_on(False)
+    bar = figure.colorbar(mesh, ax=axes, shrink=0.75)
+    bar.ax.tick_params(labelsize=7)
+    bar.set_label(FUNCTIONS[name].split("\n")[1], fontsize=9)

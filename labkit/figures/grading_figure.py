@@ -1,0 +1,51 @@
+"""Figure of a grading: the size distribution that a scene asks for and that of the grains made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+from matplotlib.figure import Figure
+
+from labkit.figures.frame import WIDTH, new_figure
+from labkit.grains.state import State
+
+SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
+
+
+def grading_table(state: State) -> pandas.DataFrame:
+    """Diameters in m of the grading and of the grains: extremes, mean by number, D10 to D90 by mass and by number."""
+    sizes, radius = state.scene.sizes, np.sort(state.radius)
+    rows = [
+        ("smallest", sizes.smallest, 2.0 * radius[0]),
+        ("largest", sizes.largest, 2.0 * radius[-1]),
+        ("mean by number", sizes.mean_diameter, 2.0 * radius.mean()),
+    ]
+    for by, weight in (("mass", radius**3), ("number", np.ones_like(radius))):
+        passing = _passing(weight)
+        for share in SHARES:
+            made = float(np.interp(share, passing, 2.0 * radius))
+            rows.append((f"D{100 * share:.0f} by {by}", sizes.percentile(share, by), made))
+    return pandas.DataFrame(rows, columns=["diameter", "grading, m", "grains, m"])
+
+
+def grading(state: State) -> Figure:
+    """Passing against diameter, by mass and by number: lines for the grading, steps for the grains."""
+    sizes, radius = state.scene.sizes, np.sort(state.radius)
+    figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
+    axes = figure.subplots()
+    for by, weight, color in (("mass", radius**3, "C0"), ("number", np.ones_like(radius), "C1")):
+        asked = sizes.table.by_mass if by == "mass" else sizes.table.by_number
+        axes.plot(1e3 * sizes.table.diameter, 100.0 * asked, color=color, label=f"by {by}, grading")
+        made = 100.0 * np.concatenate([[0.0], np.cumsum(weight) / weight.sum()])
+        steps = 2e3 * np.concatenate([radius, radius[-1:]])
+        axes.step(steps, made, "--", color=color, where="post", label=f"by {by}, {state.number_of_grains} grains")
+    axes.set(xscale="log", xlabel="diameter (mm)", ylabel="passing (%)", ylim=(0, 100))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("{x:g}")
+    axes.legend()
+    return figure
+
+
+def _passing(weight: np.ndarray) -> np.ndarray:
+    """Share that passes each grain, counting half of the grain itself."""
+    return (np.cumsum(weight) - 0.5 * weight) / weight.sum()

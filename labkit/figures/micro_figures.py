@@ -1,0 +1,203 @@
+"""Figures of grains and contacts of a run, each with its table. Strain in %, see labkit.figures.plots.
+
+Every function takes a run opened with labkit.open_run, the number of size groups and the number of a snapshot (negative
+numbers count from the end), and returns (Figure, pandas.DataFrame). This module draws sizes and contacts; the names
+imported below come from the neighbouring modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import matplotlib
+import numpy as np
+import pandas
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from labkit.figures.direction_figure import directions
+from labkit.figures.frame import WIDTH, add_heading, new_figure, strain_axis, where
+from labkit.figures.layer_figure import stratified_layer
+from labkit.figures.sff_figures import budget, family, shares, stack_shares
+from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.size_groups import diameter_edges, groups_by_diameter
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.runs.figures import register_figure
+
+__all__ = [
+    "budget",
+    "contacts",
+    "densities",
+    "directions",
+    "draw_group_stresses",
+    "family",
+    "groups",
+    "shares",
+    "stack_shares",
+    "stratified_layer",
+]
+
+DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
+SHORTEST = 0.1  # of the median interval between snapshots: shorter intervals have no meaningful rate
+SMALLEST_Q = 0.1  # of the largest q: a share of a smaller q has no meaning
+
+
+@register_figure("groups")
+def groups(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """sigma^N(k), sigma^V(k) (Fig. 2) and grain stress sigma^V(k) Z(k)/Z by grain size, divided by Love's stress."""
+    axis = strain_axis(run, at_snapshots=True)
+    figure, table = draw_group_stresses(
+        run.lab.size_groups(number), run.lab.love_stress(), axis=axis, part_of_q=run.lab.part_of_q
+    )
+    add_heading(figure, run)
+    return figure, table
+
+
+def draw_group_stresses(
+    stresses: xarray.Dataset,
+    love: xarray.DataArray,
+    width: float = WIDTH,
+    axis: tuple[str, np.ndarray] | None = None,
+    part_of_q: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda stress, love: deviatoric_stress(stress),
+) -> tuple[Figure, pandas.DataFrame]:
+    """Draws the figure of `groups` from results of the accessor run.lab that are already computed.
+
+    `stresses`: run.lab.size_groups(number); `love`: run.lab.love_stress(); `width` in inches; `axis`: label and
+    values of the strain axis (default: axial strain, %); `part_of_q`: run.lab.part_of_q of a test that is not triaxial.
+    """
+    axial, number = stresses["axial_strain"].values, stresses.sizes["group"]
+    strain_label, strain = axis or ("axial strain (%)", 100 * axial)
+    panels = {
+        "per contact, $\\sigma^N(k)/\\sigma$": stresses["per_contact"].values,
+        "per volume, $\\sigma^V(k)/\\sigma$": stresses["per_volume"].values,
+        "grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": stresses["per_volume"].values
+        * stresses["coordination_ratio"].values[..., None, None],
+    }
+    scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": lambda s: part_of_q(s, love.values)}
+    figure = new_figure(width, 0.42 * width)
+    axes = figure.panels(1, 3, sharey=True)
+    tables = []
+    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
+    for panel, (title, values) in zip(axes, panels.items(), strict=True):
+        for k, color in enumerate(colors):
+            ratio = {name: of(values[:, k]) / of(love.values) for name, of in scalars.items()}
+            label = f"{stresses['diameter'].values[k] * 1e3:.3f}"
+            panel.plot(strain, ratio["p"], color=color, label=label)
+            panel.plot(strain[1:], ratio["q"][1:], "--", color=color)  # q is zero at the isotropic start
+            group = {"group": k, "diameter_mm": stresses["diameter"].values[k] * 1e3, "axial_strain": axial}
+            tables.append(pandas.DataFrame({"stress": title.split(",")[0], **group, **ratio}))
+        panel.set(xlabel=strain_label, title=title)
+        panel.axhline(1.0, color="0.5", lw=0.8)
+    axes[0].set_ylabel("stress over Love's stress: p solid, q dashed")
+    figure.key(number, title="mid-size D of the group (mm)")
+    return figure, pandas.concat(tables, ignore_index=True)
+
+
+@register_figure("densities")
+def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """Probability densities of f_n and Lambda_n by grain size, both divided by their mean over all contact sides."""
+    at = run.lab.snapshot(snapshot)
+    edges = diameter_edges(at, number)
+    side_group = groups_by_diameter(at, edges)[at.contacts.grain]
+    force = np.stack([at.contacts.normal_force] * 2, axis=1)
+    values = {
+        "normal force, $f_n/\\langle f_n\\rangle$": force,
+        "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$": normalised_normal_force(at),
+    }
+    figure = new_figure(WIDTH, 4.5)
+    axes = figure.panels(1, 2, sharey=True)
+    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
+    bins = np.linspace(0.0, DENSITY_TOP, DENSITY_BINS + 1)
+    middle = 0.5 * (bins[1:] + bins[:-1])
+    rows = []
+    for panel, (title, sides) in zip(axes, values.items(), strict=True):
+        sides = sides / sides.mean()
+        for k, color in enumerate(colors):
+            chosen = sides[side_group == k]
+            if not len(chosen):
+                continue
+            density = np.histogram(chosen, bins)[0] / len(chosen) / np.diff(bins)
+            label = f"{0.5e3 * (edges[k] + edges[k + 1]):.3f}"
+            panel.semilogy(middle, np.where(density > 0, density, np.nan), "o-", ms=2.5, color=color, label=label)
+            panel.axvline(chosen.mean(), color=color, lw=0.8, ls=":")
+            rows += [
+                {
+                    "of": title.split(",")[0],
+                    "group": k,
+                    "diameter_mm": 0.5e3 * (edges[k] + edges[k + 1]),
+                    "group_mean": chosen.mean(),
+                    "value": m,
+                    "density": d,
+                }
+                for m, d in zip(middle, density, strict=True)
+            ]
+        panel.set(xlabel=title)
+    axes[0].set_ylabel("probability density")
+    add_heading(figure, run, f"at {where(run, snapshot)}; dotted: mean of the group")
+    figure.key(number, title="mid-size D of the group (mm)")
+    return figure, pandas.DataFrame(rows)
+
+
+@register_figure("contacts")
+def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """Contacts gained and lost between snapshots, their lifetimes, and the share of q that strong contacts carry."""
+    changes, lives, strong = run.lab.contact_changes(), run.lab.contact_lives(), run.lab.strong_networks()
+    figure = new_figure(WIDTH, 4.8)
+    left, middle, right = panels = figure.panels(1, 3)
+    strain = run.lab.strain_measure.name
+    _draw_rates(left, changes, strain)
+    _draw_lifetimes(middle, lives, strain)
+    q = np.abs(run.lab.q().values[run["record"].values])
+    _draw_strong(right, 100 * changes["travelled"].values, strong, q, strain)
+    for panel in panels:
+        panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize=8)
+    add_heading(figure, run)
+    table = changes.to_dataframe().reset_index()
+    for k, name in enumerate(("force", "normalised")):
+        for column in ("fraction", "share_of_q", "share_of_p"):
+            table[f"strong_by_{name}_{column}"] = strong[column].values[:, k]
+    return figure, table
+
+
+def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
+    """Contacts gained and lost per 1 % of strain, in % of the contacts before."""
+    accumulated = changes["travelled"].values * 100
+    step = np.diff(accumulated)
+    long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
+    for name, color in (("gained", "C2"), ("lost", "C3")):
+        rate = np.divide(
+            changes[name].values[1:], changes["contacts"].values[:-1] * step / 100, where=long, out=step * np.nan
+        )
+        axes.plot(accumulated[1:], rate, "o-", ms=3, color=color, label=name)
+    axes.set(
+        xlabel=f"accumulated {strain} (%)",
+        ylabel="contacts gained or lost\nper 1 % strain (% of all contacts)",
+        ylim=(0, None),
+    )
+
+
+def _draw_lifetimes(axes: Axes, lives: xarray.Dataset, strain: str) -> None:
+    """Survival function of the contacts present at the start and of those formed later."""
+    for chosen, label, color in (
+        (lives["birth"].values == 0, "present at the start", "C0"),
+        (lives["birth"].values > 0, "formed during the test", "C1"),
+    ):
+        if chosen.any():
+            life, alive = lives["lifetime"].values[chosen], lives["alive"].values[chosen]
+            survival = stats.ecdf(stats.CensoredData(uncensored=life[~alive], right=life[alive])).sf
+            axes.step(survival.quantiles * 100, survival.probabilities, where="post", color=color, label=label)
+    axes.set(xlabel=f"lifetime, accumulated {strain} (%)", ylabel="fraction that survives", ylim=(0, 1))
+
+
+def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q: np.ndarray, strain: str) -> None:
+    """Fraction of strong contact sides and their share of q, by both definitions of strong."""
+    enough = q > SMALLEST_Q * q.max(initial=0.0)
+    for k, definition in enumerate(strong["definition"].values):
+        chosen = strong.isel(definition=k)
+        label = f"strong ({definition}): fraction of contact sides"
+        axes.plot(accumulated, chosen["fraction"], "--", color=f"C{k}", label=label)
+        share = np.where(enough, chosen["share_of_q"], np.nan)
+        axes.plot(accumulated, share, "-", color=f"C{k}", label=f"strong ({definition}): share of q")
+    axes.set(xlabel=f"accumulated {strain} (%)", ylabel="fraction", ylim=(0, None))

@@ -1,0 +1,246 @@
+"""Figures that suit a path: stress path, deviatoric plane, simple shear, cycles. Each draws one run or several.
+
+A figure takes a run opened with labkit.open_run, or a mapping label -> run with simulations and predictions of the
+model, and returns (Figure, pandas.DataFrame). Love's stress is solid, C0 dashed; a prediction has only C0, solid.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pandas
+import xarray
+from matplotlib.figure import Figure
+
+from labkit.errors import InputError
+from labkit.figures.coordinates import (
+    ABSCISSA,
+    INVARIANT,
+    NORMAL_STRESS,
+    SHEAR_STRESS,
+    STRAIN,
+    VOID_RATIO,
+    VOLUMETRIC,
+    Coordinate,
+    P,
+    Q,
+    draw_runs,
+    styles_of,
+    volumetric_strain,
+)
+from labkit.figures.frame import (
+    WIDTH,
+    Drawing,
+    Runs,
+    add_heading,
+    columns_of,
+    gray_lines,
+    include_zero,
+    name_of,
+    new_figure,
+)
+from labkit.micro.stress import deviatoric_stress, equivalent_stress, lode_angle, mean_stress
+from labkit.micro.tensors import symmetric
+from labkit.model.run_file import model_of
+from labkit.model.strength import SECTIONS, critical_section, matsuoka_nakai, model_section
+from labkit.paths.path import is_coaxial
+from labkit.runs.critical import critical_states, is_shear
+from labkit.runs.figures import register_figure
+
+Given = xarray.Dataset | Runs
+Drawn = tuple[Figure, pandas.DataFrame]
+
+SECTION_STYLES = ("-", "--", ":")
+SMALLEST_P = 1e-3  # of the largest p: q/p is not drawn below it
+SMALLEST_Z = 1.0  # F is not drawn below it, or below this share of the largest Lambda: it has no meaning for a few
+SMALLEST_LAMBDA = 0.01  # contacts or without forces
+
+# Columns of the tables, SI units.
+P_Q = {"p_Pa": lambda run: run.lab.mean_stress(), "q_Pa": lambda run: run.lab.q()}
+Q_INVARIANT = {"q_Pa": lambda run: equivalent_stress(run["stress"].values)}
+SIGMA_XZ = {"sigma_xz_Pa": lambda run: run["stress"].values[:, 0, 2]}
+VOLUME = {"volumetric_strain": volumetric_strain}
+
+
+@register_figure("stress_path", needs="records", several=True)
+def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
+    """q against p, with the strength in compression and in extension (Matsuoka-Nakai), and void ratio against p.
+
+    strength: q/p in compression (default: that of the compression tests drawn, else that of Table 2).
+    """
+    runs, figure = _runs(run), new_figure(WIDTH, 4.6)
+    left, right = panels = figure.panels(1, 2)
+    draw_runs(panels, runs, [(P, Q), (P, VOID_RATIO)], lw=1.2)
+    M, source = _strength(runs, strength)
+    include_zero(left, "x")
+    low, high = left.get_ylim()
+    top = np.array([0.0, left.get_xlim()[1]])
+    left.plot(top, M * top, color="0.5", lw=0.8, label=f"q = {M:.3g} p, {source}")
+    if low < -0.02 * high:
+        extension = float(matsuoka_nakai(M, np.array(60.0)))
+        left.plot(top, -extension * top, "--", color="0.5", lw=0.8, label=f"q = -{extension:.3g} p, Matsuoka-Nakai")
+    left.set(ylim=(1.05 * low, 1.05 * high), xlim=(0.0, top[1]))
+    include_zero(right, "x")
+    right.ticklabel_format(axis="y", useOffset=False)
+    return _finished(figure, runs, {**P_Q, "void_ratio": lambda run: run["void_ratio"]})
+
+
+@register_figure("pi_plane", needs="records", several=True)
+def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
+    """The deviatoric plane, normalised by p, with sections of strength criteria, and the plane of the shear in x-z.
+
+    Left: the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any other
+    one by its principal stresses. Right: sigma_xz against (sigma_z - sigma_x)/2, in which a rotation of the principal
+    stresses is a circle. strength: q/p in compression of the sections (default: as for `stress_path`).
+    """
+    runs, figure = _runs(run), new_figure(WIDTH, 5.4)
+    left, right = figure.panels(1, 2)
+    M, source = _strength(runs, strength)
+    angle = np.linspace(-180.0, 180.0, 721)
+    folded = np.abs((angle + 60.0) % 120.0 - 60.0)
+    models = [model for one in runs.values() if (model := model_of(one)) is not None]
+    for style, (name, section) in zip(SECTION_STYLES, SECTIONS.items(), strict=True):
+        ratio = model_section(M, folded, models[0]) if name == "model" and models else section(M, folded)
+        x, y = ratio * np.sin(np.radians(angle)), ratio * np.cos(np.radians(angle))
+        left.plot(x, y, style, color="0.5", lw=0.9, label=name)
+    left.set_title(f"sections: q/p = {M:.3g} in compression ({source})", fontsize=10)
+    for axis, at in zip(_axes_of(runs), (0.0, 120.0, -120.0), strict=True):
+        x, y = np.sin(np.radians(at)), np.cos(np.radians(at))
+        left.plot([0.0, 1.15 * M * x], [0.0, 1.15 * M * y], color="0.8", lw=0.8, zorder=0)
+        left.annotate(axis, (1.25 * M * x, 1.25 * M * y), ha="center", va="center", fontsize=9)
+        left.plot([1.35 * M * x], [1.35 * M * y], alpha=0.0)  # room for the label
+    draw_runs((left, right), runs, [(PI_X, PI_Y), (ALONG, SHEAR)], lw=1.2)
+    left.set_aspect("equal")
+    right.set_aspect("equal", adjustable="datalim")
+    lode = {"lode_angle": lambda run: run.lab.lode_angle()}
+    return _finished(figure, runs, {"p_Pa": P_Q["p_Pa"], **Q_INVARIANT, **lode, **SIGMA_XZ})
+
+
+@register_figure("shear", needs="records", several=True)
+def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
+    """sigma_xz and q against the shear strain, sigma_xz against sigma_z, and the change of volume, or p if constant."""
+    runs, figure = _runs(run), new_figure(WIDTH, 6.4)
+    panels = figure.panels(2, 2)
+    undrained = all(one.lab.is_undrained for one in runs.values())
+    last = dataclasses.replace(P, of_stress=False) if undrained else VOLUMETRIC
+    pairs = [(STRAIN, SHEAR_STRESS), (STRAIN, INVARIANT), (NORMAL_STRESS, SHEAR_STRESS), (STRAIN, last)]
+    draw_runs(panels.ravel(), runs, pairs)
+    include_zero(panels[1, 0], "x")
+    for axes in panels[0]:
+        include_zero(axes, "y")
+    sigma_zz = {"sigma_zz_Pa": lambda run: run["stress"].values[:, 2, 2]}
+    return _finished(figure, runs, {**SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME})
+
+
+@register_figure("cycles", needs="records", several=True)
+def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
+    """A cyclic test: r_u or the change of volume, strain, Z and F against the number of cycles; loops; stress path.
+
+    F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not
+    reverse is drawn against its strain.
+    """
+    runs, figure = _runs(run), new_figure(1.2 * WIDTH, 6.6)
+    panels = figure.panels(2, 3)
+    undrained = all(one.lab.is_undrained for one in runs.values())
+    force = FORCE.labelled("$F_{zz}$") if all(one.lab.axisymmetric for one in runs.values()) else FORCE
+    first = RATIO if undrained else VOLUMETRIC
+    pairs = [(ABSCISSA, first), (ABSCISSA, STRAIN), (ABSCISSA, Z), (STRAIN, LOOP), (P, LOOP), (ABSCISSA, force)]
+    draw_runs(panels.ravel(), runs, pairs, both=False, lw=1.0)
+    if undrained:
+        panels[0, 0].axhline(0.95, color="0.5", lw=0.8, label="initial liquefaction, $r_u$ = 0.95")
+    include_zero(panels[1, 1], "x")
+    ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
+    columns = {"cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
+    return _finished(figure, runs, columns, both=False)
+
+
+def _runs(run: Given) -> Runs:
+    return {name_of(run): run} if isinstance(run, xarray.Dataset) else run
+
+
+def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
+    """F along z or the deviator at the records at which the contacts carry load; NaN at others."""
+    size = run["mean_normalised_force"]
+    loaded = (run["coordination_number"] >= SMALLEST_Z) & (size > SMALLEST_LAMBDA * size.max())
+    return run.lab.component("normal_force_anisotropy").where(loaded).values
+
+
+def _sheared(run: xarray.Dataset) -> bool:
+    """True if the path of the run shears in x-z."""
+    return run.lab.path is not None and not is_coaxial(run.lab.path)
+
+
+Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_number"].values)
+RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
+FORCE = Coordinate("$F$ along the deviator", _force)
+LOOP = Coordinate(  # of a hysteresis loop
+    lambda run: str((SHEAR_STRESS if _sheared(run) else Q).label),
+    lambda run, stress: (SHEAR_STRESS if _sheared(run) else Q).values(run, stress),
+)
+
+
+def _axes_of(runs: Runs) -> tuple[str, str, str]:
+    """Labels of the axes of the deviatoric plane: clockwise from the top."""
+    kinds = {_sheared(one) for one in runs.values()}
+    names = (["zxy"] if False in kinds else []) + (["123"] if True in kinds else [])
+    top, right, left = (", ".join(f"$\\sigma_{which[k]}$" for which in names) for k in range(3))
+    return top, right, left
+
+
+def _in_planes(run: xarray.Dataset, name: str) -> tuple[np.ndarray, ...]:
+    """Coordinates of a recorded stress in both planes of `pi_plane`, (n,) each; NaN where p vanishes."""
+    stress = symmetric(run[name].values)
+    p = mean_stress(stress)
+    p = np.where(p > SMALLEST_P * np.nanmax(p), p, np.nan)
+    along, across = 0.5 * (stress[:, 2, 2] - stress[:, 0, 0]) / p, stress[:, 0, 2] / p
+    if not _sheared(run):
+        x = np.sqrt(0.75) * (stress[:, 0, 0] - stress[:, 1, 1]) / p
+        return x, deviatoric_stress(stress) / p, along, across
+    ratio, angle = equivalent_stress(stress) / p, np.radians(lode_angle(stress))
+    return ratio * np.sin(angle), ratio * np.cos(angle), along, across
+
+
+def _strength(runs: Runs, strength: float | None) -> tuple[float, str]:
+    """q/p in triaxial compression, and where it comes from."""
+    if strength is not None:
+        if not 0.0 < strength < 3.0:
+            raise InputError(field="strength", value=strength, allowed="q/p in compression, above 0 and below 3")
+        return strength, "given"
+    tests = {name: run for name, run in runs.items() if is_shear(run) and run.lab.axisymmetric}
+    table = critical_states({name: run for name, run in tests.items() if float(run["axial_strain"][-1]) > 0.0})
+    if len(table) and 0.0 < table["M"].mean() < 3.0:
+        return float(table["M"].mean()), "ends of the compression tests"
+    return float(critical_section(np.array(0.0))[0]), "Table 2"
+
+
+def _plane_coordinate(label: str, number: int) -> Coordinate:
+    return Coordinate(label, lambda run, stress: _in_planes(run, stress)[number], True)
+
+
+PI_X, PI_Y = (
+    _plane_coordinate("q/p, normal to the vertical axis", 0),
+    _plane_coordinate("q/p, along the vertical axis", 1),
+)
+ALONG = _plane_coordinate("$(\\sigma_{zz} - \\sigma_{xx})/2p$", 2)
+SHEAR = _plane_coordinate("$\\sigma_{xz}/p$", 3)
+
+
+def _finished(
+    figure: Drawing, runs: Runs, columns: Mapping[str, Callable[[xarray.Dataset], object]], both: bool = True
+) -> Drawn:
+    """The figure with its legend and heading, and its table: the strain and `columns` of all runs.
+
+    both: True if it shows Love's stress and C0.
+    """
+    styles = {name: style for one in runs.values() for name, (_, style) in styles_of(one).items()} if both else {}
+    figure.key(columns_of(runs, 4), [*figure.axes[0].get_legend_handles_labels()[0], *gray_lines(styles)])
+    if len(runs) == 1:
+        add_heading(figure, next(iter(runs.values())))
+    tables = []
+    for label, one in runs.items():
+        values = {name: np.asarray(of(one)) for name, of in columns.items()}
+        tables.append(pandas.DataFrame({"run": label, "strain": one.lab.strain().values, **values}))
+    table = pandas.concat(tables, ignore_index=True)
+    return figure, table if len(runs) > 1 else table.drop(columns="run")

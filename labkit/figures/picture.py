@@ -1,0 +1,150 @@
+"""Pictures of a specimen at one or more snapshots: the grains, and next to them the contacts as sticks.
+
+Both are coloured by the normalised force divided by its mean; the width of a stick is proportional to the same ratio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from labkit.figures.frame import new_figure
+from labkit.figures.paraview import cell_corners, over_mean
+from labkit.figures.render import canvas, draw_spheres, draw_sticks, haze, shaded, view_from
+from labkit.micro.grains import mean_per_grain
+from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.snapshot import Snapshot, contacts_per_grain
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+
+VIEW = view_from(azimuth=30.0, elevation=20.0)
+COLORS, TOP = "YlOrRd", 3.0  # colour map and its upper end, normalised force over its mean
+RATTLER = (0.62, 0.72, 0.80)
+STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
+WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
+PANEL = 5.2  # width of a panel, inches
+EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+
+
+def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
+    """Grains and contacts of Snapshots, one row each, all at the same scale.
+
+    name: name of the run or specimen, written above the first row.
+    """
+    snapshots = list(snapshots)
+    low, high = _frame(snapshots)
+    tall = PANEL * (high[1] - low[1]) / (high[0] - low[0])
+    head, foot, top = 0.32, 0.95, 0.3 if name else 0.0
+    height = len(snapshots) * (tall + head) + foot + top
+    figure = new_figure(2 * PANEL, height, layout=None)
+    if name:
+        figure.suptitle(name, fontsize=11, y=1.0 - 0.1 / height)
+    for row, snapshot in enumerate(snapshots):
+        bottom = height - top - (row + 1) * (tall + head)
+        for column, image in enumerate(images(snapshot, low, high)):
+            axes = figure.add_axes((0.5 * column, bottom / height, 0.5, tall / height))
+            axes.imshow(image, origin="lower")
+            axes.axis("off")
+        figure.text(0.5, (bottom + tall + 0.08) / height, caption(snapshot), ha="center", fontsize=10)
+    _scale_bar(figure, (high[0] - low[0]) / PANEL, height)
+    _color_bar(figure, height)
+    _directions(figure, height)
+    return figure
+
+
+def images(
+    snapshot: Snapshot, low: np.ndarray, high: np.ndarray, width: int = round(150 * PANEL)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Images of the grains and of the contacts, each (rows, width, 4), red, green, blue and opacity.
+
+    `low`, `high` (2,): corners of the part of the view to draw, m from the centre of the cell.
+    """
+    centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
+    low, high = low + centre, high + centre
+    mean = 2.0 * snapshot.radius.mean()
+    corners = cell_corners(snapshot.cell)
+    edges = np.array([corners[list(edge)] for edge in EDGES])
+    normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
+    of_contacts = over_mean(normalised.mean(axis=1), normalised)
+    grains = canvas(VIEW, low, high, width)
+    draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, grain_colors(snapshot))
+    network = canvas(VIEW, low, high, width)
+    draw_sticks(
+        network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), ratio_colors(of_contacts)
+    )
+    white = haze(network, snapshot.cell, 2.5 * mean)
+    draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
+    return shaded(grains, 0.4 * mean), shaded(network, 0.4 * mean, white)
+
+
+def grain_colors(snapshot: Snapshot) -> np.ndarray:
+    """Colours (grain, 3): mean Lambda_n over the contacts of each grain, divided by the mean over all contact sides."""
+    normalised = normalised_normal_force(snapshot)
+    colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
+    return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
+
+
+def caption(snapshot: Snapshot) -> str:
+    """Axial strain, stresses and numbers of grains and contacts of a snapshot, as text."""
+    stress = love_stress(snapshot) / 1e3
+    p, q = mean_stress(stress), deviatoric_stress(stress)
+    strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
+    number = f"{len(snapshot.radius)} grains, {len(snapshot.contacts)} contacts"
+    return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
+
+
+def ratio_colors(ratio: np.ndarray) -> np.ndarray:
+    """Colours (n, 3) of a force over its mean (n,)."""
+    return matplotlib.colormaps[COLORS](np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
+
+
+def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner of a view that contains all cells and the grains at their faces.
+
+    m from the centre of each cell.
+    """
+    corners = [cell_corners(snapshot.cell) for snapshot in snapshots]
+    seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
+    margin = 1.2 * max(snapshot.radius.max() for snapshot in snapshots)
+    return seen.min(axis=0) - margin, seen.max(axis=0) + margin
+
+
+def _color_bar(figure: Figure, height: float) -> None:
+    axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
+    colors = ScalarMappable(Normalize(0.0, TOP), COLORS)
+    figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
+    axes.set_xlabel(
+        "normalised force $\\Lambda_n$ over its mean (grains: mean over their contacts; blue: no contacts)",
+        fontsize=9,
+        labelpad=2,
+    )
+
+
+def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
+    """Draws a scale bar of 1, 2 or 5 times a power of ten, at most 1.5 inches long."""
+    longest = 1.5 * metres_per_inch
+    power = 10.0 ** np.floor(np.log10(longest))
+    length = power * max(n for n in (1, 2, 5) if n * power <= longest)
+    across = length / metres_per_inch / (2 * PANEL)
+    axes = figure.add_axes((0.06, 0.49 / height, across, 0.2 / height))
+    axes.plot([0, 1], [0.5, 0.5], color="0.2", lw=2.5, solid_capstyle="butt")
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.axis("off")
+    figure.text(0.06 + across / 2, 0.46 / height, f"{1e3 * length:g} mm", ha="center", va="top", fontsize=9)
+
+
+def _directions(figure: Figure, height: float) -> None:
+    """Draws x, y and z as arrows at the lower right."""
+    size = 0.8  # inches
+    axes = figure.add_axes(
+        (0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4), ylim=(-0.8, 1.6)
+    )
+    axes.axis("off")
+    for name, arrow in zip("xyz", VIEW[:2].T, strict=True):
+        axes.annotate("", arrow, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "lw": 1.2, "color": "0.2"})
+        x, y = 1.3 * arrow
+        axes.text(x, y, name, ha="center", va="center", fontsize=9, color="0.2")

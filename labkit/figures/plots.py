@@ -1,0 +1,247 @@
+"""Figures of runs: stresses, records, critical states. Stress in MPa, strain in %."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas
+import xarray
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from labkit.errors import InputError, instead_of
+from labkit.figures.coordinates import (
+    ERROR,
+    MODEL_STYLES,
+    STRAIN,
+    STYLES,
+    VOID_RATIO,
+    Coordinate,
+    P,
+    Q,
+    draw_runs,
+    has_grains,
+    percent,
+)
+from labkit.figures.frame import (
+    DPI,
+    WIDTH,
+    Runs,
+    add_heading,
+    colors_for,
+    columns_of,
+    gray_lines,
+    include_zero,
+    name_of,
+    name_run,
+    new_figure,
+    strain_axis,
+)
+from labkit.io.atomic import whole_file
+from labkit.io.provenance import provenance_json, write_provenance
+from labkit.paths.registry import PATHS, travelled
+from labkit.runs.figures import register_figure
+
+__all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
+
+FORMATS = (".png", ".pdf", ".svg", ".webp")
+
+
+def sff_against_love(runs: Runs) -> Figure:
+    """q and p against the strain of the path, and q against p, of runs opened with labkit.open_run; a Figure.
+
+    `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs,
+    the third panel shows the error of C0 instead of q against p.
+    A prediction of the constitutive model has only C0.
+    """
+    figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
+    left, middle, right = panels = figure.panels(1, 3)
+    constant = all(map(_keeps_p, runs.values()))
+    draw_runs(panels, runs, [(STRAIN, Q), (STRAIN, P), (STRAIN, ERROR) if constant else (P, Q)])
+    include_zero(left, "y")
+    include_zero(right, "y")
+    if constant:
+        low, high = middle.get_ylim()
+        middle.set_ylim(0.9 * low, 1.1 * high)  # wider than the noise of the servo
+    else:
+        include_zero(middle, "y")
+        include_zero(right, "x")
+    styles = STYLES if any(map(has_grains, runs.values())) else MODEL_STYLES
+    gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
+    labels = left.get_legend_handles_labels()[0] if len(runs) > 1 else []
+    figure.key(columns_of(runs, 5), labels + gray_lines({who: style for who, (_, style) in styles.items()}, gray))
+    return figure
+
+
+def _keeps_p(run: xarray.Dataset) -> bool:
+    """True for a run with grains whose mean stress is constant."""
+    p = run.lab.mean_stress().values
+    return has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
+
+
+@register_figure("test", needs="records", several=True)
+def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """q, p and the stress path of a run or several, from Love's stress and C0 (`sff_against_love`), and the table."""
+    runs = {name_of(run): run} if isinstance(run, xarray.Dataset) else run
+    tables = []
+    for label, one in runs.items():
+        columns = {"run": label, "axial_strain": one["axial_strain"].values, "strain": one.lab.strain().values}
+        for who, (name, _) in STYLES.items():
+            columns[f"p_{who}_Pa"] = one.lab.mean_stress(name).values
+            columns[f"q_{who}_Pa"] = one.lab.q(name).values
+        tables.append(pandas.DataFrame(columns))
+    figure = sff_against_love(runs)
+    if len(runs) > 1:
+        return figure, pandas.concat(tables, ignore_index=True)
+    add_heading(figure, next(iter(runs.values())))
+    return figure, tables[0].drop(columns="run")
+
+
+@register_figure("records", needs="records")
+def records(
+    run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
+) -> tuple[Figure, pandas.DataFrame]:
+    """Any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
+
+    For a symmetric tensor the six independent components are drawn (`xy = yx`), for others all nine. Raises
+    InputError if the run does not hold the variable.
+    """
+    names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
+    if variable is None or variable not in names:
+        raise InputError(
+            "is not recorded" if variable else "is missing",
+            field="variable",
+            value=variable,
+            allowed=instead_of(names, variable),
+        )
+    values = run[variable]
+    components = _components(values.values)
+    figure = new_figure(0.75 * WIDTH, 4.2)
+    axes = figure.panels(1, 1)
+    strain_label, strain = strain_axis(run)
+    units = values.attrs.get("units", "1")
+    factor, shown = (1e-6, "MPa") if units == "Pa" else (1.0, units)
+    for color, (label, column) in zip(colors_for(len(components)), components.items(), strict=True):
+        axes.plot(strain, factor * column, color=color, label=label)
+    label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
+    axes.set(xlabel=strain_label, ylabel=textwrap.fill(label, 44))
+    if len(components) > 1:
+        figure.legend(loc="outside right center", title="component", frameon=False, fontsize=8)
+    add_heading(figure, run)
+    columns = {"axial_strain": run["axial_strain"].values}
+    columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
+    return figure, pandas.DataFrame(columns)
+
+
+SYMMETRY_TOLERANCE = 1e-3  # of the largest component: smaller differences are invisible in a figure
+
+
+def _components(values: np.ndarray) -> dict[str, np.ndarray]:
+    """Label -> series of each component that differs; `values` (time, ...), the label of a scalar is empty."""
+    if values.ndim != 3:
+        flat = values.reshape(len(values), -1).T
+        return {"xyz"[k] if len(flat) > 1 else "": row for k, row in enumerate(flat)}
+    finite = np.nan_to_num(values)
+    asymmetry = np.abs(finite - finite.swapaxes(1, 2)).max(initial=0.0)
+    if asymmetry > SYMMETRY_TOLERANCE * np.abs(finite).max(initial=0.0):
+        return {"xyz"[i] + "xyz"[j]: values[:, i, j] for i in range(3) for j in range(3)}
+    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
+    names = {(i, j): "xyz"[i] + "xyz"[j] + (f" = {'xyz'[j]}{'xyz'[i]}" if i != j else "") for i, j in pairs}
+    return {names[i, j]: values[:, i, j] for i, j in pairs}
+
+
+def e_p_paths(
+    runs: Runs,
+    critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+    width: float = WIDTH,
+    list_runs: bool = False,
+) -> Figure:
+    """Shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; a Figure.
+
+    `runs`: label -> run. Colour denotes the initial void ratio of the specimen, line style the path. `critical`:
+    label -> (p, e) of critical state lines, Pa. `list_runs`: add the labels of the runs to the legend.
+    """
+    figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)
+    left, right = figure.panels(1, 2)
+    names = dict.fromkeys(run.attrs["path"] for run in runs.values())
+    styles: dict[str, Any] = {name: PATHS[name].line_style for name in names}  # matplotlib lists its styles one by one
+    start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
+    scale, colors = Normalize(start.min(), start.max() + 1e-9), matplotlib.colormaps["viridis"]
+    tests = []
+    for e, (label, run) in zip(start, runs.items(), strict=True):
+        color, style = colors(0.9 * scale(e)), styles[run.attrs["path"]]
+        p, q = run.lab.mean_stress().values / 1e6, run.lab.q().values / 1e6
+        tests += left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2, label=label)
+        left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
+        right.plot(p, q, linestyle=style, color=color, lw=1.2)
+        right.plot(p[-1], q[-1], "o", color=color, ms=4)
+    top = np.array([0.0, right.get_xlim()[1]])
+    right.plot(top, 0.92 * top, color="0.5", lw=0.8)
+    left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
+    right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
+    lines = gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
+    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
+    lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
+    for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":"), strict=False):
+        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
+    figure.key(8 if width >= WIDTH else 4, lines)
+    if list_runs:
+        figure.legend(handles=tests, loc="outside upper center", ncols=columns_of(runs, 8), frameon=False, fontsize=8)
+    bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
+    bar.set_label("void ratio at the start")
+    return figure
+
+
+QUANTITIES = {
+    "strain": Coordinate("axial strain (%)", lambda run, stress: percent(run)),
+    "travelled": Coordinate("accumulated axial strain (%)", lambda run, stress: travelled(percent(run))),
+    "p": P.labelled("p (MPa)"),
+    "q": Q.labelled("q (MPa)"),
+    "e": VOID_RATIO,
+    "e_nominal": Coordinate("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
+    "Z": Coordinate("Z", lambda run, stress: run["coordination_number"].values),
+    "Lambda": Coordinate("$\\Lambda$", lambda run, stress: run["mean_normalised_force"].values),
+    "A": Coordinate("$A_{zz}$", lambda run, stress: run["contact_anisotropy"].values[:, 2, 2]),
+    "F": Coordinate("$F_{zz}$", lambda run, stress: run["normal_force_anisotropy"].values[:, 2, 2]),
+    "Ft": Coordinate("$F^t_{zz}$", lambda run, stress: run["mobilisation"].values[:, 2, 2]),
+}
+
+
+def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.ndarray]]]:
+    """Definition of a diagram: label of x, label of y, and a function (run, name of a stress) -> (x, y).
+
+    `name`: two of QUANTITIES, e.g. `q-strain` for q against axial strain.
+    """
+    y, x = (QUANTITIES[part] for part in name.split("-"))
+    return str(x.label), str(y.label), lambda run, stress="stress": (x.values(run, stress), y.values(run, stress))
+
+
+def require_format(figure: str, *other: str) -> None:
+    """Raises InputError unless the name of a figure ends with a format that can be written; other: further formats."""
+    known = (*FORMATS, *other)
+    if Path(figure).suffix.lower() not in known:
+        raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
+
+
+def save(
+    figure: Figure, path: str | Path, inputs: Sequence[str | Path] = (), command: str | None = None, dpi: int = DPI
+) -> None:
+    """Writes a figure atomically, in the format given by the file extension, and closes it.
+
+    A PNG file contains its provenance; for other formats the provenance is written to a separate file next to the
+    figure. `inputs`: files that the figure shows; `command`: command that made it (default: that of this process).
+    """
+    extension = Path(path).suffix[1:].lower()
+    metadata = {"provenance": provenance_json(command, inputs, path)} if extension == "png" else None
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=dpi, format=extension, metadata=metadata)
+    if extension != "png":
+        write_provenance(path, inputs, command)
+    plt.close(figure)

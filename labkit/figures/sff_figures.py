@@ -1,0 +1,172 @@
+"""Figures of stress-force-fabric relationships in a run: terms of C0, error and cost of each form, error budget."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pandas
+import xarray
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from labkit.figures.frame import WIDTH, add_heading, new_figure, strain_axis
+from labkit.micro.stress import mean_stress, relative_error
+from labkit.runs.figures import register_figure
+from labkit.sff import family as sff_family
+from labkit.sff.budget import PARTS, standard_errors
+from labkit.sff.c0 import TERMS
+
+COLORS = matplotlib.color_sequences["tab10"]
+TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled"}
+
+
+@register_figure("shares", needs="records")
+def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """Contributions of A, F, F^t and the product of A and F to q/p of C0 against strain, stacked.
+
+    Drawn together with q/p from Love's stress.
+    """
+    terms = run.lab.strength_shares()
+    strain_label, strain = strain_axis(run)
+    love = run.lab.stress_ratio().values
+    figure = new_figure(WIDTH, 4.4)
+    left, right = figure.panels(1, 2)
+    colors = stack_shares(left, run)
+    left.set(xlabel=strain_label, ylabel="stress ratio q/p")
+    left.set_title("stacked terms add up to C0", fontsize=10)
+    total = terms.values.sum(axis=0)
+    large = np.abs(total) > 0.1 * np.nanmax(np.abs(total))
+    for color, values in zip(colors, terms.values, strict=True):
+        right.plot(strain, 100 * np.divide(values, total, where=large, out=total * np.nan), color=color)
+    right.set(xlabel=strain_label, ylabel="share of q/p of C0 (%)")
+    figure.key(5)
+    table = {"axial_strain": terms["axial_strain"].values, "q_over_p_love": love}
+    table |= dict(zip(TERMS, terms.values, strict=True))
+    add_heading(figure, run)
+    return figure, pandas.DataFrame(table)
+
+
+def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[Any]:
+    """Stacks the contributions of the terms of C0 to q/p of a run, and draws q/p from Love's stress.
+
+    Returns the colours of the terms.
+    """
+    terms, colors = run.lab.strength_shares(), COLORS[: len(TERMS)]
+    strain, love = strain_axis(run)[1], run.lab.stress_ratio()
+    axes.stackplot(strain, *terms.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in TERMS])
+    axes.plot(strain, love.values, "k-", lw=1.2, label="Love")
+    return colors
+
+
+@register_figure("family")
+def family(
+    run: xarray.Dataset, number: int = 5, snapshot: int = -1, rounds: int = 25
+) -> tuple[Figure, pandas.DataFrame]:
+    """Error of every stress-force-fabric relationship relative to Love's stress, against strain, and the cost of each.
+
+    `rounds`: number of repetitions in the timing of each form on one snapshot.
+    """
+    stresses, love = run.lab.sff_family(), run.lab.love_stress().values
+    error = {form: relative_error(stresses.sel(form=form).values, love) for form in sff_family.FORMS}
+    cost = _costs(run, snapshot, rounds)
+    strain_label, strain = strain_axis(run, at_snapshots=True)
+    figure = new_figure(WIDTH, 4.8)
+    left, right = figure.panels(1, 2)
+    colors = dict(zip(sff_family.FORMS, COLORS, strict=False))  # more colours than forms
+    rows = []
+    for form, values in error.items():
+        left.semilogy(strain, 100 * values, color=colors[form], label=form)
+        mean = float(np.nanmean(values[1:])) if len(values) > 1 else float(values[0])
+        right.loglog(cost[form] * 1e3, 100 * mean, "o", color=colors[form])
+        rows.append(
+            {
+                "form": form,
+                "mean_error": mean,
+                "worst_error": float(np.nanmax(values)),
+                "first_error": float(values[0]),
+                "milliseconds": cost[form] * 1e3,
+                "cost_over_c0": cost[form] / cost["c0"],
+            }
+        )
+    left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
+    number_of_contacts = int(run["row_size"].values[snapshot])
+    right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
+    for axis in (left.yaxis, right.yaxis, right.xaxis):
+        _plain_ticks(axis)
+    add_heading(figure, run)
+    figure.key(5)
+    return figure, pandas.DataFrame(rows)
+
+
+def _plain_ticks(axis: Axis) -> None:
+    """Labels a logarithmic axis at 1, 2 and 5 times the powers of ten with plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _costs(run: xarray.Dataset, snapshot: int, rounds: int) -> dict[str, float]:
+    """Median time of each form on one snapshot, s; the forms are timed in turn."""
+    contacts = run.lab.snapshot(snapshot)
+    seconds: dict[str, list[float]] = {form: [] for form in sff_family.FORMS}
+    for _ in range(rounds):
+        for form, times in seconds.items():
+            begin = time.perf_counter()
+            sff_family.stress(form, contacts)
+            times.append(time.perf_counter() - begin)
+    return {form: float(np.median(times)) for form, times in seconds.items()}
+
+
+def _legend(part: str) -> str:
+    """The name of a part in tables, and what it is."""
+    text = PARTS[part]
+    for plain, symbol in (("E_PDF", "E_{PDF}"), ("Lambda_n", r"\Lambda_n"), ("Lambda_t", r"\Lambda_t")):
+        text = text.replace(plain, f"${symbol}$")
+    return f"{part}: {text}"
+
+
+@register_figure("budget")
+def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """Contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
+
+    Also draws the standard errors at one snapshot.
+    """
+    parts, love = run.lab.error_budget(), run.lab.love_stress().values
+    axial, p = parts["axial_strain"].values, mean_stress(love)
+    strain_label, strain = strain_axis(run, at_snapshots=True)
+    shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
+    figure = new_figure(WIDTH, 5.0)
+    axes = figure.panels(1, 2)
+    for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
+        panel.axhline(0.0, color="0.5", lw=0.8)
+        panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.7", lw=5, label="C0 - Love")
+        for color, ls, part in zip(COLORS, itertools.cycle(["-", "--", ":"]), shown, strict=False):  # more colours
+            error = 100 * of(parts.sel(part=part).values) / p
+            panel.plot(strain, error, color=color, ls=ls, label=_legend(part))
+        panel.set(xlabel=strain_label, ylabel=f"error of C0 in {name}, % of p")
+    figure.key(2)
+    add_heading(figure, run)
+    at = run.lab.snapshot(snapshot)
+    scatter = standard_errors(at) if len(at.contacts) else {}
+    rows = [
+        {
+            "axial_strain": axial[k],
+            "part": part,
+            "p_error": mean_stress(parts.values[k, i]) / p[k],
+            "q_error": run.lab.part_of_q(parts.values[k, i], love[k]) / p[k],
+            "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
+        }
+        for k in range(len(axial))
+        for i, part in enumerate(PARTS)
+    ]
+    table = pandas.DataFrame(rows)
+    last = {part: np.linalg.norm(error) / np.linalg.norm(love[snapshot]) for part, error in scatter.items()}
+    table["norm_standard_error"] = np.where(table["axial_strain"] == axial[snapshot], table["part"].map(last), np.nan)
+    return figure, table

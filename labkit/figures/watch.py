@@ -1,0 +1,114 @@
+"""A live view of runs in the terminal: q against strain, e against p, and the error of C0, redrawn at intervals.
+
+Every save replaces the run file atomically, so a run can be read while it is being written.
+"""
+
+from __future__ import annotations
+
+import shutil
+import string
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import plotext
+import xarray
+from xarray.backends import NetCDF4DataStore
+
+import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
+from labkit.io.interruption import being_written
+from labkit.io.netcdf import open_netcdf
+
+SHOWN = ("stress", "stress_sff", "void_ratio", "strain", "axial_strain")
+FIRST_MARKS = "*o+x#%@$&="
+MARKS = FIRST_MARKS + "".join(
+    c for c in string.ascii_letters + string.digits if c not in FIRST_MARKS
+)  # no colours needed
+CLEAR = "\x1b[2J\x1b[H"
+
+
+def watch(files: Sequence[str], interval: int, once: bool) -> None:
+    """Redraws every `interval` seconds until no run is being written, or draws just once if `once`.
+
+    Raises InputError.
+    """
+    names = short_names(files)
+    while True:
+        being_computed = [being_written(Path(file)) for file in files]
+        runs = {name: read_records(file) for name, file in zip(names, files, strict=True)}
+        size = shutil.get_terminal_size((100, 30))
+        drawing = draw(runs, size.columns, max(12, size.lines - len(runs) - 1))
+        lines = [
+            f"{mark_of(k)} {status(name, run, active)}"
+            for k, ((name, run), active) in enumerate(zip(runs.items(), being_computed, strict=True))
+        ]
+        print(("" if once else CLEAR) + "\n".join([drawing.rstrip("\n"), *lines]), flush=True)
+        if once or not any(being_computed):
+            return
+        time.sleep(interval)
+
+
+def short_names(files: Sequence[str]) -> list[str]:
+    """File names without folder and extension, or the names as given if two of them would be the same."""
+    short = [Path(file).name.removesuffix(".run.nc") for file in files]
+    return short if len(set(short)) == len(short) else list(files)
+
+
+def mark_of(number: int) -> str:
+    """Character that draws the run with this number, counted from 0."""
+    return MARKS[number % len(MARKS)]
+
+
+def read_records(file: str) -> xarray.Dataset:
+    """Data shown for a run; they are loaded into memory and the file is closed.
+
+    Only the records are read, with the file opened just once: opening it twice could mix two versions if it is saved in
+    between. Raises InputError if it is not a run file.
+    """
+    with open_netcdf(file, "run", verify=False) as dataset:
+        run = xarray.open_dataset(NetCDF4DataStore(dataset), decode_times=False).set_coords("axial_strain")
+        unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}  # in older files
+        return run.assign({k: v for k, v in unknown.items() if k not in run})[list(SHOWN)].load()
+
+
+def status(name: str, run: xarray.Dataset, active: bool) -> str:
+    """One-line summary of a run; `active`: True if a process is writing the file."""
+    strain = run.lab.strain()
+    state = "complete" if run.attrs["complete"] else "running" if active else "interrupted"
+    return (
+        f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, "
+        f"{_cycles(run)}{strain.long_name} {float(strain[-1]):.2%}, "
+        f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, error of C0 {float(run.lab.sff_error()[-1]):.2%}"
+    )
+
+
+def _cycles(run: xarray.Dataset) -> str:
+    """The number of cycles of a cyclic test as text."""
+    return f"{float(run.lab.cycles()[-1]):.2f} cycles, " if run.lab.path is not None and run.lab.path.cyclic else ""
+
+
+def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
+    """Three diagrams as text, `width` columns by `height` lines; each run has its own mark, see `mark_of`."""
+    plotext.main()  # selects the whole figure, so that the next line clears every panel
+    plotext.clear_figure()
+    plotext.theme("clear")
+    plotext.subplots(1, 3)
+    plotext.plot_size(width, height)
+    names = {run.lab.strain_measure.short for run in runs.values()}
+    strain = f"{names.pop() if len(names) == 1 else 'strain'} (%)"
+    panels = (
+        ("q (MPa)", strain, lambda r: (r.lab.strain() * 100, r.lab.q() / 1e6)),
+        ("void ratio e", "p (MPa)", lambda r: (r.lab.mean_stress() / 1e6, r["void_ratio"])),
+        ("C0 error (%)", strain, lambda r: (r.lab.strain() * 100, r.lab.sff_error() * 100)),
+    )
+    for number, (title, x_label, values) in enumerate(panels, start=1):
+        plotext.subplot(1, number)
+        plotext.title(title)
+        plotext.xlabel(x_label)
+        for k, run in enumerate(runs.values()):
+            x, y = (np.asarray(v) for v in values(run))
+            known = np.isfinite(x) & np.isfinite(y)
+            if known.any():
+                plotext.plot(x[known].tolist(), y[known].tolist(), marker=mark_of(k))
+    return plotext.build()

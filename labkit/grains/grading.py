@@ -1,0 +1,261 @@
+"""Gradings: distributions of grain diameters by number or by mass, given as text.
+
+    uniform smallest=0.1mm largest=0.4mm by=mass
+    lognormal median=0.2mm sigma=0.3 smallest=0.1mm largest=0.5mm
+    rosin_rammler scale=0.25mm exponent=4 smallest=0.1mm largest=0.5mm
+    sieve diameters=0.1mm,0.2mm,0.4mm passing=0%,45%,100%
+    curve.csv
+
+All are cut at the smallest and the largest diameter. `by` says whether the curve counts grains or their mass (the
+default, except for `uniform`). A CSV file has two columns with the headings `diameter_mm` (or _um, _m) and
+`passing_percent` (or passing_fraction), and makes a `sieve` by mass.
+
+A distribution by mass, dM, and by number, dN, of the same grading obey dM ~ D^3 dN. Grains are drawn by number, one
+from each of N intervals of equal probability, so that a few hundred grains follow the curve; a common factor close to 1
+then makes the volume exact.
+"""
+
+from __future__ import annotations
+
+import abc
+import csv
+import dataclasses
+import functools
+import math
+import re
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.parameters import UNITS, Number, Numbers, check_parameters, parameter, parameters_of
+
+MOST_RATIO = 10.0  # of the largest to the smallest diameter
+POINTS = 2001  # of the tabulated distributions
+SCALING = 0.03  # largest change of the drawn diameters that makes their volume exact
+MEASURES = ("number", "mass")
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Cumulative distributions at ascending diameters, m: passing by number and by mass, from 0 to 1; shape (n,)."""
+
+    diameter: np.ndarray
+    by_number: np.ndarray
+    by_mass: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Grading(abc.ABC):
+    """A distribution of diameters between `smallest` and `largest`, m, by number or by mass.
+
+    Raises InputError for values outside their ranges or a size ratio above 10.
+    """
+
+    smallest: Number[float] = parameter(unit="m", above=0.0, high=1e3, help="smallest diameter")
+    largest: Number[float] = parameter(unit="m", above=0.0, high=1e3, help="largest diameter")
+    by: str = parameter("mass", choices=MEASURES, help="what the distribution counts")
+
+    name: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        check_parameters(self)
+        self._check_range()
+
+    def _check_range(self) -> None:
+        ratio = self.largest / self.smallest
+        if not 1.0 < ratio <= MOST_RATIO * (1.0 + 1e-12):
+            allowed = f"more than smallest, {self.smallest:g} m, and at most {MOST_RATIO:g} times that"
+            raise InputError(field="largest", value=self.largest, allowed=allowed)
+
+    @abc.abstractmethod
+    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+        """Cumulative distribution before it is cut at both ends; any shape, m."""
+
+    @functools.cached_property
+    def table(self) -> Table:
+        """The distributions by number and by mass, cut and tabulated."""
+        diameter = np.union1d(np.geomspace(self.smallest, self.largest, POINTS), self._corners())
+        passing = self.untruncated(diameter)
+        share = np.diff(passing) / (passing[-1] - passing[0])
+        a, b = diameter[:-1], diameter[1:]
+        if self.by == "mass":  # the mean of 1/D^3, or of D^3, over an interval
+            other = share * (a**-2 - b**-2) / (2.0 * (b - a))
+        else:
+            other = share * (b**4 - a**4) / (4.0 * (b - a))
+        sums = [np.concatenate([[0.0], np.cumsum(values / values.sum())]) for values in (share, other)]
+        number, mass = sums if self.by == "number" else sums[::-1]
+        return Table(diameter, number, mass)
+
+    def _corners(self) -> np.ndarray:
+        """Diameters at which the distribution has a corner, m."""
+        return np.array([self.smallest, self.largest])
+
+    @functools.cached_property
+    def mean_diameter(self) -> float:
+        """Mean diameter by number, m."""
+        return self._mean(1)
+
+    @functools.cached_property
+    def mean_volume(self) -> float:
+        """Mean of pi D^3/6 by number, m3."""
+        return math.pi / 6.0 * self._mean(3)
+
+    def _mean(self, power: int) -> float:
+        """Mean of a power of D by number, with a constant density in each interval of the table."""
+        a, b = self.table.diameter[:-1], self.table.diameter[1:]
+        moments = (b ** (power + 1) - a ** (power + 1)) / ((power + 1) * (b - a))
+        return float(np.diff(self.table.by_number) @ moments)
+
+    def percentile(self, share: float, by: str = "mass") -> float:
+        """Diameter that the given share of the mass, or of the number, passes, e.g. D50 for 0.5, m."""
+        table = self.table
+        return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
+
+    def draw(self, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
+        """Radii of grains with a total volume of `solid_volume`, m3; (grain,), m, ascending.
+
+        Raises InputError if so few grains cannot represent the grading.
+        """
+        count = max(1, round(solid_volume / self.mean_volume))
+        share = (np.arange(count) + rng.random(count)) / count
+        radius = 0.5 * np.interp(share, self.table.by_number, self.table.diameter)
+        factor = float((solid_volume / (4.0 / 3.0 * math.pi * np.sum(radius**3))) ** (1.0 / 3.0))
+        if abs(factor - 1.0) > SCALING:
+            reason = f"needs more than {count} grains: their diameters would have to change by {factor - 1.0:.0%}"
+            raise InputError(reason, field="grading", value=self.name, allowed="more grains or a narrower grading")
+        return radius * factor
+
+    def to_text(self) -> str:
+        """The text that `read_grading` accepts, in SI units."""
+        values = {name: getattr(self, name) for name in parameters_of(type(self))}
+        return " ".join([self.name, *(f"{name}={_text(value)}" for name, value in values.items())])
+
+
+def _text(value: object) -> str:
+    return ",".join(map(repr, value)) if isinstance(value, tuple) else f"{value}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Uniform(Grading):
+    """The same density for all diameters between the smallest and the largest."""
+
+    by: str = parameter("number", choices=MEASURES, help="what the distribution counts")
+
+    name = "uniform"
+
+    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+        return diameter / self.largest
+
+
+@dataclasses.dataclass(frozen=True)
+class Lognormal(Grading):
+    """Normal distribution of ln D with the mean ln(median) and the standard deviation sigma."""
+
+    median: Number[float] = parameter(0.17e-3, unit="m", above=0.0, high=1e3, help="median diameter, before cutting")
+    sigma: Number[float] = parameter(0.3, above=0.0, high=5.0, help="standard deviation of ln D")
+
+    name = "lognormal"
+
+    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+        scaled = np.log(diameter / self.median) / (self.sigma * math.sqrt(2.0))
+        return 0.5 * (1.0 + np.vectorize(math.erf, otypes=[float])(scaled))
+
+
+@dataclasses.dataclass(frozen=True)
+class RosinRammler(Grading):
+    """Passing 1 - exp(-(D/scale)^exponent)."""
+
+    scale: Number[float] = parameter(
+        0.17e-3, unit="m", above=0.0, high=1e3, help="diameter that 63.2 % passes, before cutting"
+    )
+    exponent: Number[float] = parameter(
+        4.0, above=0.0, high=50.0, help="exponent; a larger one makes the grading narrower"
+    )
+
+    name = "rosin_rammler"
+
+    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+        return -np.expm1(-((diameter / self.scale) ** self.exponent))
+
+
+@dataclasses.dataclass(frozen=True)
+class Sieve(Grading):
+    """A sieve curve, linear in ln D between the points (diameters, m; passing, 0 to 1)."""
+
+    smallest: float = dataclasses.field(init=False, default=math.nan)
+    largest: float = dataclasses.field(init=False, default=math.nan)
+    diameters: Numbers = parameter((), unit="m", help="diameters of the points, ascending")
+    passing: Numbers = parameter((), help="share that passes each diameter, from 0 to 1")
+
+    name = "sieve"
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        D, passing = np.array(self.diameters), np.array(self.passing)
+        if len(D) < 2 or not (D > 0.0).all() or not (np.diff(D) > 0.0).all():
+            raise InputError(field="diameters", value=self.diameters, allowed="two or more ascending diameters")
+        if len(passing) != len(D) or passing[0] != 0.0 or passing[-1] != 1.0 or not (np.diff(passing) >= 0.0).all():
+            allowed = "one ascending value for each diameter, the first 0 and the last 1 or 100%"
+            raise InputError(field="passing", value=self.passing, allowed=allowed)
+        object.__setattr__(self, "smallest", float(D[0]))
+        object.__setattr__(self, "largest", float(D[-1]))
+        self._check_range()
+
+    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+        return np.interp(np.log(diameter), np.log(self.diameters), self.passing)
+
+    def _corners(self) -> np.ndarray:
+        return np.array(self.diameters)
+
+
+GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Lognormal, RosinRammler, Sieve)}
+
+
+@functools.lru_cache
+def read_grading(text: str) -> Grading:
+    """The Grading described by a text or in a CSV file; see this module. Raises InputError."""
+    if not text.strip():
+        raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
+    name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", text).split()  # `0.1 mm` is `0.1mm`
+    if name.lower().endswith(".csv"):
+        values: dict[str, Any] = _read_csv(Path(name))
+        name = Sieve.name
+    elif name in GRADINGS:
+        values = {}
+    else:
+        allowed = f"one of {', '.join(GRADINGS)} with its values, or a CSV file"
+        raise InputError("is unknown", field="grading", value=name, allowed=allowed, quoted=True)
+    known = parameters_of(GRADINGS[name])
+    for word in words:
+        key, equals, value = word.partition("=")
+        if key not in known or not equals:
+            allowed = f"{name} with {', '.join(f'{one}=...' for one in known)}"
+            raise InputError(
+                "is not a value of this grading", field="grading", value=word, allowed=allowed, quoted=True
+            )
+        values[key] = value
+    missing = [
+        one for one, parameter in known.items() if parameter.default is dataclasses.MISSING and one not in values
+    ]
+    if missing:
+        raise InputError("is not complete", field="grading", value=text, allowed=f"{missing[0]}=... too", quoted=True)
+    return GRADINGS[name](**values)
+
+
+def _read_csv(file: Path) -> dict[str, object]:
+    """Diameters and passing of a sieve curve in a CSV file, ascending."""
+    try:
+        rows = [row for row in csv.reader(file.read_text().splitlines()) if row]
+        heading = [name.strip().lower() for name in rows[0]]
+        unit, share = heading[0].removeprefix("diameter_"), heading[1].removeprefix("passing_")
+        factors = UNITS["m"][unit], {"percent": 0.01, "fraction": 1.0}[share]
+        points = sorted((float(row[0]) * factors[0], float(row[1]) * factors[1]) for row in rows[1:])
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", field="grading", value=str(file)) from None
+    except (IndexError, KeyError, ValueError):
+        allowed = "two columns with the headings diameter_mm (or _um, _m) and passing_percent (or passing_fraction)"
+        raise InputError("is not a sieve curve", field="grading", value=str(file), allowed=allowed) from None
+    return {"diameters": [D for D, _ in points], "passing": [share for _, share in points]}

@@ -1,0 +1,115 @@
+"""Damping parts: what dissipates energy besides sliding."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from labkit.grains.laws.parts import LawPart
+
+if TYPE_CHECKING:
+    from labkit.grains.scene import Scene
+
+STIFFEST = 3.4  # damping ratio of the stiffest mode divided by that of one contact; a grain has many dashpots
+
+
+class Dashpots(LawPart):
+    """c = 2 beta sqrt(m* k) beside the normal and the tangential spring, m* = ma mb/(ma + mb) (Eqs. 1, 2).
+
+    They act as long as the grains overlap: a head-on pair separates at exp(-pi beta/sqrt(1 - beta^2)) times its
+    approach speed, and the normal force may become slightly tensile just before separation. The limits of Eqs. 2 and 3
+    apply to the springs, or with `limits` = "forces" to springs and dashpots together.
+    """
+
+    kind = "damping"
+    has_limits = True
+
+    def local(self, scene: Scene) -> float | None:
+        """Coefficient of local damping; None without."""
+        return None
+
+    def numbers(self, scene: Scene) -> tuple[float, ...] | None:
+        """The first argument of `coefficients`, (2 beta_n, 2 beta_t, density 4/3 pi); None without dashpots."""
+        if scene.beta_n == scene.beta_t == 0.0:
+            return None
+        return 2.0 * scene.beta_n, 2.0 * scene.beta_t, scene.mass(1.0)
+
+    def ratio(self, scene: Scene) -> float:
+        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
+        return STIFFEST * max(scene.beta_n, scene.beta_t)
+
+    @staticmethod
+    def coefficients(
+        numbers: tuple[float, ...], share: float, normal: float, tangential: float, overlap: float
+    ) -> tuple[float, float]:
+        """(cn, ct), N s/m; share: kt/kn; normal, tangential: m* kn and m* kt, kg N/m; overlap: m, < 0 if apart."""
+        root = (1.0 if overlap >= 0.0 else 0.0) * math.sqrt(normal)
+        return numbers[0] * root, numbers[1] * math.sqrt(share) * root
+
+    @staticmethod
+    def push(elastic: float, viscous: float) -> float:
+        """Normal force, N, from those of spring and dashpot."""
+        return elastic + viscous
+
+    @staticmethod
+    def bound(elastic: float, total: float) -> float:
+        """Normal force that limits friction and rolling, N, if the limits apply to the springs."""
+        return elastic
+
+    @staticmethod
+    def drag(ct: float, scale: float) -> float:
+        """Coefficient of the tangential dashpot, N s/m; scale: 1 for a contact that sticks, else less."""
+        return ct
+
+    @staticmethod
+    def loss(elastic: float, total: float, cn: float, ct: float, approach: float, squared: float, dt: float) -> float:
+        """Energy lost in a step, J; approach: m/s; squared: square of the slip velocity, m2/s2."""
+        return dt * (cn * approach * approach + ct * squared)
+
+
+class LocalDamping(Dashpots):
+    """YADE's local non-viscous damping of the motion of grains, `local_damping`, and no dashpots."""
+
+    has_limits = False
+
+    def local(self, scene: Scene) -> float | None:
+        return scene.local_damping or None
+
+    def numbers(self, scene: Scene) -> tuple[float, ...] | None:
+        return None
+
+    def ratio(self, scene: Scene) -> float:
+        return 0.0
+
+
+class DashpotsOfYade(Dashpots):
+    """YADE's dashpots betan and betas of its Hertz-Mindlin law.
+
+    The restitution does not depend on the speed, since k is the tangent stiffness. The total normal force is never
+    tensile, friction is limited by mu times that force, and a sliding contact has no tangential dashpot. Records and
+    stresses contain the springs only; YADE includes the dashpots in the stress that the servo uses.
+    """
+
+    has_limits = False
+
+    @staticmethod
+    def coefficients(
+        numbers: tuple[float, ...], share: float, normal: float, tangential: float, overlap: float
+    ) -> tuple[float, float]:
+        return numbers[0] * math.sqrt(normal), numbers[1] * math.sqrt(tangential)
+
+    @staticmethod
+    def push(elastic: float, viscous: float) -> float:
+        return max(elastic + viscous, 0.0)
+
+    @staticmethod
+    def bound(elastic: float, total: float) -> float:
+        return total
+
+    @staticmethod
+    def drag(ct: float, scale: float) -> float:
+        return ct if scale == 1.0 else 0.0
+
+    @staticmethod
+    def loss(elastic: float, total: float, cn: float, ct: float, approach: float, squared: float, dt: float) -> float:
+        return dt * (total - elastic) * approach + dt * ct * squared

@@ -1,0 +1,70 @@
+"""How the normal, the contact point and the history of a contact move in a time step."""
+
+from __future__ import annotations
+
+from labkit.grains.laws.contact import Contact, ContactMotion
+from labkit.grains.laws.vectors import Vector, across, cross, dot
+
+
+def along_branch(contact: Contact, dt: float) -> Vector:
+    """Normal as it was a time dt earlier, by one Newton step."""
+    branch = contact.branch - dt * contact.velocity
+    return contact.inverse * (1.5 - 0.5 * dot(branch, branch) * contact.inverse * contact.inverse) * branch
+
+
+class FirstOrder:
+    """As in YADE: the history is rotated with the contact to first order; velocities are those of the contact point."""
+
+    @staticmethod
+    def move(contact: Contact, dt: float) -> ContactMotion:
+        """The motion of a contact in the step that ends now."""
+        n, a, b = contact.normal, contact.spin_a, contact.spin_b
+        before = along_branch(contact, dt)
+        half = 0.5 * contact.overlap
+        surface = cross((contact.radius_a - half) * a + (contact.radius_b - half) * b, n)
+        return ContactMotion(before, 0.5 * dt * dot(before, a + b), across(contact.velocity - surface, n))
+
+    @staticmethod
+    def carry(x: Vector, n: Vector, motion: ContactMotion) -> Vector:
+        """A vector of the history, rotated with the contact."""
+        x -= cross(x, cross(motion.before, n))
+        return x - cross(x, motion.turn * motion.before)
+
+
+class WithoutRatcheting(FirstOrder):
+    """The same with YADE's factor (Ra + Rb)/|d| on the relative velocity of the centres, which avoids ratcheting."""
+
+    @staticmethod
+    def move(contact: Contact, dt: float) -> ContactMotion:
+        """The motion of a contact in the step that ends now."""
+        n, a, b = contact.normal, contact.spin_a, contact.spin_b
+        before = along_branch(contact, dt)
+        ratio = (contact.radius_a + contact.radius_b) * contact.inverse
+        surface = cross(contact.radius_a * a + contact.radius_b * b, n)
+        return ContactMotion(before, 0.5 * dt * dot(before, a + b), across(ratio * contact.velocity - surface, n))
+
+
+class Midpoint:
+    """Second order in dt: increments at mid-step, and the history is rotated exactly.
+
+    First by the smallest rotation from the previous normal to the current one, then about the normal with the mean spin
+    of the two grains; the length of the history is preserved.
+    """
+
+    @staticmethod
+    def move(contact: Contact, dt: float) -> ContactMotion:
+        """The motion of a contact in the step that ends now; turn: half of the rotation about the normal."""
+        n, v, a, b = contact.normal, contact.velocity, contact.spin_a, contact.spin_b
+        halfway = along_branch(contact, 0.5 * dt)
+        half = 0.5 * (contact.overlap + 0.5 * dt * dot(n, v))
+        surface = cross((contact.radius_a - half) * a + (contact.radius_b - half) * b, halfway)
+        slip = across(v, halfway) - surface
+        return ContactMotion(along_branch(contact, dt), 0.25 * dt * dot(n, a + b), across(slip, n))
+
+    @staticmethod
+    def carry(x: Vector, n: Vector, motion: ContactMotion) -> Vector:
+        """A vector normal to the previous normal, rotated with the contact."""
+        x -= dot(x, n) / (1.0 + dot(motion.before, n)) * (motion.before + n)
+        square = motion.turn * motion.turn
+        cosine, sine = (1.0 - square) / (1.0 + square), 2.0 * motion.turn / (1.0 + square)
+        return cosine * x + sine * cross(n, x)

@@ -1,0 +1,181 @@
+"""A contact law: a sum of parts, and what engines, statistics and the energy balance need of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, cast
+
+import numpy as np
+
+from labkit.extensions import is_labkits
+from labkit.grains.laws.contact import Features, Response, Tangents
+from labkit.grains.laws.damping import Dashpots
+from labkit.grains.laws.kinematics import FirstOrder
+from labkit.grains.laws.normal import LinearSpring
+from labkit.grains.laws.pair import compose_pair
+from labkit.grains.laws.parts import LawPart, LawParts
+from labkit.grains.laws.rolling import Rolling, Twisting
+from labkit.grains.laws.tangential import Coulomb
+
+if TYPE_CHECKING:
+    from labkit.grains.laws.yade import YadeLaw
+    from labkit.grains.scene import Scene
+    from labkit.micro.snapshot import Snapshot
+
+
+class ContactLaw:
+    """A contact law.
+
+    name: used for the law in scenes, files and on the command line; parts: their sum, one of each kind; kinematics: how
+    a contact moves in a time step; avoids_ratcheting: True if its slip contains YADE's factor (Ra + Rb)/|d|
+    (labkit.records.ratcheting).
+    Arrays of radii and overlaps may have any shape; SI units.
+    """
+
+    name: ClassVar[str]
+    description: ClassVar[str] = ""
+    parts: ClassVar[LawPart | LawParts] = LinearSpring()
+    kinematics: ClassVar[type[Any]] = FirstOrder
+    avoids_ratcheting: ClassVar[bool] = False
+    normal: ClassVar[LinearSpring]
+    tangential: ClassVar[Coulomb]
+    rolling: ClassVar[Rolling]
+    twisting: ClassVar[Rolling]
+    damping: ClassVar[Dashpots]
+    has: ClassVar[frozenset[str]]
+    pair: ClassVar[Callable[..., Response]]
+
+    def __init_subclass__(cls) -> None:
+        """Take the parts, and make `pair` of them."""
+        super().__init_subclass__()
+        parts = cls.parts if isinstance(cls.parts, LawParts) else LawParts(cls.parts)
+        for kind, part in DEFAULTS.items():
+            setattr(cls, kind, parts.get(kind, part))
+        cls.has = frozenset(parts)
+        cls.pair = staticmethod(compose_pair(cls.kinematics, *(getattr(cls, kind) for kind in DEFAULTS)))
+
+    def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """Coefficient of the normal part: kn, N/m, of a linear spring.
+
+        In a planar scene it is that of two grains of mean diameter.
+        """
+        if scene.planar:
+            radius_a = radius_b = np.full_like(radius_a + radius_b, 0.5 * scene.mean_diameter)
+        return _on_arrays(self.normal.stiffness)(self.normal.factor(scene), radius_a, radius_b)
+
+    def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """Coefficient of the tangential part: kt, N/m, of a linear spring."""
+        return self.tangential.share(scene) * self.normal_stiffness(scene, radius_a, radius_b)
+
+    def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
+        """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo."""
+        coefficient, overlap = self.normal_stiffness(scene, radius_a, radius_b), np.maximum(overlap, 0.0)
+        kn = _on_arrays(self.normal.tangent)(coefficient, overlap)
+        kt = _on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, overlap)
+        a, b = scene.mass(radius_a), scene.mass(radius_b)
+        reduced = a * b / (a + b)
+        beta_n, beta_t, _ = self._dashpots(scene) or (0.0, 0.0, 0.0)
+        return Tangents(kn, kt, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
+
+    def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """Rolling stiffness kr, N m; zero without a rolling part."""
+        return self._rotational("rolling", scene, radius_a, radius_b)
+
+    def twisting_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """Stiffness against twisting, N m; zero without a twisting part."""
+        return self._rotational("twisting", scene, radius_a, radius_b)
+
+    def _rotational(self, kind: str, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        kt = self.tangential_stiffness(scene, radius_a, radius_b)
+        if kind not in self.has:
+            return np.zeros_like(kt)
+        part = getattr(self, kind)
+        return kt * part.stiffness(part.numbers(scene, 1.0), 1.0, radius_a, radius_b)
+
+    def normal_force(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
+        """Elastic normal force of touching grains, N, compression positive."""
+        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
+        return _on_arrays(self.normal.force)(coefficient, np.maximum(overlap, 0.0))
+
+    def elastic_energy(self, snapshot: Snapshot) -> float:
+        """Energy of the normal, tangential and rolling springs of all contacts, J."""
+        contacts, scene = snapshot.contacts, cast("Scene", snapshot.scene)
+        a, b = snapshot.radius[contacts.grain[:, 0]], snapshot.radius[contacts.grain[:, 1]]
+        coefficient, overlap = self.normal_stiffness(scene, a, b), np.maximum(contacts.overlap, 0.0)
+        tangential, rolling = (
+            np.einsum("ci,ci->c", force, force) for force in (contacts.tangential_force, contacts.rolling_moment)
+        )
+        energy = _on_arrays(self.normal.energy)
+        if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
+            stored = energy(coefficient, overlap, tangential / self.tangential.share(scene))
+        else:
+            kt = self.tangents(scene, a, b, overlap).tangential
+            stored = energy(coefficient, overlap) + _quotient(0.5 * tangential, kt)
+        if scene.twisting_friction > 0.0:
+            twisting = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal) ** 2
+            rolling = rolling - twisting
+            stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b))
+        return float(np.sum(stored + _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b))))
+
+    def damping_ratio(self, scene: Scene) -> float:
+        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
+        return self.damping.ratio(scene) if self._dashpots(scene) else 0.0
+
+    def features(self, scene: Scene) -> Features:
+        """Numbers of the parts for the scene, None for parts that it has not."""
+        share = self.tangential.share(scene)
+        friction = (scene.friction or None) if "tangential" in self.has else None
+        rolling = self.rolling.numbers(scene, scene.rolling_friction) if self.rolls(scene) else None
+        twisting = self.twisting.numbers(scene, scene.twisting_friction) if self.twists(scene) else None
+        dashpots = self._dashpots(scene)
+        whole = True if scene.limits == "forces" else None
+        turning = True if any((friction, rolling, twisting, dashpots)) else None
+        return Features(share, friction, rolling, twisting, dashpots, whole, turning)
+
+    def rolls(self, scene: Scene) -> bool:
+        """True if the scene has rolling resistance."""
+        return "rolling" in self.has and scene.rolling_friction > 0.0
+
+    def twists(self, scene: Scene) -> bool:
+        """True if the scene has twisting resistance."""
+        return "twisting" in self.has and scene.twisting_friction > 0.0
+
+    def local_damping(self, scene: Scene) -> float | None:
+        """Coefficient of local damping of the scene; None without."""
+        return self.damping.local(scene) if "damping" in self.has else None
+
+    def _dashpots(self, scene: Scene) -> tuple[float, ...] | None:
+        return self.damping.numbers(scene) if "damping" in self.has else None
+
+    def yade(self, scene: Scene) -> YadeLaw | None:
+        """The equivalent law in YADE, or None if YADE has none."""
+        return None
+
+    @property
+    def labkits(self) -> bool:
+        """True if the law is part of labkit."""
+        return is_labkits(type(self))
+
+    @property
+    def on_yade(self) -> bool:
+        """True if the `yade` engine supports this law."""
+        return type(self).yade is not ContactLaw.yade
+
+
+DEFAULTS: dict[str, LawPart] = {
+    "normal": LinearSpring(),
+    "tangential": Coulomb(),
+    "rolling": Rolling(),
+    "twisting": Twisting(),
+    "damping": Dashpots(),
+}
+
+
+def _on_arrays(function: Callable[..., float]) -> Callable[..., np.ndarray]:
+    """A function of a part, which is written for numbers, for arrays."""
+    return cast(Callable[..., np.ndarray], function)
+
+
+def _quotient(squared: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Energy of springs, J; 0 for those without stiffness."""
+    return np.divide(squared, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)

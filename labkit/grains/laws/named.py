@@ -1,0 +1,92 @@
+"""The laws of labkit, each a sum of parts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
+from labkit.grains.laws.kinematics import Midpoint, WithoutRatcheting
+from labkit.grains.laws.law import ContactLaw
+from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
+from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
+from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
+from labkit.grains.laws.yade import YadeLaw, cohesion_moment, mindlin
+
+if TYPE_CHECKING:
+    from labkit.grains.scene import Scene
+
+
+class RollingResistance(ContactLaw):
+    """Law2_ScGeom6D_CohFrictPhys_CohesionMoment of YADE with Ig2_Sphere_Sphere_ScGeom6D; see labkit.grains.scene.Scene.
+
+    Differences from Eqs. 1-3: no dashpots; the relative velocity of the centres is multiplied by (Ra + Rb)/|d| to avoid
+    ratcheting; the history is rotated with the contact to first order only; kr = kt Ra Rb/4, |M| <= eta min(Ra, Rb) fn.
+    """
+
+    name = "rolling_resistance"
+    description = "rolling-resistance law of YADE"
+    parts = LinearSpring() + CoulombOfYade() + RollingOfYade() + TwistingOfYade() + LocalDamping()
+    kinematics = WithoutRatcheting
+    avoids_ratcheting = True
+
+    def yade(self, scene: Scene) -> YadeLaw:
+        return cohesion_moment(scene)
+
+
+class SpringDashpot(ContactLaw):
+    """Spring-dashpot law of He et al. (Eqs. 1-3): bounded springs and dashpots, no local damping."""
+
+    name = "spring_dashpot"
+    description = "spring-dashpot law of He et al. (Eqs. 1-3)"
+    parts = LinearSpring() + Coulomb() + Rolling() + Twisting() + Dashpots()
+    kinematics = Midpoint
+
+
+class SpringsInSeriesDashpot(ContactLaw):
+    """Spring-dashpot law with the stiffness of PFC, pi E min(R)^2/(Ra + Rb)."""
+
+    name = "springs_in_series"
+    description = "spring-dashpot law with the stiffness of PFC"
+    parts = SpringsInSeries() + Coulomb() + Rolling() + Twisting() + Dashpots()
+    kinematics = Midpoint
+
+
+class HertzMindlin(ContactLaw):
+    """Law2_ScGeom_MindlinPhys_Mindlin of YADE with Ip2_FrictMat_FrictMat_MindlinPhys, without rolling resistance.
+
+    kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters have no effect. f~ and Lambda = f~/E, and
+    with them C0, need only forces; E in them is that of the grains. A stress p gives an overlap of the order
+    delta/D = (p/E)^(2/3).
+
+    In YADE the sum of friction is `frictionDissipation` of the functor, work at sliding contacts only. It contains
+    neither the energy that a change of kt costs (labkit.grains.laws.tangential.Mindlin) nor the elastic energy that a
+    sliding contact releases as its normal force falls. The relative velocity is that of the contact points
+    (avoidGranularRatcheting is off), because the factor that avoids ratcheting would make the work of ft inconsistent
+    by delta/(Ra + Rb).
+    """
+
+    name = "hertz_mindlin"
+    description = "Hertz-Mindlin law of YADE"
+    parts = HertzSpring() + Mindlin() + LocalDamping()
+
+    def yade(self, scene: Scene) -> YadeLaw:
+        return mindlin(scene)
+
+
+class HertzMindlinDashpot(ContactLaw):
+    """Hertz-Mindlin law of YADE with its dashpots and without local damping."""
+
+    name = "hertz_mindlin_dashpot"
+    description = "Hertz-Mindlin law of YADE with dashpots"
+    parts = HertzSpring() + Mindlin() + DashpotsOfYade()
+
+    def yade(self, scene: Scene) -> YadeLaw:
+        return mindlin(scene)
+
+
+class HertzMindlinRescaled(ContactLaw):
+    """Hertz-Mindlin law with local damping whose tangential force is rescaled when the normal force falls."""
+
+    name = "hertz_mindlin_rescaled"
+    description = "Hertz-Mindlin law that creates no energy (Thornton)"
+    parts = HertzSpring() + RescaledMindlin() + LocalDamping()

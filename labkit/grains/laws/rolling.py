@@ -1,0 +1,76 @@
+"""Rolling and twisting parts: springs against relative rotation with a slider."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from labkit.grains.laws.parts import LawPart
+
+if TYPE_CHECKING:
+    from labkit.grains.scene import Scene
+
+
+Numbers = tuple[float, ...]
+
+
+class Rolling(LawPart):
+    """kr = kt r*^2 and |M| <= mu_r r* |fn| with r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
+
+    kind = "rolling"
+
+    def numbers(self, scene: Scene, friction: float) -> Numbers:
+        """The first argument of the functions below; friction: coefficient mu_r."""
+        return (friction,)
+
+    @staticmethod
+    def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
+        """Stiffness kr, N m; kt: N/m."""
+        reduced = radius_a * radius_b / (radius_a + radius_b)
+        return kt * reduced * reduced
+
+    @staticmethod
+    def limit(numbers: Numbers, radius_a: float, radius_b: float) -> float:
+        """Largest moment over the normal force, m."""
+        return numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
+
+    @staticmethod
+    def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
+        """Energy lost in a step, J; slid: |M| times the part of it that slips, N2 m2; stiffness: kr."""
+        return slid / stiffness
+
+
+class Twisting(Rolling):
+    """The same spring against relative rotation about the contact normal: |Mt| <= mu_t r* |fn|.
+
+    Its moment is stored as the normal component of the rolling moment.
+    """
+
+    kind = "twisting"
+
+
+class RollingOfYade(Rolling):
+    """kr = kt Ra Rb/4 and |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
+
+    def numbers(self, scene: Scene, friction: float) -> Numbers:
+        """YADE's (alphaKr, etaRoll)."""
+        return 0.25, 0.5 * scene.rolling_limit_scale * friction
+
+    @staticmethod
+    def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
+        return numbers[0] * radius_a * radius_b * kt
+
+    @staticmethod
+    def limit(numbers: Numbers, radius_a: float, radius_b: float) -> float:
+        return numbers[1] * np.minimum(radius_a, radius_b)
+
+    @staticmethod
+    def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
+        return slid * (1.0 / (kt * radius_a * radius_b) / numbers[0])
+
+
+class TwistingOfYade(RollingOfYade):
+    """The same spring against relative rotation about the contact normal, with (alphaKtw, etaTwist)."""
+
+    kind = "twisting"

@@ -1,0 +1,105 @@
+"""Tangential parts: springs with a slider, |ft| <= mu |fn|."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.parts import LawPart
+from labkit.grains.laws.vectors import Vector, dot
+
+if TYPE_CHECKING:
+    from labkit.grains.scene import Scene
+
+
+class Coulomb(LawPart):
+    """d ft = kt d u with kt = kn/kappa (Eq. 2)."""
+
+    kind = "tangential"
+
+    def share(self, scene: Scene) -> float:
+        """The first argument of `stiffness`: kt/kn."""
+        return 1.0 / scene.stiffness_ratio
+
+    @staticmethod
+    def stiffness(share: float, coefficient: float, overlap: float) -> float:
+        """Tangential stiffness kt, N/m; coefficient: that of the normal part."""
+        return share * coefficient
+
+    @staticmethod
+    def rescale(t: Vector, contact: Contact, dt: float) -> Vector:
+        """The force of the previous step, N, as the increment of this step finds it."""
+        return t
+
+    @staticmethod
+    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
+        """Energy lost in a step, J; slid: |ft| times the part of it that slips, before: ft^2 at first, N2."""
+        return slid / kt
+
+
+class CoulombOfYade(Coulomb):
+    """The same; its loss shares a division with that of RollingOfYade."""
+
+    @staticmethod
+    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
+        a, b = contact.radius_a, contact.radius_b
+        return slid * (a * b * (1.0 / (kt * a * b)))
+
+
+class Mindlin(Coulomb):
+    """kt = kso sqrt(delta) with kso = 4 G sqrt(R*)/(2 - nu), G = E/(2 (1 + nu)): Mindlin's stiffness without microslip.
+
+    A spring whose stiffness depends on delta has no potential: the work of ft depends on the order of normal and
+    tangential loading. We take W = ft^2/(2 kt) for the stored energy, which is exact at constant delta. When delta
+    changes at constant ft, W changes by -W d(delta)/(2 delta) although no work is done in the tangential direction.
+    That energy, lost in loading and created in unloading, is counted with the friction loss; the balance is then
+    closed. In closed cycles it is a property of the law, not of the integration (Elata and Berryman 1996).
+    """
+
+    def share(self, scene: Scene) -> float:
+        """The first argument of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""
+        return 3.0 * (1.0 - scene.poisson_ratio) / (2.0 - scene.poisson_ratio)
+
+    @staticmethod
+    def stiffness(share: float, coefficient: float, overlap: float) -> float:
+        return share * coefficient * np.sqrt(overlap)
+
+    @staticmethod
+    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
+        """With the energy that a change of kt costs: all of it when a contact opens."""
+        branch = contact.branch - dt * contact.velocity
+        overlap = contact.radius_a + contact.radius_b - math.sqrt(dot(branch, branch))
+        kt_before = share * contact.stiffness * math.sqrt(max(overlap, 0.0))
+        lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
+        lost = lost - (0.5 * before / kt if kt > 0.0 else 0.0) if lost > 0.0 else 0.0
+        return lost + (slid / kt if kt > 0.0 else 0.0)
+
+
+class RescaledMindlin(Mindlin):
+    """The same, with ft reduced as kt is while the normal force falls (Thornton et al. 2013).
+
+    The stored energy W = ft^2/(2 kt) then falls with kt, too: no energy is created in unloading.
+    """
+
+    @staticmethod
+    def rescale(t: Vector, contact: Contact, dt: float) -> Vector:
+        return math.sqrt(fallen(contact, dt)) * t
+
+    @staticmethod
+    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
+        """With the energy that a change of kt costs, in loading and in unloading."""
+        earlier = contact.overlap + dt * dot(contact.normal, contact.velocity)
+        kt_before = share * contact.stiffness * math.sqrt(max(earlier, 0.0))
+        lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
+        kept = 0.5 * fallen(contact, dt) * before / kt if kt > 0.0 else 0.0
+        return lost - kept + (slid / kt if kt > 0.0 else 0.0)
+
+
+def fallen(contact: Contact, dt: float) -> float:
+    """Overlap over that of the previous step, at most 1; 0 for grains that are apart."""
+    earlier = contact.overlap + dt * dot(contact.normal, contact.velocity)
+    overlap = max(contact.overlap, 0.0)
+    return overlap / earlier if earlier > overlap else (1.0 if contact.overlap >= 0.0 else 0.0)

@@ -1,0 +1,247 @@
+"""The scene: material, grading, contact law and time-step rule (Table 1)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import cast, overload
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.grains.grading import Grading, Uniform, read_grading
+from labkit.grains.laws import LAWS, ContactLaw
+from labkit.parameters import Named, Number, check_parameters, parameter, restored
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene(Named):
+    """Immutable description of the grains and their contacts. SI units; the defaults are those of Table 1.
+
+    `law = "rolling_resistance"` is YADE's rolling-resistance law. It differs from Eqs. 1-3 of the paper in three
+    important ways:
+
+    * no dashpots: energy is dissipated by Newton's local non-viscous damping, `local_damping`;
+    * rolling stiffness kt Ra Rb/4 instead of kt (Ra Rb/(Ra + Rb))^2: equal for equal grains, at most 4.2 % higher at a
+      size ratio of 1.5;
+    * rolling limit mu_r min(Ra, Rb)/2 instead of mu_r Ra Rb/(Ra + Rb): equal for equal grains, at most 16.7 % lower at
+      a size ratio of 1.5, 6 % lower on average over random pairs. `rolling_limit_scale` multiplies it: with 1.064 the
+      mean over random pairs of +-20 % equals the paper's.
+
+    Two further differences come from YADE's kinematics: it multiplies the relative shear velocity by
+    1/(1 - delta/(Ra + Rb)) to avoid ratcheting, and rotates forces with their contact to first order only, so that over
+    a run they leave the tangent plane by some 1e-3 of their magnitude.
+
+    `law = "spring_dashpot"` is Eqs. 1-3, available only in the `fused` engine: dashpots `beta_n`, `beta_t`,
+    kr = kt r*^2, |M| <= mu_r r* fn; no local damping. The limits apply to the springs, with fn = kn delta. The dashpots
+    act in parallel, so that a separating pair may be in tension for an instant. Records and stresses contain the spring
+    forces, which follow from a State; the work done on the cell includes the dashpots.
+
+    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available
+    only in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
+    `hertz_mindlin_dashpot` has YADE's dashpots instead. `young_modulus` and `poisson_ratio` are then those of the
+    grains. labkit.grains.laws.tangential derives their energies. `hertz_mindlin_rescaled` has local damping, and a
+    tangential force that is reduced when the normal force falls, so that no energy is created.
+
+    `twisting_friction` > 0 adds to the laws with rolling resistance the same spring and limit about the contact normal.
+    `limits = "forces"` lets the limits of Eqs. 2 and 3 apply to |ft| and |fn| with their dashpots, the other reading of
+    these equations, in spring_dashpot and springs_in_series.
+
+    The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: kn is that of two
+    grains of mean diameter whatever their size, so that coarse and fine layers differ only in scale.
+
+    `grading` is a text or a CSV file that describes another size distribution (labkit.grains.grading). `mean_diameter`
+    is then its mean by number, and `diameter_spread` has no effect.
+
+    `law` may also be user-defined, see labkit.ContactLaw. Raises InputError for a value outside its physical range.
+    """
+
+    mean_diameter: Number[float] = parameter(
+        0.17e-3, unit="m", low=1e-9, high=1e3, help="mean diameter D of the grains"
+    )
+    diameter_spread: Number[float] = parameter(
+        0.2, low=0.0, high=0.9, help="half-width of the uniform distribution of diameters, divided by D"
+    )
+    density: Number[float] = parameter(2650.0, unit="kg/m3", low=1e-3, high=1e9, help="density rho of the grains")
+    young_modulus: Number[float] = parameter(
+        0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus E of the contacts"
+    )
+    stiffness_ratio: Number[float] = parameter(
+        2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt of the laws with linear springs"
+    )
+    friction: Number[float] = parameter(0.4, low=0.0, high=10.0, help="friction coefficient mu")
+    rolling_friction: Number[float] = parameter(0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r")
+    rolling_limit_scale: Number[float] = parameter(
+        1.0, low=0.0, high=10.0, help="factor on the rolling limit of the rolling_resistance law"
+    )
+    local_damping: Number[float] = parameter(
+        0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the laws of YADE without dashpots"
+    )
+    time_step_factor: Number[float] = parameter(
+        0.2, low=1e-6, high=10.0, help="time step divided by sqrt(m/kn) of the mean grain"
+    )
+    law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
+    planar: bool = parameter(False, option=False, help="discs in a plane instead of spheres")
+    beta_n: Number[float] = parameter(
+        0.2, low=0.0, high=10.0, help="damping ratio of the normal dashpot, with the laws that have dashpots"
+    )
+    beta_t: Number[float] = parameter(
+        0.2, low=0.0, high=10.0, help="damping ratio of the tangential dashpot, with the laws that have dashpots"
+    )
+    poisson_ratio: Number[float] = parameter(
+        0.3, low=0.0, high=0.5, help="Poisson's ratio nu of the grains, with the Hertz-Mindlin laws"
+    )
+    twisting_friction: float = parameter(
+        0.0, low=0.0, high=10.0, help="twisting friction coefficient, with the laws that have rolling friction"
+    )
+    limits: str = parameter(
+        "springs",
+        choices=("springs", "forces"),
+        help="what the friction coefficients limit: the forces of the springs, or those with their dashpots, with the "
+        "spring-dashpot laws",
+    )
+    grading: str | None = parameter(
+        None,
+        kind=str,
+        help="size distribution, e.g. `lognormal median=0.2mm sigma=0.3 smallest=0.1mm largest=0.5mm`, or uniform, "
+        "rosin_rammler, sieve, or a CSV file of a sieve curve (default: uniform about mean_diameter)",
+    )
+
+    def __post_init__(self) -> None:
+        """Check every parameter."""
+        check_parameters(self)
+        if self.twisting_friction > 0.0 and "twisting" not in self.contact_law.has:
+            allowed = f"0: the contact law {self.law} has no twisting resistance"
+            raise InputError(field="twisting_friction", value=self.twisting_friction, allowed=allowed)
+        if self.limits != "springs" and not self.contact_law.damping.has_limits:
+            allowed = f"springs: the contact law {self.law} has no dashpots whose forces could be limited"
+            raise InputError(field="limits", value=self.limits, allowed=allowed)
+        if self.grading is None:
+            return
+        grading = read_grading(self.grading)
+        if self.mean_diameter not in (Scene.mean_diameter, grading.mean_diameter):
+            allowed = f"no mean diameter with a grading, which has {grading.mean_diameter:.6g} m"
+            raise InputError(field="mean_diameter", value=self.mean_diameter, allowed=allowed)
+        object.__setattr__(self, "grading", grading.to_text())
+        object.__setattr__(self, "mean_diameter", grading.mean_diameter)
+
+    @property
+    def sizes(self) -> Grading:
+        """The distribution of diameters; for a spread of 0 its width is 1e-9 of the mean."""
+        if self.grading is not None:
+            return read_grading(self.grading)
+        low, high = ((1.0 + s * max(self.diameter_spread, 1e-9)) * self.mean_diameter for s in (-1.0, 1.0))
+        return Uniform(low, high)
+
+    @property
+    def contact_law(self) -> ContactLaw:
+        """The ContactLaw named `law`."""
+        return _instance(LAWS[self.law])
+
+    def normal_stiffness(self, radius_a: np.ndarray | float, radius_b: np.ndarray | float) -> np.ndarray:
+        """kn of the contact law. Radii in m, any shape; N/m."""
+        a, b = cast(np.ndarray, radius_a), cast(np.ndarray, radius_b)
+        return self.contact_law.normal_stiffness(self, a, b)
+
+    def tangential_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """kt of the contact law. Radii in m, any shape; N/m."""
+        return self.contact_law.tangential_stiffness(self, radius_a, radius_b)
+
+    def rolling_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """kr of the contact law. Radii in m, any shape; N m."""
+        return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
+
+    def normal_force(self, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
+        """Elastic normal force of the contact law. Radii and overlaps in m, any shape; N, compression positive."""
+        return self.contact_law.normal_force(self, radius_a, radius_b, overlap)
+
+    @overload
+    def mass(self, radius: float) -> float: ...
+
+    @overload
+    def mass(self, radius: np.ndarray) -> np.ndarray: ...
+
+    def mass(self, radius: np.ndarray | float) -> np.ndarray | float:
+        """Mass of a spherical grain, kg. Radius in m, any shape."""
+        return self.density * (4.0 / 3.0) * np.pi * radius**3
+
+    def moment_of_inertia(self, radius: np.ndarray) -> np.ndarray:
+        """2/5 m R^2 of a spherical grain, kg m2. Radius in m, any shape."""
+        return 0.4 * self.mass(radius) * radius**2
+
+    @property
+    def time_unit(self) -> float:
+        """sqrt(m/kn) of two grains of mean diameter, s. Of a nonlinear law, the tangent at REFERENCE_OVERLAP."""
+        radius = self.mean_diameter / 2
+        return self._period(radius, radius)
+
+    def _period(self, radius: float, other: float) -> float:
+        """sqrt(m/kn) of a grain in contact with another, s."""
+        overlap = 4.0 * REFERENCE_OVERLAP * radius * other / (radius + other)
+        kn = self.contact_law.tangents(self, *np.array([radius, other, overlap])).normal
+        return float(np.sqrt(self.mass(radius) / kn))
+
+    @property
+    def time_step(self) -> float:
+        """Time step of a test, s: `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
+
+        T is sqrt(m/kn) of the mean grain, or, in a grading wider than that of Table 1, sqrt(m/kn)/STIFFEST of the
+        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0
+        without dashpots. With the default factor this is 0.5 to 0.7 of the stability limit of a dense specimen
+        (labkit.grains.time_step).
+        """
+        zeta = self.contact_law.damping_ratio(self)
+        period = self.time_unit
+        if not self.planar and self._width > PAPER_RATIO:
+            radii = 0.5 * self.sizes.smallest, 0.5 * self.sizes.largest
+            period = min(period, self._period(*radii) / STIFFEST)
+        return self.time_step_factor * period * (math.sqrt(1.0 + zeta**2) - zeta)
+
+    @property
+    def _width(self) -> float:
+        """Largest divided by smallest diameter."""
+        if self.grading is None:
+            return (1.0 + self.diameter_spread) / (1.0 - self.diameter_spread)
+        return self.sizes.largest / self.sizes.smallest
+
+    def with_friction(self, friction: float, rolling_friction: float) -> Scene:
+        """A copy of the scene with another (mu, mu_r)."""
+        return dataclasses.replace(self, friction=friction, rolling_friction=rolling_friction)
+
+    def to_json(self) -> str:
+        """The scene as JSON, for files."""
+        return json.dumps(dataclasses.asdict(self))
+
+    def identity(self) -> dict[str, object]:
+        """Values that identify the scene, without later parameters at their defaults, which older files lack."""
+        values = dataclasses.asdict(self)
+        return {name: value for name, value in values.items() if name not in LATER or value != getattr(Scene, name)}
+
+    @classmethod
+    def from_json(cls, text: str) -> Scene:
+        """The scene from the JSON of a file. Raises InputError if the text is not a scene."""
+        try:
+            values = json.loads(text)
+            if not isinstance(values, dict):
+                raise TypeError(f"{text} has no fields")
+            return restored(cls, values)
+        except InputError:  # a value out of range, or a user-defined law that is not loaded
+            raise
+        except (TypeError, ValueError) as error:
+            raise InputError(f"not a labkit scene: {error}") from None
+
+
+LATER = ("poisson_ratio", "grading", "twisting_friction", "limits")  # parameters added after version 0.1.0
+STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest, over that of the mean, in Table 1's grading
+PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # of the largest to the smallest diameter in Table 1
+REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
+
+MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed when the specimen is made; a run cannot change them
+
+_INSTANCES: dict[type, ContactLaw] = {}
+
+
+def _instance(kind: type[ContactLaw]) -> ContactLaw:
+    """The only instance of a law: laws hold no values, so all scenes share it."""
+    return _INSTANCES.setdefault(kind, kind())

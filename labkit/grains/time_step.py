@@ -1,0 +1,107 @@
+"""The stability limit of the explicit time integration."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from labkit.errors import PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.micro.snapshot import Snapshot
+
+
+def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
+    """Time step below which the integration of a state is stable, s; inf without contacts.
+
+    In the leapfrog scheme, with forces evaluated at the velocity of half a step earlier, a mode of x'' + C x' + K x = 0
+    is stable as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to
+    2/omega (sqrt(1 + zeta^2) - zeta). For all modes, K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and
+    likewise for C. K_g (6 x 6) is the stiffness of one grain while all others are fixed: the energy k (u_a - u_b)^2/2
+    of a contact is at most k (u_a^2 + u_b^2). K_g includes translation and rotation, tangential and rolling stiffness;
+    C includes the dashpots of the contact law. `snapshot`: the Snapshot of the state, if already computed.
+    """
+    snapshot = snapshot or state.snapshot()
+    contacts = snapshot.contacts
+    if len(contacts) == 0:
+        return np.inf
+    scene = state.scene
+    a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
+    kn, kt, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
+    law, zero = scene.contact_law, np.zeros_like(kt)
+    kr = law.rolling_stiffness(scene, a, b) if law.rolls(scene) else zero
+    kw = law.twisting_stiffness(scene, a, b) if law.twists(scene) else zero
+    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw)
+    C = np.zeros_like(K)
+    if cn.any() or ct.any():
+        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, zero, zero)
+    with np.errstate(divide="ignore"):  # a grain without contacts has no limit
+        return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
+
+
+CHUNK = 20_000  # contacts or grains at a time: the matrices of all of them would need more memory than the simulation
+
+
+def largest_eigenvalues(
+    snapshot: Snapshot, normal: np.ndarray, tangential: np.ndarray, rolling: np.ndarray, twisting: np.ndarray
+) -> np.ndarray:
+    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,).
+
+    Coefficients of the contacts: normal and tangential in N/m, rolling and twisting in N m; N s/m for dashpots.
+    """
+    scene, contacts = cast(Scene, snapshot.scene), snapshot.contacts
+    radius, grains = snapshot.radius, snapshot.number_of_grains
+    K = np.zeros((grains, 6, 6))
+    for first in range(0, len(contacts), CHUNK):
+        some = slice(first, first + CHUNK)
+        values = (values[some] for values in (normal, tangential, rolling, twisting))
+        _add_contacts(K, radius, contacts.grain[some], contacts.normal[some], *values)
+    largest = np.empty(grains)
+    for first in range(0, grains, CHUNK):
+        some = slice(first, first + CHUNK)
+        inertia = np.stack([scene.mass(radius[some])] * 3 + [scene.moment_of_inertia(radius[some])] * 3, axis=1)
+        scaling = 1.0 / np.sqrt(inertia)
+        largest[some] = np.linalg.eigvalsh(K[some] * scaling[:, :, None] * scaling[:, None, :])[:, -1]
+    return largest
+
+
+def _add_contacts(
+    K: np.ndarray,
+    radius: np.ndarray,
+    grains: np.ndarray,
+    n: np.ndarray,
+    normal: np.ndarray,
+    tangential: np.ndarray,
+    rolling: np.ndarray,
+    twisting: np.ndarray,
+) -> None:
+    """Add the stiffness of contacts between `grains` (n, 2) with normals n (n, 3) to K (grain, 6, 6) of both."""
+    nn = n[:, :, None] * n[:, None, :]
+    tangent = np.eye(3) - nn
+    cross = np.zeros_like(nn)  # cross-product matrix of n
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -n[:, 2], n[:, 1], -n[:, 0]
+    cross -= cross.transpose(0, 2, 1)
+    normal, tangential, rolling = (values[:, None, None] for values in (normal, tangential, rolling))
+    twist = twisting[:, None, None] * nn
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        grain = grains[:, side]
+        R = radius[grain][:, None, None]
+        coupling = sign * tangential * R * cross
+        np.add.at(K[:, :3, :3], grain, normal * nn + tangential * tangent)
+        np.add.at(K[:, 3:, 3:], grain, (tangential * R**2 + rolling) * tangent + twist)
+        np.add.at(K[:, 3:, :3], grain, coupling)
+        np.add.at(K[:, :3, 3:], grain, coupling.transpose(0, 2, 1))
+
+
+def require_stable(state: State, snapshot: Snapshot | None = None) -> None:
+    """Raise PhysicsError if the time step exceeds the stability limit.
+
+    `snapshot`: the Snapshot of the state, if already computed.
+    """
+    limit = critical_time_step(state, snapshot)
+    if state.time_step > limit:
+        raise PhysicsError(
+            f"the time step {state.time_step:.3g} s exceeds the stability limit {limit:.3g} s: "
+            f"reduce time_step_factor from {state.scene.time_step_factor:g}"
+        )

@@ -1,0 +1,203 @@
+"""`labkit driver`: carries out a test of the Incremental Driver on grains or on the constitutive model."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path as File
+from typing import TYPE_CHECKING, Annotated
+
+from labkit.cli.announce import announcing
+from labkit.cli.arguments import History, Instance, Option, Working, one_of, require
+from labkit.cli.naming import stem
+from labkit.cli.registry import command
+from labkit.engines import Start, require_engine
+from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.grains.state import read_state
+from labkit.io.files import require_writable
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.parameters import help_of, parameters_of
+from labkit.paths.rates import on_grains
+from labkit.paths.steps import Steps
+from labkit.records.checkpoint import read_checkpoint
+from labkit.records.limits import exceeded_in, require_pressure
+from labkit.records.schedule import Options, Schedule
+from labkit.runs.tasks import RunTask, execute
+
+if TYPE_CHECKING:
+    from labkit.incremental.driver_file import DriverFile
+
+MODEL = "model"
+UNITS = ("Pa", "kPa", "MPa")
+HEADER = b"time(1)"  # the first word of an output file of the Incremental Driver
+
+
+@command("driver")
+def driver_command(
+    test: Annotated[str | None, Option("test file of the Incremental Driver, e.g. test.inp")] = None,
+    *,
+    on: Annotated[
+        str | None, Option(f"state file of the grains to test, or `{MODEL}`", "SPECIMEN", group="files")
+    ] = None,
+    initial: Annotated[
+        str | None,
+        Option("initialconditions.inp, the initial stress and state variables", "FILE", group="files"),
+    ] = None,
+    parameters: Annotated[
+        str | None, Option("parameters.inp, constants of the model (default: Table 2)", "FILE", group="files")
+    ] = None,
+    stress_unit: Annotated[
+        str,
+        Option(f"unit of the stresses in these files, one of {', '.join(UNITS)}", type=one_of(UNITS), group="files"),
+    ] = "kPa",
+    columns: Annotated[
+        str | None,
+        Option("output file of the driver (default: named in the test file)", "FILE", group="files"),
+    ] = None,
+    output: Annotated[
+        str | None, Option("run file to write (default: a name built from the test)", "FILE", group="files")
+    ] = None,
+    rate: Annotated[str | None, Option(help_of(parameters_of(Steps)["rate"]), "RATE", group="loading path")] = None,
+    recording: Annotated[Options, Instance(Options, "recording")],
+    computation: Working,
+    history: History,
+) -> None:
+    """Carries out a test of the Incremental Driver of A. Niemunis, on grains or on labkit's constitutive model.
+
+    Writes a run file, and the driver's output file with time, strains, stresses and state variables.
+
+    Examples:
+        labkit driver test.inp --on s.state.nc --initial initialconditions.inp --engine fused
+        labkit driver test.inp --on model --initial initialconditions.inp --parameters parameters.inp
+    """
+    from labkit.incremental.driver_file import read_test
+
+    wanted = read_test(require(test, "test", "a test file, e.g. test.inp"), stress_unit)
+    on = require(on, "on", f"a state file, or {MODEL}")
+    files = [file for file in (test, initial, parameters) if file] + ([on] if on != MODEL else [])
+    name = f"{wanted.file.stem}_{MODEL if on == MODEL else stem(on)}.run.nc"
+    output = output or str(wanted.file.parent / name)
+    table = File(columns) if columns else wanted.file.parent / wanted.output
+    _require_table(table, [*files, output])
+    for note in wanted.notes:
+        print(note, file=sys.stderr)
+    try:
+        if on == MODEL:
+            _on_model(wanted, initial, parameters, stress_unit, rate, recording, output, history)
+        elif parameters:
+            problem = "is for the model, and grains have their own material: leave it out"
+            raise InputError(problem, field="parameters")
+        else:
+            _on_grains(wanted, on, initial, stress_unit, rate, recording, computation, output, history)
+    except (PhysicsError, Interrupted):
+        if File(output).is_file():
+            _write_columns(output, wanted, table, stress_unit, files)
+        raise
+    _write_columns(output, wanted, table, stress_unit, files)
+    print(f"{output}: complete; the columns of the Incremental Driver are in {table}")
+    if on != MODEL:
+        for limit in exceeded_in(output):
+            print(f"{output}: {limit}")
+
+
+def _require_table(file: File, others: Sequence[str]) -> None:
+    """Raises InputError unless the driver's output file can be written without destroying another file."""
+    require_writable(file)
+    if any(file.resolve() == File(other).resolve() for other in others):
+        raise InputError(f"{file} is also the name of another file of this test: choose another with --columns")
+    if file.is_file() and file.stat().st_size:
+        with open(file, "rb") as handle:
+            if handle.read(200).split()[:1] != [HEADER]:
+                raise InputError(f"{file} is not an output file of the driver, and would be overwritten: use --columns")
+
+
+def _write_columns(output: str, test: DriverFile, table: File, stress_unit: str, files: Sequence[str]) -> None:
+    """Writes the records of the run file as the driver's output file."""
+    from labkit.incremental.columns import columns, output_text
+    from labkit.io.provenance import write_with_provenance
+    from labkit.runs.run import Run
+
+    run = Run.open(output)
+    with run.data as data:
+        if isinstance(run.path, Steps):
+            text = output_text(columns(data, run.path, stress_unit), test.heading)
+            write_with_provenance(table, text, [*files, output])
+
+
+def _on_grains(
+    test: DriverFile,
+    specimen: str,
+    initial_file: str | None,
+    stress_unit: str,
+    rate: str | None,
+    options: Options,
+    computation: Start,
+    output: str,
+    history: str,
+) -> None:
+    """Loads a specimen along the path of the test, after it was brought to the initial stress."""
+    from labkit.incremental.initial import read_initial
+    from labkit.incremental.start import way_to
+
+    state = read_state(specimen)
+    require_engine(computation.name, state.scene, computation.precision)
+    initial = read_initial(initial_file, stress_unit) if initial_file else None
+    task = RunTask(
+        state=state,
+        source=specimen,
+        path=test.path(rate, initial.pressure if initial is not None and initial.isotropic else None),
+        options=options,
+        output=output,
+        history=history,
+        start=computation,
+    )
+    if initial is not None and not initial.isotropic:
+        before = output.removesuffix(".run.nc") + ".initial.run.nc"
+        _run(dataclasses.replace(task, path=way_to(initial.stress), options=Options(snapshots=0), output=before))
+        task = dataclasses.replace(task, state=read_checkpoint(before))
+    _run(task)
+
+
+def _run(task: RunTask) -> None:
+    """Carries out a run, unless its file already holds it. Raises InputError before it starts."""
+    output = str(task.output)
+    path = task.path.starting_at(float(mean_stress(love_stress(task.state.snapshot()))))
+    task = dataclasses.replace(task, path=path)
+    require_writable(output, "run")
+    require_pressure(path, task.scene)
+    Schedule.of(on_grains(path, task.scene), task.scene.time_step, task.state.number_of_grains, task.options)
+    execute(task, announcing(task, File(output).name))
+
+
+def _on_model(
+    test: DriverFile,
+    initial_file: str | None,
+    parameters: str | None,
+    stress_unit: str,
+    rate: str | None,
+    options: Options,
+    output: str,
+    history: str,
+) -> None:
+    """Integrates the model along the path of the test, from its initial stress."""
+    from labkit.cli.model import require_output
+    from labkit.incremental.columns import VARIABLES
+    from labkit.incremental.initial import read_initial, read_material
+    from labkit.incremental.start import model_from_constants, model_state, way_to
+    from labkit.model.driver import drive
+    from labkit.model.parameters import Model
+    from labkit.model.run_file import write_result
+
+    initial = read_initial(require(initial_file, "initial", "initialconditions.inp"), stress_unit)
+    model = model_from_constants(read_material(parameters), stress_unit) if parameters else Model()
+    state = model_state(initial, model)
+    require_output(output)
+    begin = time.perf_counter()
+    if not initial.isotropic and len(initial.state) != VARIABLES:
+        state = drive(model, way_to(initial.stress), state).require().state()
+    result = drive(model, test.path(rate), state, options.record_strain, stop_when=options.stop_when)
+    settings = {} if options.stop_when is None else {"stop_when": options.stop_when}
+    write_result(output, result, history, time.perf_counter() - begin, settings)
+    result.require()

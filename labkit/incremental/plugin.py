@@ -1,0 +1,7 @@
+"""What the plug-in incremental adds to labkit."""
+
+from __future__ import annotations
+
+from labkit.plugins import register_command
+
+register_command("driver", "labkit.incremental.command", "carry out a test file of the Incremental Driver")

@@ -1,0 +1,136 @@
+"""Mixed control: which strain rates are prescribed, which stresses are held, and by which strain rates.
+
+    D = D0 + sum_j x_j P_j        M_i : sigma = s_i(t)        i, j = 1 ... k, k <= 6
+
+D0 is the strain rate that a path prescribes. The servo (labkit.servo.correction) finds the k numbers x_j such that the
+k stresses M_i : sigma follow their targets s_i, which may be constant or functions of the accumulated strain t.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.tensors import COMPONENTS, ROOT2, to_six
+from labkit.parameters import Named, Parameter
+
+Target = Callable[[float], Sequence[float]]
+
+# The response that decides whether a control can work at all: an isotropic elastic body with K = G.
+_ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])] * 2)
+SINGULAR = 1e-9
+_X_FOR_Y = [1, 0, 2, 4, 3, 5]  # order of the six components if x and y are exchanged
+_MEAN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
+
+
+def _in_pascals(stresses: object) -> object:
+    """Stresses in Pa; those in a list may be text with a unit."""
+    if not isinstance(stresses, list | tuple):
+        return stresses
+    return [Parameter.number("target", "Pa").read(one) if isinstance(one, str) else one for one in stresses]
+
+
+def six_columns(tensors: object) -> np.ndarray:
+    """Converts k tensors (k, 3, 3), or only their normal components (k, 3), to Mandel notation, shape (k, 6).
+
+    An array that already has six columns is returned unchanged.
+    """
+    tensors = np.asarray(tensors, dtype=float)
+    return to_six(tensors) if tensors.ndim == 3 else np.pad(tensors, ((0, 0), (0, 6 - tensors.shape[-1])))
+
+
+@dataclasses.dataclass(frozen=True)
+class Control(Named):
+    """Stresses that the servo holds, and the strain rates by which it does so.
+
+    measure: the k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
+    free: the k tensors P_j, shape (k, 3, 3), or (3, k) if only normal strain rates are adjusted.
+    target: the k stresses, Pa, shape (k,), or a function of the accumulated strain that returns them.
+
+    The fields hold six components in Mandel notation (labkit.micro.tensors): measure (k, 6), free (6, k). Raises
+    InputError for shapes that do not fit, tensors that are not symmetric, and a control that no material can follow.
+    """
+
+    measure: Any
+    free: Any
+    target: Any
+
+    def __post_init__(self) -> None:
+        """Converts the fields to six components. Raises InputError."""
+        measure, free = (np.asarray(value, dtype=float) for value in (self.measure, self.free))
+        target = self.target if callable(self.target) else np.asarray(_in_pascals(self.target), dtype=float)
+        k = len(np.atleast_1d(target(0.0))) if callable(target) else target.size
+        if measure.shape not in ((k, 3), (k, 3, 3)) or free.shape not in ((3, k), (k, 3, 3)) or not 1 <= k <= 6:
+            raise InputError(
+                f"a Control has arrays of inconsistent shape: measure {measure.shape}, free {free.shape}, target "
+                f"({k},); with k held stresses, measure must be (k, 3) or (k, 3, 3), free (3, k) or (k, 3, 3), "
+                "and target (k,)"
+            )
+        for name, value in (("measure", measure), ("free", free)):
+            if value.ndim == 3 and not np.array_equal(value, value.transpose(0, 2, 1)):
+                raise InputError(f"a Control has a {name} that is not symmetric: give (T + T^T)/2")
+        object.__setattr__(self, "measure", six_columns(measure))
+        object.__setattr__(self, "free", six_columns(free if free.ndim == 3 else free.T).T)
+        object.__setattr__(self, "target", target)
+
+    def require_possible(self) -> None:
+        """Raises InputError if a held stress does not respond to the free strain rates."""
+        response = self.measure @ _ISOTROPIC @ self.free
+        for name, row in zip(self.names, response, strict=True):
+            if np.abs(row).max() < SINGULAR:
+                raise InputError(
+                    f"the stress {name} is held, but the strain rates that would change it are prescribed: free one "
+                    "of them or do not hold this stress"
+                )
+        if np.linalg.cond(response) > 1.0 / SINGULAR:
+            raise InputError(
+                f"the held stresses {', '.join(self.names)} cannot be set independently by the free strain rates: "
+                "give as many independent strain rates as stresses"
+            )
+
+    @property
+    def coaxial(self) -> bool:
+        """True if only normal stresses and normal strain rates are involved."""
+        return not (self.measure[:, 3:].any() or self.free[3:].any())
+
+    @property
+    def axisymmetric(self) -> bool:
+        """True if nothing changes when x and y are exchanged."""
+        held = np.column_stack([self.measure, self.at(0.0) / max(np.abs(self.at(0.0)).max(), 1.0)])
+        exchanged = np.column_stack([self.measure[:, _X_FOR_Y], held[:, -1]])
+        pairs = (held, exchanged), (self.free.T, self.free[_X_FOR_Y].T)
+        return all(np.linalg.matrix_rank(np.vstack(pair)) == np.linalg.matrix_rank(pair[0]) for pair in pairs)
+
+    @property
+    def components(self) -> int:
+        """Number of components that the servo has to follow: 3, or 6 with shear."""
+        return 3 if self.coaxial else 6
+
+    @property
+    def isochoric(self) -> bool:
+        """True if none of the free strain rates changes the volume."""
+        return bool(np.abs(self.free[:3].sum(axis=0)).max() < 1e-12)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The held stresses as text, e.g. ('sigma_xz', 'the mean stress', 'sigma_xx - 1 sigma_yy')."""
+        return tuple(_combination(row) for row in self.measure)
+
+    def at(self, travelled: float) -> np.ndarray:
+        """The targets (k,), Pa, at the accumulated strain `travelled`."""
+        return np.asarray(self.target(travelled) if callable(self.target) else self.target, dtype=float)
+
+
+def _combination(row: np.ndarray) -> str:
+    """A linear combination of stresses as text."""
+    if np.allclose(row, _MEAN, atol=1e-12):
+        return "the mean stress"
+    weights = row * np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])  # M : sigma counts a shear stress twice
+    terms = [(w, c) for w, c in zip(weights, COMPONENTS, strict=True) if abs(w) > 1e-12]
+    if len(terms) == 1 and abs(terms[0][0] - 1.0) < 1e-12:
+        return f"sigma_{terms[0][1]}"
+    return " + ".join(f"{w:.3g} sigma_{c}" for w, c in terms).replace("+ -", "- ")

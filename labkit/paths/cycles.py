@@ -1,0 +1,223 @@
+"""Cyclic tests with an amplitude of stress, stress ratio or strain: triaxial and simple shear, drained and undrained.
+
+A cycle is two legs: the first goes up from the initial state, the others alternate between the two amplitudes. An
+undrained test keeps the volume constant; labkit.runs.undrained defines its pore pressure and its liquefaction.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.parameters import Number, parameter
+from labkit.paths.control import Control
+from labkit.paths.element_tests import NORMAL, shear_flow, shear_measure
+from labkit.paths.path import Held, StressPath, rate_parameter, reversals
+from labkit.paths.step import Here, Step, StrainExceeds, StrainLimit, Until
+from labkit.paths.strain_measures import StrainMeasure
+from labkit.paths.stress_reversals import StressReversals, longest_strain
+
+MOST_CYCLES = 10_000
+LEAST_PRESSURE = 1e3  # Pa: below it few contacts are left, and q/p is noise that must not reverse a path
+CONSOLIDATE = "isotropic stress to which the specimen is first consolidated (default: none)"
+DRAINED = "True to hold the stress, False for constant volume (undrained)"
+
+
+@dataclasses.dataclass(frozen=True)
+class _StressCycles(StressReversals):
+    """A path on which q, or q/p, alternates between +- its amplitude."""
+
+    strain: float = longest_strain(4.0, 50.0)
+    amplitude: Number[float] = parameter(
+        50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q"
+    )
+    cycles: Number[int] = parameter(10, low=1, high=100000, help="number of cycles")
+    ratio: Number[float | None] = parameter(None, above=0.0, high=3.0, help="amplitude of q/p, instead of that of q")
+    strain_limit: Number[float] = parameter(0.1, above=0.0, high=1.0, help="axial strain at which the test ends")
+
+    cyclic = True
+    figure = "cycles"
+    record_strain = 2e-4
+    line_style = "-."
+
+    @property
+    def measured_name(self) -> str:
+        return "q" if self.ratio is None else "q/p"
+
+    def measured(self, stress: np.ndarray) -> float:
+        q, p = float(deviatoric_stress(stress)), float(mean_stress(stress))
+        if self.ratio is None:
+            return q
+        return q / p if p > LEAST_PRESSURE else 0.0
+
+    def level(self, leg: int) -> float:
+        amplitude = self.amplitude if self.ratio is None else self.ratio
+        return amplitude if leg % 2 == 0 else -amplitude
+
+    def number_of_levels(self) -> int:
+        return 2 * self.cycles
+
+    def limits(self) -> Until:
+        return StrainLimit(self.strain) | StrainExceeds(self.strain_measure(), self.strain_limit)
+
+
+@dataclasses.dataclass(frozen=True)
+class UndrainedCycles(_StressCycles):
+    """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
+
+    With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
+    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain criterion for initial
+    liquefaction).
+    """
+
+    cycles: Number[int] = parameter(100, low=1, high=100000, help="number of cycles")
+    strain_limit: Number[float] = parameter(0.05, above=0.0, high=1.0, help="axial strain at which the test ends")
+    pressure: Number[float | None] = parameter(None, unit="Pa", above=0.0, high=1e12, help=CONSOLIDATE)
+
+    name = "undrained_cycles"
+    direction = (-0.5, -0.5, 1.0)
+
+    def start_pressure(self) -> float | None:
+        return self.pressure
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("volume", "volume"),)
+
+
+@dataclasses.dataclass(frozen=True)
+class DrainedCycles(_StressCycles, StressPath):
+    """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`.
+
+    The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as it does if the
+    amplitude is beyond the strength.
+    """
+
+    name = "drained_cycles"
+    holds = "mean stress"
+
+    def control(self) -> Control:
+        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
+
+
+@dataclasses.dataclass(frozen=True)
+class _Drainage(StressPath):
+    """A path that either holds a stress or keeps the volume constant."""
+
+    pressure: Number[float | None] = parameter(
+        None, unit="Pa", above=0.0, high=1e12, help="stress that a drained path holds; first consolidated to it"
+    )
+    drained: bool = parameter(True, help=DRAINED)
+
+    def starting_at(self, pressure: float) -> StressPath:
+        return super().starting_at(pressure) if self.drained else self
+
+    def held(self) -> tuple[Held, ...]:
+        return super().held() if self.drained else (Held("volume", "volume"),)
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainCycles(_Drainage):
+    """Cyclic triaxial test with a strain amplitude: the axial strain alternates between +- `strain_amplitude`.
+
+    Drained: the mean stress is held at `pressure`. Undrained: the volume is constant.
+    """
+
+    strain: float = dataclasses.field(init=False, default=0.01)  # the last reversal
+    strain_amplitude: Number[float] = parameter(0.005, above=0.0, high=1.0, help="amplitude of the axial strain")
+    cycles: Number[int] = parameter(10, low=1, high=MOST_CYCLES, help="number of cycles")
+
+    name = "strain_cycles"
+    cyclic = True
+    figure = "cycles"
+    holds = "mean stress"
+    record_strain = 2e-4
+    line_style = "-."
+
+    def __post_init__(self) -> None:
+        """Checks every parameter. Raises InputError."""
+        super().__post_init__()
+        object.__setattr__(self, "strain", -self.strain_amplitude)
+
+    def flow(self, travelled: float) -> np.ndarray:
+        lateral = 0.0 if self.drained else -0.5
+        return np.diag([lateral, lateral, 1.0])
+
+    def steps_from(self, start: Here) -> Iterable[Step]:
+        return reversals(self, (self.strain_amplitude, -self.strain_amplitude) * self.cycles)
+
+    def control(self) -> Control | None:
+        if not self.drained:
+            return None
+        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
+
+
+@dataclasses.dataclass(frozen=True)
+class ShearCycles(_Drainage, StressReversals):
+    """Cyclic simple shear in the x-z plane, with an amplitude of sigma_xz or of gamma_xz; eps_x = eps_y = 0.
+
+    Drained: sigma_z is held at `pressure`. Undrained: the height, hence the volume, is constant. The test ends after
+    `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as it does after liquefaction or if the amplitude
+    is beyond the strength.
+    """
+
+    rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
+    strain: float = longest_strain(4.0, 50.0)
+    amplitude: Number[float | None] = parameter(None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz")
+    strain_amplitude: Number[float | None] = parameter(
+        None, above=0.0, high=10.0, help="amplitude of gamma_xz, instead of that of sigma_xz (default: 0.01)"
+    )
+    cycles: Number[int] = parameter(10, low=1, high=MOST_CYCLES, help="number of cycles")
+    spin: bool = parameter(True, help="simple shear; without spin: pure shear")
+    strain_limit: Number[float] = parameter(
+        0.1, above=0.0, high=10.0, help="gamma_xz at which a stress-controlled test ends"
+    )
+
+    name = "shear_cycles"
+    axisymmetric = False
+    cyclic = True
+    figure = "cycles"
+    holds = "normal stress"
+    measured_name = "sigma_xz"
+    record_strain = 2e-4
+    line_style = (0, (2, 1, 1, 1, 1, 1))
+
+    def __post_init__(self) -> None:
+        """Checks that only one amplitude is given. Raises InputError."""
+        super().__post_init__()
+        if self.amplitude is not None and self.strain_amplitude is not None:
+            raise InputError("and amplitude are both given: give only one of them", field="strain_amplitude")
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return shear_flow(self.spin)
+
+    def strain_measure(self) -> StrainMeasure:
+        return shear_measure(self.spin)
+
+    def control(self) -> Control | None:
+        return Control(NORMAL[2:], NORMAL[2:], [self.held_pressure]) if self.drained else None
+
+    def held(self) -> tuple[Held, ...]:
+        return (*super().held(), Held("strain in y", "strain", NORMAL[1:2]))
+
+    def measured(self, stress: np.ndarray) -> float:
+        return 0.5 * float(stress[0, 2] + stress[2, 0])
+
+    def level(self, leg: int) -> float:
+        amplitude = self.amplitude or np.inf  # a strain-controlled test does not reverse on stress
+        return amplitude if leg % 2 == 0 else -amplitude
+
+    def number_of_levels(self) -> int:
+        return 2 * self.cycles
+
+    def limits(self) -> Until:
+        return StrainLimit(self.strain) | StrainExceeds(self.strain_measure(), self.strain_limit)
+
+    def steps_from(self, start: Here) -> Iterable[Step]:
+        if self.amplitude is not None:
+            return super().steps_from(start)
+        amplitude = 0.01 if self.strain_amplitude is None else self.strain_amplitude
+        return reversals(self, (amplitude, -amplitude) * self.cycles)

@@ -1,0 +1,249 @@
+"""The interface of a loading path: its steps, and what its default step prescribes and holds.
+
+A path is a frozen dataclass, independent of engines and files. It holds its complete description, which is used by the
+simulation, the command line, campaigns, `verify` and the figures. To define a path, subclass Path and decorate the
+class with `@labkit.register_path`; see examples/own_path.py. Directions are x, y, z; strain rates are logarithmic, 1/s,
+compression positive.
+"""
+
+from __future__ import annotations
+
+import abc
+import contextlib
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.stress import mean_stress
+from labkit.parameters import Named, Number, check_parameters, parameter, restored
+from labkit.paths.control import Control, Target, six_columns
+from labkit.paths.step import Here, Step, StrainReached, Until
+from labkit.paths.strain_measures import AXIAL, StrainMeasure
+
+HELD = "stress that the path holds (default: the mean stress of the specimen)"
+AnyPath = TypeVar("AnyPath", bound="Path")
+
+
+@dataclasses.dataclass(frozen=True)
+class Held:
+    """A quantity that a path keeps constant, checked by `labkit verify`.
+
+    kind: `stress`: measure : sigma stays at target (k,), Pa, which may be a function of the accumulated strain;
+    `strain`: measure : strain stays zero; `volume`: the volume keeps its initial value. measure: k tensors as for a
+    Control, stored with shape (k, 6). Raises InputError for another kind.
+    """
+
+    name: str
+    kind: str
+    measure: Any = None
+    target: np.ndarray | Target | None = None
+
+    def __post_init__(self) -> None:
+        """Check the kind, and convert the measure to six components."""
+        if self.measure is not None:
+            object.__setattr__(self, "measure", six_columns(self.measure))
+        if self.kind not in ("stress", "strain", "volume"):
+            raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain or volume")
+
+
+def rate_parameter(what: str, standard: float) -> Any:
+    """The field `rate` of a path whose `standard_rate` is `standard`, 1/s; `what`: description for the help text."""
+    default = f"{standard:g} for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains"
+    return parameter(None, unit="1/s", above=0.0, high=1e10, help=f"{what} (default: {default})")
+
+
+def require_direction(kind: type[Path]) -> None:
+    """Raise InputError unless the `direction` of a path is three finite numbers with z not negative.
+
+    Only the sign of the axial `strain` distinguishes compression (positive) from extension (negative).
+    """
+    try:
+        direction = np.asarray(kind.direction, dtype=float)
+    except (TypeError, ValueError):
+        direction = np.empty(0)
+    if direction.shape != (3,) or not np.isfinite(direction).all() or direction[2] < 0.0:
+        allowed = (
+            "strain rates in x, y and z divided by `rate`, with z not negative; for extension, reverse all three signs "
+            "and make `strain` negative"
+        )
+        raise InputError(field="direction", value=kind.direction, allowed=allowed)
+
+
+@dataclasses.dataclass(frozen=True)
+class Path(Named, abc.ABC):
+    """A loading path: the prescribed strain rates, the controlled stresses, the reversals and the end.
+
+    A subclass has a `name` and a `direction`, the prescribed strain rates in x, y and z divided by the axial `rate`. If
+    it has a `control`, the servo sets the remaining rates. A positive `strain` is compression, a negative one
+    extension. Fields defined with labkit.parameter become options of the command line and keys of campaigns. Raises
+    InputError for values outside their ranges.
+    """
+
+    rate: Number[float | None] = rate_parameter("axial strain rate", 10.0)
+    strain: Number[float] = parameter(
+        0.4, low=-2.0, high=2.0, help="axial strain to reach, logarithmic; negative for extension"
+    )
+
+    name: ClassVar[str]
+    direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
+    standard_rate: ClassVar[float] = 10.0  # default axial rate for the grains of Table 1, 1/s
+    shear: ClassVar[bool] = False  # True for a shear test, which tends to a critical state
+    holds: ClassVar[str] = "stress"  # name of the controlled stress
+    rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
+    axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ or there is shear: q is the invariant
+    cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
+    figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.figures.FIGURES
+    line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # of matplotlib, in figures
+    record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
+    phases: ClassVar[bool] = False  # True if the steps are phases, of which runs record the number and the progress
+
+    def __post_init__(self) -> None:
+        """Check the direction and every parameter. Raises InputError."""
+        require_direction(type(self))
+        check_parameters(self)
+        if self.strain == 0.0:
+            raise InputError(field="strain", value=self.strain, allowed="a strain that is not zero")
+
+    def flow(self, travelled: float) -> np.ndarray:
+        """The prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `travelled`.
+
+        Compression is positive. The symmetric part is the prescribed strain rate. The accumulated strain is the
+        integral of |`rate`| over time. By default the gradient is constant, with the components of `direction` on its
+        diagonal.
+        """
+        return np.diag(np.array(self.direction))
+
+    def steps_from(self, start: Here) -> Iterable[Step]:
+        """The steps of the path, one after another.
+
+        By default one step: the prescribed rates `flow` and the stresses of `control`, until the axial strain is
+        `strain`. start: where the next step starts, which the walk keeps up to date.
+        """
+        yield step_of(self, StrainReached(abs(self.strain), self.strain), math.copysign(1.0, self.strain))
+
+    def strain_measure(self) -> StrainMeasure:
+        """The scalar strain by which the test is drawn, tabulated and followed; by default the axial strain."""
+        return AXIAL
+
+    def status(self, record: Mapping[str, Any]) -> str:
+        """How far a test has come, for progress messages, from its latest record."""
+        measure = self.strain_measure()
+        p = mean_stress(record["stress"]) / 1e3
+        return f"{measure.name} {measure.at(record['strain']):.2%}, p {p:.{1 if p < 1e3 else 0}f} kPa"
+
+    def control(self) -> Control | None:
+        """The Control of the servo; None if all strain rates are prescribed."""
+        return None
+
+    def held(self) -> tuple[Held, ...]:
+        """Quantities that `labkit verify` checks; by default the controlled stresses."""
+        control = self.control()
+        return () if control is None else (Held(self.holds, "stress", control.measure, control.target),)
+
+    def start_pressure(self) -> float | None:
+        """Isotropic pressure to which the specimen is first consolidated, Pa; None to keep its stresses."""
+        return None
+
+    def starting_at(self, pressure: float) -> Path:
+        """The path for a specimen with this mean stress, Pa, which becomes the stress to hold if none was given."""
+        return self
+
+
+def step_of(path: Path, until: Until, sign: float = 1.0) -> Step:
+    """A step with the prescribed rates of a path times `sign`, and the stresses that it holds."""
+    return Step(lambda accumulated: sign * path.flow(accumulated), path.control(), until, path.rate_limit)
+
+
+def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:
+    """Steps that bring the strain of a path to each of `strains`, at which it reverses."""
+    back, ahead = (step_of(path, StrainReached(0.0), sign) for sign in (-1.0, 1.0))
+    for before, turn in itertools.pairwise((0.0, *strains)):
+        until = StrainReached(abs(turn - before), turn)
+        yield dataclasses.replace(ahead if turn > before else back, until=until)
+
+
+def status_of(path: Path, record: Mapping[str, object], number: int, steps: int) -> str:
+    """How far a test has come: the step or cycle that it is in, and its status. number: of the step, from 0."""
+    text = path.status(record)
+    if steps == 1:
+        return text
+    what, number, of = ("cycle", number // 2, steps // 2) if path.cyclic else ("leg", number, steps)
+    return f"{what} {min(number + 1, of)} of {of}, {text}"
+
+
+def number_of_steps(path: Path) -> int:
+    """Number of steps of a path."""
+    return sum(1 for _ in path.steps_from(Here()))
+
+
+def holds_stress(path: Path) -> bool:
+    """True if the servo holds a stress in a step of the path."""
+    return any(step.held is not None for step in path.steps_from(Here()))
+
+
+def is_coaxial(path: Path) -> bool:
+    """True if a path neither prescribes nor controls a shear component: x, y and z are principal axes."""
+    control, flow = path.control(), path.flow(0.0)
+    return bool((control is None or control.coaxial) and np.array_equal(flow, np.diag(np.diag(flow))))
+
+
+def is_symmetric(path: Path) -> bool:
+    """True if a path treats x and y alike, and does not say otherwise: q is sigma_z - (sigma_x + sigma_y)/2."""
+    with contextlib.suppress(InputError):  # without the pressure that it holds, a path has no control yet
+        control = path.control()
+        if path.direction[0] != path.direction[1] or not (control is None or control.axisymmetric):
+            return False
+    return path.axisymmetric
+
+
+def require_consistent(path: Path) -> None:
+    """Raise InputError if the direction of a path is invalid or the servo adjusts a strain rate that is prescribed."""
+    require_direction(type(path))  # a subclass may replace __post_init__
+    control = path.control()
+    if control is not None:
+        control.require_possible()
+        both = control.free[:3].any(axis=1) & (np.diag(path.flow(0.0)) != 0.0)
+        if both.any():
+            names = ", ".join("xyz"[k] for k in np.flatnonzero(both))
+            raise InputError(
+                f"path {path.name} prescribes the strain rate in {names} and also lets the servo adjust it: "
+                "choose one of the two"
+            )
+
+
+def arguments_of(path: Path) -> dict[str, Any]:
+    """The fields of a path that are arguments of its constructor, name -> value."""
+    return {field.name: getattr(path, field.name) for field in dataclasses.fields(path) if field.init}
+
+
+@dataclasses.dataclass(frozen=True)
+class StressPath(Path):
+    """A path that holds a stress. pressure: Pa; None stands for the mean stress of the specimen."""
+
+    pressure: Number[float | None] = parameter(
+        None,
+        unit="Pa",
+        above=0.0,
+        high=1e12,
+        help="stress that the path holds (default: the mean stress of the specimen)",
+    )
+
+    @property
+    def held_pressure(self) -> float:
+        """The stress to hold, Pa. Raises InputError while it is None; see `starting_at`."""
+        if self.pressure is None:
+            raise InputError(
+                "is missing: give the stress to hold, or create the path with `starting_at`", field="pressure"
+            )
+        return self.pressure
+
+    def start_pressure(self) -> float | None:
+        return self.pressure
+
+    def starting_at(self, pressure: float) -> StressPath:
+        return self if self.pressure is not None else restored(type(self), {**arguments_of(self), "pressure": pressure})

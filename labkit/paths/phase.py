@@ -1,0 +1,166 @@
+"""One step of mixed control: prescribed increments of strain and of stress, applied together.
+
+In a step, n pieces follow one another. In each piece the prescribed strains E and the targets of the held stresses
+change linearly with the accumulated strain t:
+
+    D = dE/dt + sum_j x_j P_j        M_i : sigma = M_i : sigma_0 + s_i(t)        i, j = 1 ... k, k <= 6
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.control import Control
+from labkit.quantities.conditions import condition
+
+LEAST = 1e-3  # accumulated strain of a step, at least: room for a hundred time steps and for the servo to settle
+STIFFNESS = 50.0  # times the mean stress: a step that prescribes stresses alone takes |ds|/(STIFFNESS p) of strain
+LARGEST_STRAIN, LARGEST_STRESS = 10.0, 1e12  # of a step; Pa
+MEAN = to_six(np.eye(3) / 3.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Phase:
+    """One step of a path.
+
+    strain: prescribed increments of logarithmic strain, 9 numbers for each piece, tensors row by row, compression
+    positive; an antisymmetric part is a rotation. free, measured: tensors P_j and M_i, 6 numbers each: xx, yy, zz, yz,
+    xz, xy. stress: increments of the k held stresses, Pa, k numbers for each piece; if `absolute`, the values to reach
+    at the ends of the pieces. over: accumulated strain of the step, i.e. the rate of the path times its duration
+    (default: the largest prescribed strain increment, or the one that the stress increments may need). durations: of
+    the pieces in the test that the step describes, s, for output. until: condition (labkit.quantities.conditions) that
+    ends the step at a record. records: number of records. label: name of the step in messages. Raises InputError for
+    values that are not finite, shapes that do not match, and a control that no material can follow.
+    """
+
+    strain: tuple[float, ...] = (0.0,) * 9
+    free: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
+    stress: tuple[float, ...] = ()
+    absolute: bool = False
+    over: float | None = None
+    durations: tuple[float, ...] = ()
+    until: str | None = None
+    records: int | None = None
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        """Converts and checks the fields. Raises InputError."""
+        for name in ("strain", "free", "measured", "stress", "durations"):
+            array = np.asarray(getattr(self, name), dtype=float).ravel()
+            if not np.isfinite(array).all():
+                raise InputError("has a value that is not finite", field=name, allowed="finite numbers")
+            object.__setattr__(self, name, tuple(array.tolist()))
+        if len(self.strain) % 9 or not self.strain:
+            raise InputError(f"has {len(self.strain)} numbers", field="strain", allowed="9 numbers for each piece")
+        k, rest = divmod(len(self.measured), 6)
+        if rest or len(self.free) != 6 * k or len(self.stress) != self.pieces * k:
+            allowed = "6 numbers in `measured` and in `free` for each held stress, and one in `stress` for each piece"
+            raise InputError("does not match the held stresses", field="stress", allowed=allowed)
+        if len(self.durations) not in (0, self.pieces) or min(self.durations, default=0.0) < 0.0:
+            raise InputError(field="durations", value=self.durations, allowed="one for each piece, 0 or more")
+        self._require_moderate()
+        if self.until is not None:
+            condition(self.until, "until")
+        if k:
+            self.control(np.zeros(k)).require_possible()
+
+    def _require_moderate(self) -> None:
+        strain = np.abs(np.cumsum(self.strains, axis=0)).max()
+        stress = self.largest_stress
+        if strain > LARGEST_STRAIN or stress > LARGEST_STRESS:
+            what, most = ("strain", LARGEST_STRAIN) if strain > LARGEST_STRAIN else ("stress", LARGEST_STRESS)
+            raise InputError("has an increment that is too large", field=what, allowed=f"at most {most:g}")
+        if self.over is not None and not 0.0 < self.over <= 50.0:
+            raise InputError(field="over", value=self.over, allowed="a number above 0, at most 50")
+        if self.records is not None and not 0 < self.records <= 1_000_000:
+            raise InputError(field="records", value=self.records, allowed="1 to 1000000")
+
+    @property
+    def pieces(self) -> int:
+        """Number of pieces."""
+        return len(self.strain) // 9
+
+    @functools.cached_property
+    def strains(self) -> np.ndarray:
+        """Strain increments of the pieces, (n, 3, 3)."""
+        return np.reshape(self.strain, (-1, 3, 3))
+
+    @functools.cached_property
+    def stresses(self) -> np.ndarray:
+        """The field `stress` as an array (n, k), Pa."""
+        return np.reshape(self.stress, (self.pieces, -1))
+
+    @property
+    def largest_stress(self) -> float:
+        """The largest increment or value of a held stress, Pa."""
+        values = self.stresses if self.absolute else np.cumsum(self.stresses, axis=0)
+        return float(np.abs(values).max(initial=0.0))
+
+    def targets(self, start: np.ndarray) -> np.ndarray:
+        """The held stresses at the start, (k,), Pa, and their targets at the ends of the pieces: (n + 1, k)."""
+        start = np.reshape(start, (1, -1))
+        return np.concatenate([start, self.stresses if self.absolute else start + np.cumsum(self.stresses, axis=0)])
+
+    def target_at(self, completed: object, start: np.ndarray) -> np.ndarray:
+        """The targets (..., k), Pa, when a share `completed` (...) of the step is done; start: (k,), Pa."""
+        done, targets = np.asarray(completed) * self.pieces, self.targets(start)
+        return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in targets.T], axis=-1)
+
+    @functools.cached_property
+    def measure(self) -> np.ndarray:
+        """The k tensors M_i in Mandel notation, (k, 6)."""
+        return to_six(_as_tensors(self.measured))
+
+    def control(self, target: Any) -> Control:
+        """The Control of the step, with these targets."""
+        return Control(_as_tensors(self.measured), _as_tensors(self.free), target)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the held stresses."""
+        known = {"p": MEAN, "q": to_six(np.diag([-0.5, -0.5, 1.0]))}
+        names = self.control(np.zeros(len(self.measure))).names if self.measured else ()
+        rows = zip(names, self.measure, strict=True)
+        return tuple(next((name for name, row in known.items() if np.allclose(row, one)), text) for text, one in rows)
+
+    def mean_after(self, pressure: float) -> float:
+        """Mean stress at the end of the step, Pa, if the held stresses determine it, else that at the start."""
+        weights, *_ = np.linalg.lstsq(self.measure.T, MEAN, rcond=None)
+        determined = np.allclose(self.measure.T @ weights, MEAN, atol=1e-9)
+        return float(weights @ self._targets_from(pressure)[-1]) if determined else pressure
+
+    def _targets_from(self, pressure: float) -> np.ndarray:
+        """The targets after an isotropic stress, Pa, (n + 1, k)."""
+        return self.targets(pressure * self.measure[:, :3].sum(axis=1))
+
+    def lengths(self, pressure: float) -> np.ndarray:
+        """Accumulated strain of the pieces, (n,), after a mean stress in Pa: see `over`, and at least LEAST in all."""
+        rate = np.abs(symmetric(self.strains)).max(axis=2, initial=0.0)
+        shear = np.abs(symmetric(self.strains) * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
+        lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
+        changes = np.abs(np.diff(self._targets_from(pressure), axis=0)).max(axis=1, initial=0.0)
+        if self.absolute:  # the stress at the start is not known
+            changes = np.maximum(changes, 0.5 * pressure / self.pieces)
+        stiffness = STIFFNESS * max(pressure, self.mean_after(pressure))
+        lengths = np.maximum(lengths, changes / stiffness)
+        total = self.over or max(float(lengths.sum()), LEAST)
+        share = lengths / lengths.sum() if lengths.sum() > 0.0 else np.full(self.pieces, 1.0 / self.pieces)
+        return total * share
+
+
+def _as_tensors(components: Sequence[float]) -> np.ndarray:
+    """6 numbers each -> tensors (k, 3, 3)."""
+    return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+
+
+def components_of(tensors: object) -> tuple[float, ...]:
+    """Symmetric tensors (k, 3, 3) as 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    return tuple(np.asarray(tensors, dtype=float)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]].ravel().tolist())

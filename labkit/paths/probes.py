@@ -1,0 +1,101 @@
+"""Paths that apply one small increment of strain or stress smoothly, after which the grains rest."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.tensors import to_tensor
+from labkit.parameters import parameter
+from labkit.paths.control import Control
+from labkit.paths.path import Path, StressPath, rate_parameter
+
+LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in the remainder the grains rest
+
+
+def _six_numbers(name: str, values: tuple[float, ...]) -> None:
+    """Raises InputError unless there are six finite numbers."""
+    if len(values) != 6 or not np.isfinite(values).all():
+        raise InputError(field=name, value=values, allowed="6 numbers: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
+
+
+def increment_parameter(what: str) -> Any:
+    """A field with six numbers."""
+    return parameter((0.0,) * 6, help=f"{what}: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
+
+
+@dataclasses.dataclass(frozen=True)
+class _Probe(Path):
+    """A path that applies a small increment and lets the grains rest."""
+
+    rate: float | None = rate_parameter("`strain` divided by the duration of the probe", 0.05)
+    strain: float = parameter(
+        1.5e-4, above=0.0, high=1.0, help="`rate` times the duration of the probe, two thirds of which is loading"
+    )
+    increment: tuple[float, ...] = increment_parameter("increment")
+
+    standard_rate = 0.05
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        super().__post_init__()
+        _six_numbers("increment", self.increment)
+
+    def applied(self, travelled: float) -> float:
+        """Share of the increment that is applied at the accumulated strain `travelled`: s - sin(2 pi s)/(2 pi)."""
+        s = min(travelled / (LOADING * self.strain), 1.0)
+        return s - math.sin(2.0 * math.pi * s) / (2.0 * math.pi)
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainProbe(_Probe):
+    """A small increment of strain, applied smoothly, after which the grains rest."""
+
+    increment: tuple[float, ...] = increment_parameter("increment of strain")
+
+    name = "strain_probe"
+
+    def flow(self, travelled: float) -> np.ndarray:
+        s = travelled / (LOADING * self.strain)
+        speed = (1.0 - math.cos(2.0 * math.pi * s)) / (LOADING * self.strain) if s < 1.0 else 0.0
+        return speed * to_tensor(np.array(self.increment))
+
+
+@dataclasses.dataclass(frozen=True)
+class StressProbe(_Probe, StressPath):
+    """A small increment of stress, applied smoothly by all six strain rates, after which the grains rest.
+
+    `pressure` is the mean stress before the probe, by which all other stresses are divided.
+    """
+
+    increment: tuple[float, ...] = increment_parameter("increment of stress, divided by `pressure`")
+    start_stress: tuple[float, ...] = parameter(
+        (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
+        help="stress before the probe, divided by `pressure`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
+    )
+
+    name = "stress_probe"
+    holds = "stress"
+    rate_limit = 100.0  # a sheared specimen is many times softer than its elastic stiffness
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        super().__post_init__()
+        _six_numbers("start_stress", self.start_stress)
+
+    def start_pressure(self) -> float | None:
+        return None  # the specimen keeps its stress
+
+    def flow(self, travelled: float) -> np.ndarray:
+        return np.zeros((3, 3))
+
+    def control(self) -> Control:
+        basis = to_tensor(np.eye(6))
+        start, increment = np.array(self.start_stress), np.array(self.increment)
+        return Control(
+            basis, basis, lambda travelled: self.held_pressure * (start + self.applied(travelled) * increment)
+        )

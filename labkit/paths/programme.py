@@ -1,0 +1,137 @@
+"""The programme of a phase: its increments, from the stress at which it starts, over the accumulated strain."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+
+from labkit.io.schema import Variable
+from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.phase import Phase
+from labkit.paths.step import Here, RecordMeets, Step, StrainReached
+
+LOST = 0.05  # of the mean stress: a held stress that differs more from its target no longer follows it
+
+PROGRESS = {
+    "path_step": Variable("path_step", ("time",), "f8", "1", "number of the step of the path, from 1"),
+    "path_step_progress": Variable("path_step_progress", ("time",), "f8", "1", "completed share of this step"),
+}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Programme:
+    """A phase from the stress at its start.
+
+    Args:
+        phase: The increments.
+        number: Of the step, from 0.
+        length: Accumulated strain.
+        start: Stress at the start, six components in Mandel notation, Pa.
+        knots: Accumulated strain at which `completed` pieces are done, (m + 1,).
+        completed: Numbers of pieces, (m + 1,).
+        least_pressure: Deviation from a target that is always accepted, Pa.
+    """
+
+    phase: Phase
+    number: int
+    length: float
+    start: np.ndarray
+    knots: np.ndarray
+    completed: np.ndarray
+    least_pressure: float
+
+    @property
+    def rests(self) -> bool:
+        """True if neither strains nor stresses change, so that a material without viscosity stays as it is."""
+        return not any(self.phase.strain) and not any(self.phase.stress) and not self.phase.absolute
+
+    @property
+    def varies(self) -> bool:
+        """True if the prescribed rates or the held stresses may change with the accumulated strain."""
+        return bool(self.phase.measured) or self.phase.pieces > 1
+
+    @property
+    def label(self) -> str:
+        """Name of the step at the start of a message, with a colon."""
+        return f"{self.phase.label or f'step {self.number + 1}'}: "
+
+    @functools.cached_property
+    def _flows(self) -> np.ndarray:
+        """Prescribed velocity gradients between the knots, divided by the rate, (m, 3, 3)."""
+        total = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(self.phase.strains, axis=0)])[self.completed]
+        return np.diff(total, axis=0) / np.diff(self.knots)[:, None, None]
+
+    def _piece(self, accumulated: float) -> int:
+        """Number of the interval between knots."""
+        return int(np.clip(np.searchsorted(self.knots, accumulated, side="right") - 1, 0, len(self.knots) - 2))
+
+    def share(self, accumulated: float) -> float:
+        """Completed share of the phase."""
+        return float(np.interp(accumulated, self.knots, self.completed)) / self.phase.pieces
+
+    def rates(self, accumulated: float) -> np.ndarray:
+        """The prescribed velocity gradient divided by the rate, (3, 3)."""
+        return self._flows[self._piece(accumulated)]
+
+    def target(self, accumulated: float) -> np.ndarray:
+        """The targets of the held stresses (k,), Pa."""
+        return self.phase.target_at(self.share(accumulated), self.phase.measure @ self.start)
+
+    def next_change(self, accumulated: float) -> float:
+        """Accumulated strain at which the prescribed rates next change abruptly."""
+        return float(self.knots[self._piece(accumulated) + 1])
+
+    def interval(self, record_strain: float | None, standard: float) -> float:
+        """Accumulated strain between two records; record_strain: the value that the user chose, if any."""
+        records = self.phase.records if record_strain is None else None
+        return self.length / records if records is not None else min(record_strain or standard, self.length)
+
+    def progress(self, accumulated: float) -> Mapping[str, float]:
+        """Values of the variables PROGRESS."""
+        return {"path_step": self.number + 1.0, "path_step_progress": self.share(accumulated)}
+
+    def lost(self, stress: np.ndarray, accumulated: float) -> str:
+        """Why a held stress no longer follows its target, one sentence; empty if it does. stress: (3, 3), Pa."""
+        if not self.phase.measured:
+            return ""
+        target = self.target(accumulated)
+        found = self.phase.measure @ to_six(symmetric(stress))
+        k = int(np.abs(found - target).argmax())
+        if abs(found[k] - target[k]) <= max(LOST * float(mean_stress(stress)), self.least_pressure):
+            return ""
+        return (
+            f"{self.label}{self.phase.names[k]} is {found[k]:.4g} Pa and cannot follow its target, {target[k]:.4g} Pa: "
+            "the target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
+            "stress, or reduce the rate"
+        )
+
+
+def step_of_phase(
+    phase: Phase, number: int, length: float, span: float, pressure: float, least_pressure: float, here: Here
+) -> Step:
+    """The step that carries out a phase from the stress `here`.
+
+    Args:
+        phase: The increments.
+        number: Of the step, from 0.
+        length: Accumulated strain of the phase.
+        span: The same, as the difference of the strains accumulated in all steps.
+        pressure: Mean stress expected at the start, Pa.
+        least_pressure: Deviation from a target that is always accepted, Pa.
+        here: Where the step starts.
+    """
+    knots = np.concatenate([[0.0], np.cumsum(phase.lengths(pressure))])
+    if here.step_strain:  # whole time steps
+        knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(span / here.step_strain)))
+    knots, pieces = np.unique(knots, return_index=True)  # a piece shorter than a time step joins the next one
+    pieces[-1] = phase.pieces
+    start = to_six(symmetric(here.stress))
+    programme = Programme(phase, number, length, start, knots, pieces, least_pressure)
+    held = phase.control(programme.target) if phase.measured else None
+    end = StrainReached(span)
+    until = end if phase.until is None else end | RecordMeets(phase.until)
+    return Step(programme.rates, held, until, 8.0, programme)

@@ -1,0 +1,47 @@
+"""The rate of a path, which is resolved where path and specimen meet."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.parameters import parameters_of, restored
+from labkit.paths.path import Path, arguments_of
+
+AnyPath = TypeVar("AnyPath", bound=Path)
+
+
+def default_rate(kind: type[Path], scene: Scene) -> float:
+    """Default axial strain rate of a path for the grains of a scene, 1/s.
+
+    At a given mean stress p, the inertial number I = |D'| D sqrt(rho/p) (section 2, D' the strain rate tensor) keeps
+    the value that it has for the grains of Table 1, D0 = 0.17 mm and rho0 = 2650 kg/m3:
+
+        rate = standard_rate (D0/D) sqrt(rho0/rho)
+
+    This is `standard_rate` exactly for Table 1. Young's modulus does not enter, because I does not depend on it. A
+    path whose field `rate` has a number as its default keeps that number.
+    """
+    default = parameters_of(kind)["rate"].default
+    if default is not None:
+        return float(default)
+    return kind.standard_rate * (Scene.mean_diameter / scene.mean_diameter) * math.sqrt(Scene.density / scene.density)
+
+
+def at_rate(path: AnyPath, rate: float) -> AnyPath:
+    """A copy of a path with another axial strain rate, 1/s."""
+    return restored(type(path), {**arguments_of(path), "rate": rate})
+
+
+def on_grains(path: AnyPath, scene: Scene) -> AnyPath:
+    """The path with the default rate for the grains of a scene if no rate was given."""
+    return path if path.rate is not None else at_rate(path, default_rate(type(path), scene))
+
+
+def rate_of(path: Path) -> float:
+    """Axial strain rate of a path, 1/s. Raises InputError while it is None; see `on_grains`."""
+    if path.rate is None:
+        raise InputError("is missing: give a rate, or create the path with `on_grains`", field="rate")
+    return path.rate

@@ -1,0 +1,84 @@
+"""Registry of loading paths; each is a class in a file of this package, or one that a user registers."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.extensions import Registry
+from labkit.parameters import parameters_of, restored
+from labkit.paths.path import Path, require_direction
+
+_TESTS, _RELOADING, _CYCLES = (f"labkit.paths.{name}:" for name in ("element_tests", "stress_reversals", "cycles"))
+Kind = TypeVar("Kind", bound=Path)
+PATHS = Registry[type[Path]](
+    "path",
+    {
+        "cv": "labkit.paths.standard:ConstantVolume",
+        "cr": "labkit.paths.standard:ConstantRadialStress",
+        "cp": "labkit.paths.standard:ConstantMeanStress",
+        "isoc": "labkit.paths.standard:IsotropicCompression",
+        "isod": "labkit.paths.standard:IsotropicDilation",
+        "cyclic_cp": "labkit.paths.standard:CyclicConstantMeanStress",
+        "c1": _TESTS + "ConstantAxialStress",
+        "true_triaxial": _TESTS + "TrueTriaxial",
+        "plane_strain": _TESTS + "PlaneStrain",
+        "oedometer": _TESTS + "Oedometer",
+        "simple_shear": _TESTS + "SimpleShear",
+        "simple_shear_cv": _TESTS + "SimpleShearConstantVolume",
+        "stress_rotation": _TESTS + "StressRotation",
+        "proportional": _TESTS + "ProportionalStrain",
+        "mixed": _TESTS + "Mixed",
+        "isotropic_reloading": _RELOADING + "IsotropicReloading",
+        "oedometer_reloading": _RELOADING + "OedometerReloading",
+        "steps": "labkit.paths.steps:Steps",
+        "undrained_cycles": _CYCLES + "UndrainedCycles",
+        "drained_cycles": _CYCLES + "DrainedCycles",
+        "strain_cycles": _CYCLES + "StrainCycles",
+        "shear_cycles": _CYCLES + "ShearCycles",
+        "strain_probe": "labkit.paths.probes:StrainProbe",
+        "stress_probe": "labkit.paths.probes:StressProbe",
+    },
+)
+
+
+def register_path(kind: type[Kind]) -> type[Kind]:
+    """Register a subclass of Path under its `name` and return it; a decorator.
+
+    Raises InputError unless `direction` is three numbers with z not negative.
+    """
+    require_direction(kind)
+    return PATHS.register(kind)
+
+
+def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
+    """The path of that name; parameters that are None take their defaults.
+
+    Raises InputError for an unknown path, a value that is out of range, or a parameter that the path does not have.
+    """
+    kind = PATHS.require(name)
+    given = {key: value for key, value in (parameters or {}).items() if value is not None}
+    for key in given:
+        if key not in parameters_of(kind):
+            raise InputError(f"is not a parameter of {name}: leave it out", field=key)
+    for key, known in parameters_of(kind).items():
+        if known.default is dataclasses.MISSING and key not in given:
+            raise InputError("is missing", field=key, allowed=known.allowed)
+    return kind(**given)
+
+
+def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
+    """The path of a run file from its name and `path_parameters`; None if no path is registered under that name."""
+    if name not in PATHS:
+        return None
+    kind = PATHS[name]
+    return restored(kind, {key: value for key, value in values.items() if key in parameters_of(kind)})
+
+
+def travelled(axial_strain: np.ndarray) -> np.ndarray:
+    """Accumulated axial strain at each record, shape (n,); it increases through reversals."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])

@@ -1,0 +1,220 @@
+"""A step of a path: what is given, what is held, and until when."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from labkit.micro.tensors import symmetric, to_six, to_tensor
+from labkit.paths.control import Control
+from labkit.paths.strain_measures import StrainMeasure
+from labkit.quantities.conditions import condition
+
+if TYPE_CHECKING:
+    from labkit.paths.programme import Programme
+
+Record = Mapping[str, Any]  # variables of a record, by name
+
+
+class Until:
+    """What ends a step; `a | b` ends it at whichever comes first."""
+
+    @property
+    def each(self) -> tuple[Until, ...]:
+        """The single conditions."""
+        return (self,)
+
+    def __or__(self, other: Until) -> AnyOf:
+        return AnyOf((*self.each, *other.each))
+
+
+@dataclasses.dataclass(frozen=True)
+class AnyOf(Until):
+    """One of several conditions."""
+
+    conditions: tuple[Until, ...]
+
+    @property
+    def each(self) -> tuple[Until, ...]:
+        return self.conditions
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainReached(Until):
+    """The strain accumulated in the step reaches `length`; `turn`: the scalar strain of the path there, if known."""
+
+    length: float
+    turn: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainLimit(Until):
+    """The strain accumulated in all steps that end at stresses reaches `total`. This ends the path."""
+
+    total: float
+
+
+@dataclasses.dataclass(frozen=True)
+class StressReached(Until):
+    """A scalar of the stress rises to `level`, or falls to it.
+
+    Args:
+        name: Of the scalar, for messages; with a / if it is a ratio of stresses.
+        measured: The scalar of a stress (3, 3), Pa.
+        level: Pa, or a ratio.
+        falling: True if the scalar falls to the level.
+    """
+
+    name: str
+    measured: Callable[[np.ndarray], Any]
+    level: float
+    falling: bool = False
+
+    def met(self, stress: np.ndarray) -> bool:
+        """True if the scalar of a stress (3, 3), Pa, is at the level or beyond it."""
+        sign = -1.0 if self.falling else 1.0
+        return bool(sign * (self.measured(stress) - self.level) >= 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordMeets(Until):
+    """A condition (labkit.quantities.conditions) holds at a record, such as q/p > 0.9."""
+
+    text: str
+
+    def holds(self, record: Record, first: Record) -> bool:
+        """True at a record; `first`: the first record of the run."""
+        return condition(self.text, "until").holds(record, first)
+
+
+@dataclasses.dataclass(frozen=True)
+class StrainExceeds(Until):
+    """A scalar strain, or its opposite, exceeds a limit at a record. This ends the path."""
+
+    measure: StrainMeasure
+    limit: float
+
+    def beyond(self, record: Record) -> bool:
+        """True at a record."""
+        return bool(abs(self.measure.at(record["strain"])) > self.limit)
+
+
+@dataclasses.dataclass
+class Here:
+    """Where the next step starts; a walk along a path keeps it up to date.
+
+    Args:
+        stress: (3, 3), Pa.
+        step_strain: Accumulated strain of a time step; 0 for a material without time steps.
+    """
+
+    stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
+    step_strain: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Step:
+    """One step of a path.
+
+    Args:
+        given: Prescribed velocity gradient divided by the rate of the path, (3, 3), compression positive, or a function
+            of the accumulated strain that returns it.
+        held: The stresses that the servo holds, and the strain rates by which it does so; None for none.
+        until: What ends the step. A path that does not end at a strain needs a StrainLimit.
+        rate_limit: Largest strain rate of the servo, divided by the rate of the path.
+        phase: The increments of a phase of a path file that the step carries out. The accumulated strain is then
+            counted from the start of the step.
+    """
+
+    given: np.ndarray | Callable[[float], np.ndarray]
+    held: Control | None
+    until: Until
+    rate_limit: float = 3.0
+    phase: Programme | None = None
+
+    def rates(self, accumulated: float) -> np.ndarray:
+        """The prescribed velocity gradient divided by the rate, (3, 3), at an accumulated strain."""
+        return self.given(accumulated) if callable(self.given) else self.given
+
+    @property
+    def length(self) -> float | None:
+        """Accumulated strain at which the step ends; None for a step that ends at a stress."""
+        return next((one.length for one in self.until.each if isinstance(one, StrainReached)), None)
+
+    @property
+    def limit(self) -> float:
+        """Accumulated strain at which the step ends, or, for a step that ends at a stress, the path."""
+        limits = (one.total for one in self.until.each if isinstance(one, StrainLimit))
+        return next(limits, np.inf) if self.length is None else self.length
+
+    @property
+    def stress_ends(self) -> tuple[StressReached, ...]:
+        """The stresses that end the step."""
+        return tuple(one for one in self.until.each if isinstance(one, StressReached))
+
+    @property
+    def conditions(self) -> tuple[RecordMeets, ...]:
+        """The conditions on a record that end the step."""
+        return tuple(one for one in self.until.each if isinstance(one, RecordMeets))
+
+    @property
+    def varies(self) -> bool:
+        """True if the prescribed rates or the held stresses change with the accumulated strain."""
+        if self.phase is not None:
+            return self.phase.varies
+        moving = callable(self.given) and not np.array_equal(self.given(0.0), self.given(0.5 * self.limit))
+        return moving or (self.held is not None and callable(self.held.target))
+
+    def ends_at(self, stress: np.ndarray) -> bool:
+        """True if the step ends at this stress (3, 3), Pa."""
+        return any(end.met(stress) for end in self.stress_ends)
+
+    def ends_path(self, record: Record) -> StrainExceeds | None:
+        """The strain that ends the path at a record, if any does."""
+        limits = (one for one in self.until.each if isinstance(one, StrainExceeds) and one.beyond(record))
+        return next(limits, None)
+
+    def settled(self, stress: np.ndarray, accumulated: float) -> np.ndarray:
+        """The stress (3, 3), Pa, at which the next step starts, given the one measured at the end of this one.
+
+        The held stresses of a phase pass on at the values that they were to have, not at those measured: errors of the
+        servo do not add up over many steps.
+        """
+        if self.phase is None or self.held is None:
+            return stress
+        six = to_six(symmetric(stress))
+        return to_tensor(corrected(six, self.held.measure, self.held.at(accumulated) - self.held.measure @ six))
+
+
+def corrected(six: np.ndarray, measure: np.ndarray, missing: np.ndarray) -> np.ndarray:
+    """The stress nearest to `six` (6,) whose combinations `measure` (k, 6) are larger by `missing` (k,)."""
+    return six + np.linalg.lstsq(measure, missing, rcond=None)[0]
+
+
+def why_short(name: str, strain: float, step: Step, record: Record) -> str:
+    """Why a path ended in this step before the stress at which the step ends; empty if that was reached.
+
+    name, strain: of the path; record: the last one.
+    """
+    end = next(iter(step.stress_ends), None)
+    if end is None:
+        return ""
+    now = end.measured(record["stress"])
+    if step.length is not None:
+        if step.ends_at(record["stress"]):
+            return ""
+        what = end.name.removeprefix("the ")
+        return (
+            f"the strain limit {strain:g} was reached at a {what} of {now / 1e3:.4g} kPa, before the stress of "
+            f"{end.level / 1e3:.4g} kPa at which {name} stops: give a larger strain"
+        )
+    unit, factor = ("", 1.0) if "/" in end.name else (" kPa", 1e-3)
+    beyond = step.ends_path(record)
+    reason = f"the accumulated strain reached its limit of {strain:g}"
+    if beyond is not None:
+        value = beyond.measure.at(record["strain"])
+        reason = f"{beyond.measure.name} {value:.2%} exceeded strain_limit {beyond.limit:g}"
+    return f"{reason} while {end.name} was {factor * now:.4g}{unit}, short of {factor * end.level:.4g}{unit}"

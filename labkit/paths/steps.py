@@ -1,0 +1,126 @@
+"""A path made of steps (labkit.paths.step), each of which starts at the stress where the one before ended.
+
+The stresses that a step controlled pass on to the next one at the values they were to have, not at those measured:
+errors of the servo do not add up over many steps.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.tensors import symmetric, to_six, to_tensor
+from labkit.parameters import Number, parameter, restored
+from labkit.paths.path import Path, arguments_of, rate_parameter
+from labkit.paths.phase import Phase
+from labkit.paths.programme import LOST, PROGRESS, step_of_phase
+from labkit.paths.step import Here, Step, corrected
+from labkit.quantities.scalars import Record
+
+TYPICAL_PRESSURE = 0.1e6  # Pa, assumed as long as the mean stress of the specimen is unknown
+MOST_STEPS = 100_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Steps(Path):
+    """Steps of mixed control, one after another: a path file, or a test for the Incremental Driver.
+
+    A prescribed strain changes at `rate`; the default rate of a stress alone is that of a material with the stiffness
+    50 p. A step whose held stresses no longer follow their targets, because no strain rate can keep them there, ends
+    the run with an error.
+    """
+
+    rate: Number[float | None] = rate_parameter("largest prescribed strain rate", 10.0)
+    strain: float = dataclasses.field(init=False, default=1.0)  # accumulated in all steps
+    pressure: Number[float | None] = parameter(
+        None, unit="Pa", above=0.0, high=1e12, help="isotropic stress to which the specimen is consolidated first"
+    )
+    steps: tuple[Phase, ...] = parameter((), kind=Phase, help="the steps as JSON; see path files")
+    order: tuple[int, ...] = parameter((), help="numbers of the steps to carry out, from 0 (default: each one once)")
+    mean_stress: Number[float | None] = parameter(
+        None, unit="Pa", above=0.0, high=1e12, option=False, help="mean stress of the specimen at the start"
+    )
+
+    name = "steps"
+    phases = True
+    direction = (0.0, 0.0, 0.0)
+    rate_limit = 8.0
+
+    def __post_init__(self) -> None:
+        """Checks the steps and their order. Raises InputError."""
+        super().__post_init__()
+        order = self.order or tuple(range(len(self.steps)))
+        if any(number != int(number) or not 0 <= number < len(self.steps) for number in order):
+            raise InputError(field="order", allowed=f"whole numbers from 0 to {len(self.steps) - 1}")
+        if len(order) > MOST_STEPS:
+            raise InputError(f"has {len(order)} steps", field="order", allowed=f"at most {MOST_STEPS}")
+        object.__setattr__(self, "order", tuple(int(number) for number in order))
+        if order:
+            object.__setattr__(self, "strain", float(sum(self._lengths)))
+
+    def starting_at(self, pressure: float) -> Path:
+        if self.mean_stress is not None or pressure <= 0.0:
+            return self
+        return restored(Steps, {**arguments_of(self), "mean_stress": self.pressure or pressure})
+
+    def start_pressure(self) -> float | None:
+        return self.pressure
+
+    @functools.cached_property
+    def _pressures(self) -> tuple[float, ...]:
+        """The mean stress expected at the start of each leg, Pa."""
+        start = pressure = self.mean_stress or self.pressure or TYPICAL_PRESSURE
+        expected = []
+        for number in self.order:
+            expected.append(pressure)
+            pressure = max(self.steps[number].mean_after(pressure), 0.1 * start)
+        return tuple(expected)
+
+    @functools.cached_property
+    def _lengths(self) -> tuple[float, ...]:
+        """Accumulated strain of each leg."""
+        return tuple(
+            float(self.steps[number].lengths(pressure).sum())
+            for number, pressure in zip(self.order, self._pressures, strict=True)
+        )
+
+    def steps_from(self, start: Here) -> Iterable[Step]:
+        """The steps. Raises InputError if there are none."""
+        if not self.steps:
+            raise InputError("is empty", field="steps", allowed="at least one step, best in a path file")
+        spans = np.diff((0.0, *np.cumsum(self._lengths).tolist())).tolist()
+        least = LOST * (self.mean_stress or TYPICAL_PRESSURE)
+        each = zip(self.order, self._lengths, spans, self._pressures, strict=True)
+        for number, (which, length, span, pressure) in enumerate(each):
+            yield step_of_phase(self.steps[which], number, length, span, pressure, least, start)
+
+
+def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
+    """Stresses that phases hold minus their targets at each record of a run, name -> (time,), Pa; NaN where not held.
+
+    record: `stress` and the variables PROGRESS along time. Empty for a path without phases.
+    """
+    if not path.phases:
+        return {}
+    stress = to_six(symmetric(np.asarray(record["stress"])))
+    number, progress = (np.asarray(record[name]) for name in PROGRESS)
+    errors: dict[str, np.ndarray] = {}
+    here = Here(to_tensor(stress[0]))
+    for leg, step in enumerate(path.steps_from(here)):
+        at = np.flatnonzero(number == leg + 1)
+        at = at[progress[at] > 0.0]
+        if not len(at):
+            continue
+        last = stress[at[-1]]
+        if step.held is not None and step.phase is not None:
+            phase = step.phase.phase
+            found = stress[at] @ phase.measure.T - phase.target_at(progress[at], phase.measure @ to_six(here.stress))
+            for name, values in zip(phase.names, found.T, strict=True):
+                errors.setdefault(name, np.full(len(stress), np.nan))[at] = values
+            last = corrected(last, phase.measure, -found[-1])
+        here.stress = to_tensor(last)
+    return errors

@@ -1,0 +1,127 @@
+"""Loading paths that reverse at given stresses, and among them isotropic and K0 compression with unloading loops."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.stress import mean_stress
+from labkit.parameters import Number, Numbers, parameter
+from labkit.paths.path import Held, Path, rate_parameter, step_of
+from labkit.paths.step import Here, Step, StrainLimit, StressReached, Until
+from labkit.paths.strain_measures import VOLUMETRIC, StrainMeasure
+
+
+def longest_strain(default: float, high: float) -> Any:
+    """The field `strain` of a path that usually ends at a stress."""
+    text = "maximum accumulated strain; the test ends there if it has not ended before"
+    return parameter(default, above=0.0, high=high, help=text)
+
+
+@dataclasses.dataclass(frozen=True)
+class StressReversals(Path):
+    """A path that reverses when a stress, or a stress ratio, reaches the level of its leg."""
+
+    @property
+    @abc.abstractmethod
+    def measured_name(self) -> str:
+        """Name of the stress that is compared with the levels."""
+
+    @abc.abstractmethod
+    def measured(self, stress: np.ndarray) -> float:
+        """The stress that is compared with the levels, Pa, or a ratio of stresses."""
+
+    @abc.abstractmethod
+    def level(self, leg: int) -> float:
+        """The stress at which a leg ends, Pa, or a ratio of stresses."""
+
+    @abc.abstractmethod
+    def number_of_levels(self) -> int:
+        """Number of times that the stress reaches a level; the last one ends the path."""
+
+    def limits(self) -> Until:
+        """What else ends the path: by default its accumulated `strain`."""
+        return StrainLimit(float(self.strain))
+
+    def steps_from(self, start: Here) -> Iterable[Step]:
+        limits = self.limits()
+        both = step_of(self, limits), step_of(self, limits, -1.0)
+        for number in range(self.number_of_levels()):
+            falling = number % 2 == 1
+            end = StressReached(self.measured_name, self.measured, self.level(number), falling)
+            yield dataclasses.replace(both[falling], until=end | limits)
+
+
+def _require_alternating(name: str, values: tuple[float, ...], example: str) -> None:
+    """Raises InputError unless the values go up and down in turn."""
+    steps = np.diff(values)
+    if not values or not np.isfinite(values).all() or min(values) <= 0.0:
+        raise InputError(field=name, value=values, allowed=f"positive stresses, e.g. {example}")
+    if (steps == 0.0).any() or (steps[:1] > 0.0).any() or (np.sign(steps[1:]) == np.sign(steps[:-1])).any():
+        raise InputError("does not alternate: unload and reload in turn", field=name, value=values, allowed=example)
+
+
+@dataclasses.dataclass(frozen=True)
+class IsotropicReloading(StressReversals):
+    """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
+
+    rate: Number[float | None] = rate_parameter("strain rate in each direction", 5.0)
+    strain: float = longest_strain(0.5, 10.0)
+    pressures: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to reach in turn")
+
+    name = "isotropic_reloading"
+    direction = (1.0, 1.0, 1.0)
+    standard_rate = 5.0
+    record_strain = 1e-4
+    measured_name = "the mean stress"
+
+    def __post_init__(self) -> None:
+        """Checks the pressures. Raises InputError."""
+        super().__post_init__()
+        _require_alternating("pressures", self.pressures, "1e6,0.3e6,2e6")
+
+    def strain_measure(self) -> StrainMeasure:
+        return VOLUMETRIC
+
+    def measured(self, stress: np.ndarray) -> float:
+        return float(mean_stress(stress))
+
+    def level(self, leg: int) -> float:
+        return self.pressures[leg]
+
+    def number_of_levels(self) -> int:
+        return len(self.pressures)
+
+
+@dataclasses.dataclass(frozen=True)
+class OedometerReloading(StressReversals):
+    """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
+
+    strain: float = longest_strain(0.5, 10.0)
+    stresses: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")
+
+    name = "oedometer_reloading"
+    record_strain = 2e-4
+    measured_name = "sigma_zz"
+
+    def __post_init__(self) -> None:
+        """Checks the stresses. Raises InputError."""
+        super().__post_init__()
+        _require_alternating("stresses", self.stresses, "1e6,0.3e6,2e6")
+
+    def measured(self, stress: np.ndarray) -> float:
+        return float(stress[2, 2])
+
+    def level(self, leg: int) -> float:
+        return self.stresses[leg]
+
+    def number_of_levels(self) -> int:
+        return len(self.stresses)
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("lateral strains", "strain", np.eye(3)[:2]),)

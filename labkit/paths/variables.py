@@ -1,0 +1,151 @@
+"""Work-conjugate variables in which a step prescribes stresses and strains: Cartesian, Roscoe's, Rendulic's.
+
+Six tensors T_i define a set of variables: the stress variables are T_i : sigma, and the strain variables e_i give the
+strain as sum_i e_i T_i, so that the sum of stress times strain increments is the work sigma : d(eps). Compression is
+positive. With z as the axis of symmetry, Roscoe's variables are
+
+    p = (sigma_xx + sigma_yy + sigma_zz)/3    q = sigma_zz - (sigma_xx + sigma_yy)/2         d = sigma_xx - sigma_yy
+    v = eps_xx + eps_yy + eps_zz              q = 2/3 (eps_zz - (eps_xx + eps_yy)/2)         d = (eps_xx - eps_yy)/2
+
+and the isomorphic sets use unit tensors instead, so that lengths and angles are those of the tensors. The shear
+variables are the stress sigma_xz and the strain gamma_xz = 2 eps_xz, and so on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from labkit.errors import InputError, instead_of
+from labkit.parameters import Parameter
+from labkit.paths.phase import Phase, components_of
+
+SHEAR = ("xz", "yz", "xy")
+_X, _Y, _Z = (np.diag(row) for row in np.eye(3))
+_DEVIATOR = np.diag([-0.5, -0.5, 1.0])  # _DEVIATOR : sigma = q
+
+
+def _shear(i: int, j: int) -> np.ndarray:
+    """The tensor T with T : sigma = sigma_ij and gamma_ij T the strain of a shear strain gamma_ij."""
+    tensor = np.zeros((3, 3))
+    tensor[i, j] = tensor[j, i] = 0.5
+    return tensor
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Variables:
+    """A set of variables. stress, strain: their names; tensors: the six tensors T_i, (6, 3, 3)."""
+
+    name: str
+    stress: tuple[str, ...]
+    strain: tuple[str, ...]
+    tensors: np.ndarray
+
+
+def _set(name: str, stress: str, strain: str, normal: list[np.ndarray]) -> Variables:
+    tensors = np.array([*normal, _shear(0, 2), _shear(1, 2), _shear(0, 1)])
+    return Variables(name, (*stress.split(), *SHEAR), (*strain.split(), *SHEAR), tensors)
+
+
+VARIABLES = {
+    one.name: one
+    for one in (
+        _set("cartesian", "zz xx yy", "zz xx yy", [_Z, _X, _Y]),
+        _set("roscoe", "p q d", "v q d", [np.eye(3) / 3.0, _DEVIATOR, _X - _Y]),
+        _set(
+            "roscoe_isomorph",
+            "P Q D",
+            "P Q D",
+            [np.eye(3) / np.sqrt(3.0), _DEVIATOR * np.sqrt(2.0 / 3.0), (_X - _Y) / np.sqrt(2.0)],
+        ),
+        _set("rendulic", "a r d", "a r d", [_Z, (_X + _Y) / np.sqrt(2.0), (_X - _Y) / np.sqrt(2.0)]),
+    )
+}
+
+
+def mixed_step(
+    variables: Variables,
+    on_stress: tuple[bool, ...],
+    changes: np.ndarray,
+    *,
+    absolute: bool = False,
+    over: float | None = None,
+    durations: tuple[float, ...] = (),
+    until: str | None = None,
+    records: int | None = None,
+    label: str = "",
+) -> Phase:
+    """A Phase in which each of six variables has a prescribed change of stress (True in `on_stress`) or of strain.
+
+    changes: (n, 6) for n pieces, Pa or dimensionless. The other arguments are those of Phase. Raises InputError.
+    """
+    chosen = np.array(on_stress, dtype=bool)
+    changes = np.atleast_2d(np.asarray(changes, dtype=float))
+    held = components_of(variables.tensors[chosen])
+    strain = np.einsum("na,aij->nij", changes[:, ~chosen], variables.tensors[~chosen])
+    return Phase(
+        strain=tuple(strain.ravel()),
+        free=held,
+        measured=held,
+        stress=tuple(changes[:, chosen].ravel()),
+        absolute=absolute,
+        over=over,
+        durations=durations,
+        until=until,
+        records=records,
+        label=label,
+    )
+
+
+def _in_si(values: Mapping[str, float | str] | None, unit: str) -> dict[str, float]:
+    """Name -> value as a number; text is read with its unit. Raises InputError."""
+    read = {name: Parameter.number(name, unit).read for name in values or {}}
+    return {name: read[name](value) if isinstance(value, str) else value for name, value in (values or {}).items()}
+
+
+def increments(
+    stress: Mapping[str, float | str] | None = None,
+    strain: Mapping[str, float | str] | None = None,
+    variables: str = "cartesian",
+    absolute: bool = False,
+    over: float | None = None,
+    until: str | None = None,
+    records: int | None = None,
+    label: str = "",
+) -> Phase:
+    """A Phase from the changes of named stresses, Pa, and strains; a variable that is not named keeps its strain.
+
+    Values are numbers or text with a unit, such as "40 kPa" and "1 %".
+
+        increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
+        increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
+
+    absolute: True if stresses are values to reach. over, until, records, label: as for Phase. Raises InputError for a
+    name that `variables` does not have, and for a variable whose stress and strain are both given.
+    """
+    if variables not in VARIABLES:
+        raise InputError("is unknown", field="variables", value=variables, allowed=instead_of(VARIABLES, variables))
+    known, stress, strain = VARIABLES[variables], _in_si(stress, "Pa"), _in_si(strain, "1")
+    for field, given, names in (("stress", stress, known.stress), ("strain", strain, known.strain)):
+        for name in given:
+            if name not in names:
+                allowed = f"{instead_of(names, name)}, the {field} variables of {variables}"
+                raise InputError("is unknown", field=field, value=name, allowed=allowed, quoted=True)
+    changes = []
+    for s, e in zip(known.stress, known.strain, strict=True):
+        if s in stress and e in strain:
+            raise InputError(f"{s} and strain {e} are both given: give one of them", field="stress")
+        changes.append(stress.get(s, strain.get(e, 0.0)))
+    on_stress = tuple(name in stress for name in known.stress)
+    return mixed_step(
+        known,
+        on_stress,
+        np.array([changes]),
+        absolute=absolute,
+        over=over,
+        until=until,
+        records=records,
+        label=label,
+    )

@@ -1,0 +1,94 @@
+"""The walk of a material along a path: the same for grains and for the constitutive model."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import itertools
+from collections.abc import Generator
+from typing import Any
+
+from labkit.paths.path import Path
+from labkit.paths.step import Here, Record, Step, why_short
+from labkit.quantities.conditions import Condition
+
+Walk = Generator[Any, Any, None]  # yields what the material needs, and receives it
+
+
+@dataclasses.dataclass(frozen=True)
+class Stop:
+    """Where a material has stopped.
+
+    Args:
+        record: The variables recorded there, by name.
+        reached: True if the strain or a stress that ends the step is reached.
+        ended: True if the walk cannot go on, or is at the limit of the accumulated strain.
+    """
+
+    record: Record
+    reached: bool = False
+    ended: bool = False
+
+
+class Material(abc.ABC):
+    """What can be carried along a path. Its methods are generators, which yield what they need.
+
+    here: where the next step starts; first: the first record.
+    """
+
+    here: Here
+    first: Record
+
+    @abc.abstractmethod
+    def enter(self, number: int, step: Step) -> Walk:
+        """Begin a step, or continue one. number: of the step, from 0."""
+
+    @abc.abstractmethod
+    def advance(self) -> Generator[Any, Any, Stop]:
+        """Follow the step to its next record; returns where that is."""
+
+    @abc.abstractmethod
+    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> Walk:
+        """Keep a record.
+
+        Args:
+            stop: Where it is.
+            over: True if the step is over.
+            last: True if the path is.
+            reason: Why the path ended before its aim, one sentence; empty if it did not.
+        """
+
+    @property
+    @abc.abstractmethod
+    def accumulated(self) -> float:
+        """Accumulated strain, of the path or of its phase."""
+
+
+def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: Condition | None = None) -> Walk:
+    """Carry a material along the steps of a path.
+
+    Args:
+        path: The path.
+        material: The grains, or a point of the model.
+        steps: Number of steps of the path.
+        first: Number of the step to begin with, if the walk is resumed.
+        stop_when: Ends the walk at a record.
+    """
+    remaining = itertools.islice(enumerate(path.steps_from(material.here)), first, None)
+    for number, step in remaining:
+        yield from material.enter(number, step)
+        over = False
+        while not over:
+            stop = yield from material.advance()
+            record, final = stop.record, number + 1 == steps
+            over = stop.reached or any(end.holds(record, material.first) for end in step.conditions)
+            met = stop_when is not None and stop_when.holds(record, material.first)
+            last = stop.ended or met or (over and final) or step.ends_path(record) is not None
+            reason = ""
+            if last and not met and not (final and over and step.length is None):
+                begun = next(remaining, (number, step))[1] if over and not final else step
+                reason = why_short(path.name, path.strain, begun, record)
+            yield from material.arrive(stop, over, last, reason)
+            if last:
+                return
+        material.here.stress = step.settled(record["stress"], material.accumulated)

@@ -1,0 +1,55 @@
+"""Plug-ins: rooms of labkit that the other rooms do without. Each registers what it adds, and may be deleted.
+
+The module `plugin` of such a room offers its engines and commands to the registries that a user's file and an installed
+package use too. It imports no library, because it is loaded to list the commands.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from pathlib import Path
+from typing import NamedTuple
+
+PLUGINS = ("exchange", "incremental", "umat", "engines.cuda", "engines.lammps")
+
+
+class Offer(NamedTuple):
+    """A command of a plug-in: the module that defines it, imported on first use, and its summary."""
+
+    module: str
+    summary: str
+
+
+COMMANDS: dict[str, Offer] = {}  # by name
+
+
+def register_command(name: str, module: str, summary: str) -> None:
+    """Registers a command that `module` defines with `@command(name, ...)`; the module is imported on first use."""
+    COMMANDS[name] = Offer(module, summary)
+
+
+@functools.cache
+def load_plugins(room: str = "") -> None:
+    """Loads the plug-ins in a room of labkit, by default the rooms that are plug-ins themselves."""
+    for plugin in PLUGINS:
+        module = f"labkit.{plugin}.plugin"
+        if plugin.rpartition(".")[0] == room and is_there(module):
+            importlib.import_module(module)
+
+
+def plugin_of(place: str) -> str | None:
+    """The plug-in that contains a module or a name, e.g. `exchange` for labkit.exchange.formats; None for the core."""
+    return next((plugin for plugin in PLUGINS if f"{place}.".startswith(f"labkit.{plugin}.")), None)
+
+
+def is_there(place: str) -> bool:
+    """True unless a module or a name belongs to a plug-in that has been deleted."""
+    plugin = plugin_of(place)
+    return plugin is None or (Path(__file__).parent / plugin.replace(".", "/") / "plugin.py").is_file()
+
+
+def missing() -> str:
+    """The plug-ins that are not there, for the end of an error message; empty if all are."""
+    names = [plugin for plugin in PLUGINS if not is_there(f"labkit.{plugin}")]
+    return f" (not installed: {', '.join(names)})" if names else ""

@@ -1,0 +1,195 @@
+"""Conditions on the quantities of a record, such as `q/p > 0.9` or `r_u > 0.95 and p < 20 kPa`.
+
+A condition consists of one or more comparisons (<, <=, >, >=) joined by `and` and `or`. Each side of a comparison is an
+expression of names (labkit.quantities.scalars), numbers, which may carry a unit, + - * /, parentheses and abs(...).
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import math
+import operator
+import re
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.parameters import SUSPECT_PRESSURE, UNITS
+from labkit.quantities.scalars import Record, quantity
+
+LONGEST = 300  # characters
+EXAMPLE = "comparisons of quantities, e.g. q/p > 0.9 or abs(axial_strain) > 5 % and p < 20 kPa"
+_UNITS = {name: (unit, factor) for unit in ("Pa", "m", "1") for name, factor in UNITS[unit].items()}
+_WITH_UNIT = re.compile(
+    r"(?<![\w.])((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
+    + f"({'|'.join(sorted(_UNITS, key=len, reverse=True))})"
+    + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
+)
+_COMPARE: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+}
+_COMBINE: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: np.divide,
+}
+
+Value = Callable[[Record, Record], Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Condition:
+    """A condition on a record. text: as the user wrote it; needs: the recorded variables that it reads."""
+
+    text: str
+    needs: frozenset[str]
+    value: Value = dataclasses.field(compare=False)
+
+    def holds(self, record: Record, first: Record) -> bool:
+        """True if the condition is met at a record; a comparison with NaN is never met.
+
+        first: the first record of the run. Raises KeyError if a record lacks a variable.
+        """
+        with np.errstate(all="ignore"):
+            return bool(self.value(record, first))
+
+
+def condition(text: str, field: str = "stop_when", recorded: Collection[str] | None = None) -> Condition:
+    """The Condition that a text describes.
+
+    field: name of the text in messages; recorded: variables of the records, if not those of a simulation. Raises
+    InputError for a text that is not a condition, and for a quantity that is unknown or not recorded.
+    """
+    if len(text) > LONGEST:
+        problem = f"is longer than {LONGEST} characters"
+        raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
+    try:
+        made = _parsed(text)
+    except InputError as error:
+        raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
+    missing = sorted(made.needs - set(recorded)) if recorded is not None else []
+    if missing:
+        problem = f"needs {', '.join(missing)}, which is not recorded here"
+        raise InputError(problem, field=field, value=text, allowed="a condition on other quantities", quoted=True)
+    return made
+
+
+@functools.lru_cache(maxsize=256)
+def _parsed(text: str) -> Condition:
+    numbers: list[_Part] = []
+
+    def named(match: re.Match[str]) -> str:
+        """The name that stands for a number with a unit."""
+        unit, factor = _UNITS[match[2]]
+        numbers.append(_number(float(match[1]) * factor, unit))
+        return f"_{len(numbers) - 1} "
+
+    try:
+        tree = ast.parse(_WITH_UNIT.sub(named, text).strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise InputError(f"give {EXAMPLE}") from None
+    reader = _Reader(numbers)
+    value = reader.logic(tree)
+    return Condition(text, frozenset(reader.needs), value)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """Part of an expression: its value, its unit if known, and the number if it is one without a unit."""
+
+    value: Value
+    unit: str | None = None
+    bare: float | None = None
+
+
+def _number(number: float, unit: str | None = None) -> _Part:
+    return _Part(lambda record, first: number, unit, number if unit is None else None)
+
+
+class _Reader:
+    """Turns a syntax tree into functions of (record, first), and collects the variables that they need."""
+
+    def __init__(self, numbers: list[_Part]) -> None:
+        self.numbers, self.needs = numbers, set[str]()
+
+    def logic(self, node: ast.expr) -> Value:
+        if isinstance(node, ast.BoolOp):
+            parts = [self.logic(value) for value in node.values]
+            every = all if isinstance(node.op, ast.And) else any
+            return lambda record, first: every(part(record, first) for part in parts)
+        if not isinstance(node, ast.Compare) or len(node.ops) != 1 or type(node.ops[0]) not in _COMPARE:
+            raise InputError(f"give {EXAMPLE}")
+        compare = _COMPARE[type(node.ops[0])]
+        left, right = self.part(node.left), self.part(node.comparators[0])
+        _require_same_unit(left, right)
+        return lambda record, first: compare(left.value(record, first), right.value(record, first))
+
+    def part(self, node: ast.expr) -> _Part:
+        if isinstance(node, ast.Name):
+            return self.name(node.id)
+        if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+            if math.isfinite(node.value):
+                return _number(float(node.value))
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            return self.signed(self.part(node.operand), -1.0 if isinstance(node.op, ast.USub) else 1.0)
+        if isinstance(node, ast.BinOp) and type(node.op) in _COMBINE:
+            return self.combined(node)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "abs":
+            if len(node.args) == 1 and not node.keywords:
+                inner = self.part(node.args[0])
+                return _Part(lambda record, first: np.abs(inner.value(record, first)), inner.unit)
+        raise InputError(f"`{ast.unparse(node)}` is neither a quantity nor a number")
+
+    def name(self, name: str) -> _Part:
+        if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
+            return self.numbers[int(name[1:])]
+        known = quantity(name)
+        self.needs.update(known.needs)
+        return _Part(known, known.unit)
+
+    def signed(self, inner: _Part, sign: float) -> _Part:
+        if inner.bare is not None:
+            return _number(sign * inner.bare)
+        return _Part(lambda record, first: sign * inner.value(record, first), inner.unit)
+
+    def combined(self, node: ast.BinOp) -> _Part:
+        combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
+
+        def value(record: Record, first: Record) -> Any:
+            return combine(left.value(record, first), right.value(record, first))
+
+        if isinstance(node.op, ast.Add | ast.Sub):
+            _require_same_unit(left, right)
+            return _Part(value, left.unit or right.unit)
+        return _Part(value, _product_unit(left, right, isinstance(node.op, ast.Div)))
+
+
+def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
+    """Unit of a product or a quotient; None if it is unknown."""
+    scalar = [part.bare is not None or part.unit == "1" for part in (left, right)]
+    if scalar[1]:
+        return left.unit
+    if divided:
+        return "1" if left.unit is not None and left.unit == right.unit else None
+    return right.unit if scalar[0] else None
+
+
+def _require_same_unit(left: _Part, right: _Part) -> None:
+    """Raises InputError if a sum or a comparison mixes units, or has a number that was probably meant in kPa or MPa."""
+    units = {left.unit, right.unit} - {None}
+    if len(units) > 1:
+        raise InputError(f"a quantity in {left.unit} cannot be compared with or added to one in {right.unit}")
+    for part, other in ((left, right), (right, left)):
+        if part.bare is not None and other.unit == "Pa" and 0.0 < abs(part.bare) < SUSPECT_PRESSURE:
+            raise InputError(
+                f"{part.bare:g} has no unit, and is less than {SUSPECT_PRESSURE:g} Pa: write {part.bare:g} MPa or kPa, "
+                f"or {part.bare:g} Pa if that is meant"
+            )

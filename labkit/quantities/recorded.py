@@ -1,0 +1,86 @@
+"""User-defined statistics: functions of a Snapshot that a run records in addition to those of labkit.io.schema.
+
+    @labkit.register_statistic("sliding_fraction", long_name="share of contacts at the friction limit")
+    def sliding_fraction(snapshot): ...
+
+The command line, campaigns, `verify` and figures use the metadata given here. Files that lack the statistic can still
+be read.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.extensions import Registry
+from labkit.io.schema import RECORD, SIZES, Variable
+from labkit.micro.snapshot import Snapshot
+
+
+@dataclasses.dataclass(frozen=True)
+class Statistic:
+    """A number or tensor recorded at each record. dimensions: in addition to `time`, from labkit.io.schema.SIZES."""
+
+    name: str
+    dimensions: tuple[str, ...]
+    units: str
+    long_name: str
+    function: Callable[[Snapshot], Any]
+
+    @property
+    def variable(self) -> Variable:
+        """The netCDF variable that stores it in a run file."""
+        return Variable(self.name, ("time", *self.dimensions), "f8", self.units, self.long_name)
+
+    def __call__(self, snapshot: Snapshot) -> np.ndarray:
+        """Value for a Snapshot. Raises InputError if its shape does not match `dimensions`."""
+        result = self.function(snapshot)
+        shape = tuple(SIZES[dimension] for dimension in self.dimensions)
+        value = None if result is None else np.asarray(result, dtype=float)
+        if value is None or value.shape != shape:
+            returned = "nothing" if value is None else f"an array of shape {value.shape}"
+            registered = "one number" if not shape else f"an array of shape {shape}"
+            raise InputError(
+                f"statistic {self.name} returned {returned} but was registered as {registered}: return that, or change "
+                'its dimensions, e.g. dimensions=("i", "j")'
+            )
+        return value
+
+
+STATISTICS = Registry[Statistic]("statistic", {})
+
+
+def register_statistic(
+    name: str, *, long_name: str, units: str = "1", dimensions: tuple[str, ...] = ()
+) -> Callable[[Callable[[Snapshot], object]], Statistic]:
+    """Return a decorator that registers a function of a Snapshot, so that runs record it.
+
+    Raises InputError for a name that is taken, or dimensions other than i, j and side.
+    """
+    unknown = set(dimensions) - set(SIZES)
+    if unknown or isinstance(dimensions, str) or len(set(dimensions)) < len(dimensions):
+        allowed = 'a tuple of distinct names from "i", "j", "side"'
+        raise InputError("are not dimensions of a record", field="dimensions", value=dimensions, allowed=allowed)
+    if name in RECORD:
+        raise InputError("is already recorded", field="name", value=name, allowed="another name")
+
+    def register(function: Callable[[Snapshot], object]) -> Statistic:
+        statistic = Statistic(name, tuple(dimensions), units, long_name, function)
+        STATISTICS.register(statistic)
+        return statistic
+
+    return register
+
+
+def recorded() -> tuple[Statistic, ...]:
+    """The registered statistics, recorded in addition to labkit.io.schema.RECORD."""
+    return tuple(STATISTICS.values())
+
+
+def record_table() -> dict[str, Variable]:
+    """The variables of a record, name -> Variable: those of labkit and the registered statistics."""
+    return {**RECORD, **{statistic.name: statistic.variable for statistic in recorded()}}

@@ -1,0 +1,237 @@
+"""Scalar quantities of a record by name: those that a run file stores, their components, and those derived from them.
+
+A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions work on
+one record and on all records of a run, in which every array has the additional first dimension `time`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError, nearest
+from labkit.io.schema import Variable
+from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.tensors import symmetric
+from labkit.quantities.recorded import record_table
+
+Record = Mapping[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A scalar of a record.
+
+    symbol: for axes and legends; unit: SI, `1` if dimensionless; function: of (record, first), where `first` is the
+    first record of the run; needs: the variables that it reads.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    long_name: str
+    function: Callable[[Record, Record], Any]
+    needs: tuple[str, ...]
+
+    def __call__(self, record: Record, first: Record | None = None) -> np.ndarray:
+        """The value, shape () or (time,).
+
+        first: the first record of the run; default `record`, or its first row if it has the dimension time. Raises
+        KeyError if the record lacks a variable.
+        """
+        values = {name: np.asarray(record[name], dtype=float) for name in self.needs}
+        if first is None:
+            table = record_table()
+            first = {name: _first(value, table.get(name)) for name, value in values.items()}
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.function(values, first), dtype=float)
+
+
+def _first(value: np.ndarray, variable: Variable | None) -> np.ndarray:
+    """The first record of an array that has the dimension time; the array of a single record is returned unchanged."""
+    dimensions = len(variable.dimensions) if variable is not None else 1
+    return value[0] if value.ndim == dimensions else value
+
+
+def _principal(record: Record) -> np.ndarray:
+    """Principal stresses in ascending order, shape (..., 3), Pa; NaN where the stress is not finite."""
+    stress = symmetric(record["stress"])
+    known = np.isfinite(stress).all(axis=(-2, -1))[..., None]
+    return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)
+
+
+def _deviator_norm(tensor: Any) -> np.ndarray:
+    """Norm of the symmetric deviatoric part of a tensor (..., 3, 3)."""
+    tensor = symmetric(tensor)
+    return np.linalg.norm(
+        tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3), axis=(-2, -1)
+    )
+
+
+def _intermediate_ratio(record: Record) -> np.ndarray:
+    """The ratio b = (sigma_2 - sigma_3)/(sigma_1 - sigma_3)."""
+    third, second, largest = np.moveaxis(_principal(record), -1, 0)
+    return (second - third) / (largest - third)
+
+
+def _lode_angle(record: Record) -> np.ndarray:
+    b = _intermediate_ratio(record)
+    return np.degrees(np.arctan2(np.sqrt(3.0) * b, 2.0 - b))
+
+
+def _friction_angle(record: Record) -> np.ndarray:
+    principal = _principal(record)
+    largest, least = principal[..., 2], principal[..., 0]
+    return np.degrees(np.arcsin((largest - least) / (largest + least)))
+
+
+def _pressure(record: Record) -> Any:
+    return mean_stress(np.asarray(record["stress"]))
+
+
+_STRESS, _STRAIN = ("stress",), ("strain",)
+QUANTITIES: dict[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity("p", "p", "Pa", "mean stress", lambda r, _: _pressure(r), _STRESS),
+        Quantity("q", "q", "Pa", "deviatoric stress", lambda r, _: deviatoric_stress(r["stress"]), _STRESS),
+        Quantity(
+            "stress_ratio",
+            "q/p",
+            "1",
+            "stress ratio q/p",
+            lambda r, _: deviatoric_stress(r["stress"]) / _pressure(r),
+            _STRESS,
+        ),
+        Quantity(
+            "deviator",
+            r"$\sqrt{3 J_2}$",
+            "Pa",
+            "invariant deviatoric stress, sqrt(3 J2)",
+            lambda r, _: np.sqrt(1.5) * _deviator_norm(r["stress"]),
+            _STRESS,
+        ),
+        Quantity(
+            "sigma_1", r"$\sigma_1$", "Pa", "largest principal stress", lambda r, _: _principal(r)[..., 2], _STRESS
+        ),
+        Quantity(
+            "sigma_2", r"$\sigma_2$", "Pa", "intermediate principal stress", lambda r, _: _principal(r)[..., 1], _STRESS
+        ),
+        Quantity("sigma_3", r"$\sigma_3$", "Pa", "least principal stress", lambda r, _: _principal(r)[..., 0], _STRESS),
+        Quantity("b", "b", "1", "intermediate principal stress ratio", lambda r, _: _intermediate_ratio(r), _STRESS),
+        Quantity(
+            "lode_angle",
+            r"$\theta$",
+            "degree",
+            "Lode angle of the stress, 0 in compression and 60 in extension",
+            lambda r, _: _lode_angle(r),
+            _STRESS,
+        ),
+        Quantity(
+            "friction_angle",
+            r"$\varphi$",
+            "degree",
+            "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))",
+            lambda r, _: _friction_angle(r),
+            _STRESS,
+        ),
+        Quantity(
+            "pore_pressure",
+            "u",
+            "Pa",
+            "excess pore pressure p_0 - p of a test at constant volume and constant total mean stress",
+            lambda r, first: _pressure(first) - _pressure(r),
+            _STRESS,
+        ),
+        Quantity(
+            "r_u",
+            r"$r_u$",
+            "1",
+            "pore pressure ratio 1 - p/p_0 of a test at constant volume",
+            lambda r, first: 1.0 - _pressure(r) / _pressure(first),
+            _STRESS,
+        ),
+        Quantity(
+            "volumetric_strain",
+            r"$\varepsilon_v$",
+            "1",
+            "volumetric strain, logarithmic, compression positive",
+            lambda r, _: np.trace(r["strain"], axis1=-2, axis2=-1),
+            _STRAIN,
+        ),
+        Quantity(
+            "deviatoric_strain",
+            r"$\varepsilon_q$",
+            "1",
+            "deviatoric strain 2/3 (eps_zz - (eps_xx + eps_yy)/2)",
+            lambda r, _: 2.0 / 3.0 * deviatoric_stress(r["strain"]),
+            _STRAIN,
+        ),
+        Quantity(
+            "gamma_xz",
+            r"$\gamma_{xz}$",
+            "1",
+            "shear strain in the x-z plane, 2 eps_xz",
+            lambda r, _: r["strain"][..., 0, 2] + r["strain"][..., 2, 0],
+            _STRAIN,
+        ),
+    )
+}
+ALIASES = {
+    "eta": "stress_ratio",
+    "e": "void_ratio",
+    "Z": "coordination_number",
+    "Lambda": "mean_normalised_force",
+    "A": "contact_anisotropy",
+    "F": "normal_force_anisotropy",
+    "Ft": "mobilisation",
+    "sigma": "stress",
+    "eps": "strain",
+}
+SYMBOLS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force": r"$\Lambda$"}
+
+
+def quantity(name: str) -> Quantity:
+    """The Quantity of that name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
+
+    Raises InputError for an unknown name.
+    """
+    if name in QUANTITIES:
+        return QUANTITIES[name]
+    base, _, axes = name.rpartition("_")
+    for variable, component in ((ALIASES.get(name, name), ""), (ALIASES.get(base, base), axes)):
+        found = _recorded(variable, component)
+        if found is not None:
+            return found
+    raise InputError("is unknown", field="quantity", value=name, allowed=_suggestion(name), quoted=True)
+
+
+def _recorded(variable: str, axes: str) -> Quantity | None:
+    """A recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor; None if there is none."""
+    if variable in QUANTITIES:
+        return None if axes else QUANTITIES[variable]
+    known = record_table().get(variable)
+    if known is None or len(known.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
+        return None
+    place = (..., *("xyz".index(axis) for axis in axes))
+    name = f"{variable}_{axes}" if axes else variable
+    return Quantity(
+        name,
+        SYMBOLS.get(variable, name.replace("_", " ")),
+        known.units,
+        f"{known.long_name}, {axes}" if axes else known.long_name,
+        lambda record, _: record[variable][place],
+        (variable,),
+    )
+
+
+def _suggestion(name: str) -> str:
+    """Names to use instead of an unknown one."""
+    scalars = [v.name for v in record_table().values() if len(v.dimensions) == 1]
+    every = [*QUANTITIES, *(alias for alias in ALIASES if alias not in ("A", "F", "Ft", "sigma", "eps")), *scalars]
+    close = nearest(name, every)
+    start = "one of" if close is None else f"{close!r}, or another of"
+    return f"{start} {', '.join(QUANTITIES)}, a recorded variable such as void_ratio, or a component such as stress_xz"

@@ -1,0 +1,128 @@
+"""The checkpoint of a run: the State from which it can be resumed, in the group `checkpoint` of its file."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.grains.state import State, checked, read_group
+from labkit.io.hashes import values_of
+from labkit.io.netcdf import create_variables, damaged, open_netcdf
+from labkit.io.schema import STATE
+from labkit.records.ratcheting import Ratcheting
+from labkit.servo.reach import Lag
+
+
+@dataclasses.dataclass(frozen=True)
+class Position:
+    """Position of a run on its path.
+
+    leg: number of reversals triggered by stress so far; lattice: the integer matrix U (3, 3) accumulated over all cell
+    replacements so far, see labkit.grains.lattice; skipped: planned time steps, less those made so far; stress:
+    at which the current leg started, (3, 3), Pa; lag: how long the servo has been at its limit, see labkit.servo.reach.
+    """
+
+    leg: int = 0
+    lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))
+    skipped: int = 0
+    stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
+    lag: Lag = dataclasses.field(default_factory=Lag)
+
+
+START = Position()
+
+
+@dataclasses.dataclass(frozen=True)
+class Checkpoint:
+    """A State from which a run can be resumed, or with which it ended, and what the file says about the run so far.
+
+    wall_time: s; ended_because: why the run ended before the aim of its path, one sentence; empty if it did not.
+    """
+
+    state: State
+    complete: bool
+    wall_time: float
+    threads: int = 1
+    position: Position = START
+    ended_because: str = ""
+    ratcheting: Ratcheting = dataclasses.field(default_factory=Ratcheting)
+
+
+def read_checkpoint(file: os.PathLike[str] | str) -> State:
+    """The State of the last save of a run file. Raises InputError if the file is damaged or not a run file."""
+    with open_netcdf(file, "run") as dataset:
+        return stored_state(file, dataset)
+
+
+def checkpoint_of(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> netCDF4.Group:
+    """The group with the checkpoint. Raises InputError if a run has none, as reduced files and predictions."""
+    if "checkpoint" not in dataset.groups:
+        raise InputError(f"{file} has no checkpoint: give a run file as `labkit run` wrote it")
+    group = dataset["checkpoint"]
+    if not 0 <= int(getattr(group, "contacts", -1)) <= len(group.dimensions["contact"]):
+        raise damaged(file, "the number of contacts of its checkpoint is wrong")
+    return group
+
+
+def stored_state(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> State:
+    """The State of the checkpoint of an open run file. Raises InputError if it is damaged."""
+    group = checkpoint_of(file, dataset)
+    return checked(file, lambda: read_group(group, dataset, int(group.contacts)))
+
+
+def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
+    """Overwrite the last checkpoint; without compression, so that HDF5 can reuse its space."""
+    state = point.state
+    contacts = len(state.contact_grain)
+    if "checkpoint" not in dataset.groups:
+        group = dataset.createGroup("checkpoint")
+        create_variables(group, STATE, {"grain": state.number_of_grains}, compression=None)
+    group = dataset["checkpoint"]
+    group.contacts = np.int64(contacts)
+    for name, variable in STATE.items():
+        rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
+        group[name][rows] = getattr(state, name)
+    _write_position(group, point.position)
+    _write_ratcheting(group, point.ratcheting)
+
+
+def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
+    checkpoint.leg, checkpoint.skipped = np.int64(position.leg), np.int64(position.skipped)
+    checkpoint.lattice, checkpoint.leg_stress = position.lattice.ravel(), position.stress.ravel()
+    checkpoint.lag = np.array(dataclasses.astuple(position.lag))
+
+
+CREATED = "ratcheting_work"  # variable of the checkpoint, which is no part of data_sha256
+
+
+def _write_ratcheting(checkpoint: netCDF4.Group, ratcheting: Ratcheting) -> None:
+    if CREATED not in checkpoint.variables:
+        checkpoint.createDimension("record", None)
+        created = checkpoint.createVariable(CREATED, "f8", ("record",), fletcher32=True, chunksizes=[256])
+        created.units, created.long_name = "J", "energy created by the factor that avoids ratcheting"
+    checkpoint[CREATED][: len(ratcheting.work)] = ratcheting.work
+    checkpoint.ratcheting = np.array([ratcheting.power, ratcheting.time])
+
+
+def ratcheting_of(checkpoint: netCDF4.Group, records: int) -> Ratcheting:
+    """The Ratcheting of a checkpoint with this number of records; zero in files of earlier versions."""
+    if CREATED not in checkpoint.variables:
+        return Ratcheting([0.0] * records)
+    power, time = map(float, checkpoint.ratcheting)
+    return Ratcheting(values_of(checkpoint[CREATED], slice(records)).tolist(), power, time)
+
+
+def position_of(checkpoint: netCDF4.Group) -> Position:
+    """The Position of a checkpoint; files of version 0.1.0 lack most of it."""
+    lattice, stress = getattr(checkpoint, "lattice", np.eye(3)), getattr(checkpoint, "leg_stress", np.zeros((3, 3)))
+    return Position(
+        int(getattr(checkpoint, "leg", 0)),
+        np.reshape(lattice, (3, 3)),
+        int(getattr(checkpoint, "skipped", 0)),
+        np.reshape(stress, (3, 3)),
+        Lag(*map(float, getattr(checkpoint, "lag", ()))),
+    )

@@ -1,0 +1,112 @@
+"""Energy balance of a specimen.
+
+The work done on the cell equals the change of the stored energy plus the energy dissipated by friction, rolling and
+damping. An unstable integration violates this balance, because it creates energy.
+
+An engine sums work and losses in every step (State.ledger); the stored energy is a function of the State. Each loss is
+computed from its own formula, slip times force, and not as a remainder, so that an error shows up in the balance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from labkit.errors import PhysicsError
+from labkit.grains.state import Ledger, State
+from labkit.grains.time_step import critical_time_step
+from labkit.micro.indicators import elastic_energy
+from labkit.micro.snapshot import Snapshot
+
+BALANCE_LIMIT = 0.05  # of the larger of work and initial energy
+BLAMED = 0.9  # of the critical time step; a smaller one is not the likely reason of an error
+
+
+def fluctuation_velocity(state: State) -> np.ndarray:
+    """Velocity relative to the mean field, v - L x, shape (grain, 3), m/s."""
+    return state.velocity - state.position @ state.velocity_gradient.T
+
+
+def kinetic_energy(state: State) -> float:
+    """Rotational energy and translational energy relative to the mean field of all grains, J."""
+    velocity = fluctuation_velocity(state)
+    translation = state.scene.mass(state.radius) @ np.einsum("gi,gi->g", velocity, velocity)
+    spin = np.einsum("gi,gi->g", state.angular_velocity, state.angular_velocity)
+    return 0.5 * float(translation + state.scene.moment_of_inertia(state.radius) @ spin)
+
+
+def drift_velocity(state: State) -> np.ndarray:
+    """Velocity of the centre of mass relative to the mean field, shape (3,), m/s: total momentum over mass."""
+    mass = state.scene.mass(state.radius)
+    return mass @ fluctuation_velocity(state) / mass.sum()
+
+
+def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
+    """Kinetic energy relative to the mean field plus elastic energy, J.
+
+    `snapshot`: the Snapshot of the state, if already computed.
+    """
+    return kinetic_energy(state) + elastic_energy(snapshot or state.snapshot())
+
+
+def opened(state: State) -> State:
+    """The same state with a new ledger, which starts from the energy stored now.
+
+    Forces of springs that the scene lacks, left over from a scene with friction or rolling resistance, are set to zero:
+    YADE would otherwise keep such moments unchanged.
+    """
+    features = state.scene.contact_law.features(state.scene)
+    springs = {"tangential_force": features.friction, "rolling_moment": features.rolling or features.twisting}
+    dropped = {name: np.zeros_like(getattr(state, name)) for name, kept in springs.items() if kept is None}
+    state = state.replace(**dropped)
+    return state.replace(ledger=Ledger(start=stored_energy(state)))
+
+
+def balance_error(state: State, snapshot: Snapshot | None = None, stored: float | None = None) -> float:
+    """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
+
+    The reference is that of `relative_to_work`.
+    `snapshot`, `stored`: the Snapshot of the state and its stored_energy, if already computed.
+    """
+    return relative_balance(state.ledger, stored_energy(state, snapshot) if stored is None else stored)
+
+
+def relative_balance(ledger: Ledger, stored: float) -> float:
+    """`balance_error` of a ledger and the energy stored now, J."""
+    lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
+    missing = ledger.cell_work + ledger.start - stored - lost
+    return float(relative_to_work(missing, ledger.cell_work, ledger.start))
+
+
+def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> np.ndarray:
+    """An energy over the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
+
+    energy, cell_work: J, any shapes that broadcast; start: initial energy, J.
+    """
+    energy, scale = np.broadcast_arrays(energy, np.maximum(np.abs(cell_work), start))
+    return np.divide(energy, scale, out=np.zeros(energy.shape), where=scale > 0.0)
+
+
+def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:
+    """Raise PhysicsError if the error of the energy balance is too large.
+
+    `snapshot`, `error`: the Snapshot of the state and its balance_error, if already computed. The balance of an engine
+    that sums no losses is not judged.
+    """
+    if state.ledger.without_losses:
+        return
+    error = balance_error(state, snapshot) if error is None else error
+    if not abs(error) <= BALANCE_LIMIT:
+        raise PhysicsError(
+            f"the energy balance is off by {error:.1%} of the work at step {state.step}: {_likely_reason(state, error)}"
+            + ("" if state.scene.contact_law.labkits else "; or the losses of your law do not match its forces")
+        )
+
+
+def _likely_reason(state: State, error: float) -> str:
+    """Why the balance is off: the time step, unless it is far below the critical one."""
+    factor = f"time_step_factor from {state.scene.time_step_factor:g}"
+    fraction = state.time_step / critical_time_step(state) if np.isfinite(error) else np.inf
+    if fraction > BLAMED:
+        return f"the time step {state.time_step:.3g} s is too large, reduce {factor}"
+    return f"the time step is {fraction:.0%} of the critical one; if a smaller one does not help, report it ({factor})"

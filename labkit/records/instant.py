@@ -1,0 +1,51 @@
+"""An engine at one instant of a run: what the run asks of it, without the grains as long as nobody needs them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from labkit.grains.state import State
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress
+from labkit.records.measure import measure
+from labkit.servo.correction import cell_stiffness
+
+
+class Instant:
+    """One instant, from a State. An engine whose grains are on several ranks has its own subclass.
+
+    `brief` is the State, of which such an engine may leave out the grains and the contacts, and an engine on a GPU may
+    do so until a method of the Instant has needed them.
+    """
+
+    def __init__(self, brief: State, complete: Callable[[], State] | None = None) -> None:
+        """brief: the State; complete: makes the complete State when it is first needed, if `brief` lacks arrays."""
+        self.brief, self._complete = brief, complete
+
+    @property
+    def state(self) -> State:
+        """The complete State."""
+        if self._complete is not None:
+            self.brief, self._complete = self._complete(), None
+        return self.brief
+
+    @functools.cached_property
+    def snapshot(self) -> Snapshot:
+        """The Snapshot of the State."""
+        return self.state.snapshot()
+
+    def stress(self) -> np.ndarray:
+        """Love's stress, (3, 3), Pa."""
+        return love_stress(self.snapshot)
+
+    def stiffness(self, components: int) -> np.ndarray:
+        """Stiffness of the cell (labkit.servo.correction.cell_stiffness), Pa."""
+        return cell_stiffness(self.snapshot, components)
+
+    def measure(self, first_cell: np.ndarray) -> dict[str, Any]:
+        """The variables of a record (labkit.records.measure)."""
+        return measure(self.state, first_cell, self.snapshot)

@@ -1,0 +1,191 @@
+"""The limits of section 2, within which a test is quasi-static and contact overlaps are small."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Mapping
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.io.netcdf import open_netcdf
+from labkit.micro.indicators import inertial_number, overlap_ratio
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.tensors import symmetric
+from labkit.parameters import parameters_of
+from labkit.paths.path import Path
+from labkit.paths.rates import on_grains, rate_of
+from labkit.paths.step import Here, Step
+from labkit.paths.steps import Steps
+
+STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap then reaches its limit
+OVERLAP_LIMIT = 0.02  # mean delta/D
+OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random insertion, 0.053 at rest with e = 0.3
+INERTIAL_LIMIT = 3e-4
+SAFE = 0.7  # of the rate expected to reach it: specimens that dilate have shown numbers up to a fifth higher
+GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
+LARGE = 0.1  # m
+DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
+
+RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
+
+
+@dataclasses.dataclass(frozen=True)
+class Exceeded:
+    """A limit that a run or a specimen exceeds.
+
+    records: number of records, out of `of`, at which it is exceeded; strain: smallest and largest axial strain of these
+    records; largest: largest value. For a specimen `records`, `of` and `strain` are zero, because it has no
+    records.
+    """
+
+    name: str
+    limit: float
+    largest: float
+    records: int = 0
+    of: int = 0
+    strain: tuple[float, float] = (0.0, 0.0)
+
+    def __str__(self) -> str:
+        if not self.of:
+            return f"{self.name} {self.largest:.3g} is above {self.limit:g}"
+        return (
+            f"{self.name} above {self.limit:g} at {self.records} of {self.of} records, axial strain "
+            f"{self.strain[0]:.2%} to {self.strain[1]:.2%}, largest {self.largest:.3g}"
+        )
+
+
+def pressure_limit(scene: Scene) -> float:
+    """Mean stress up to which overlaps stay small, 0.02 E, Pa."""
+    return STRESS_LIMIT * scene.young_modulus
+
+
+def require_pressure(path: Path, scene: Scene) -> None:
+    """Raise InputError if the path holds or approaches a pressure at which grains of this scene overlap too much."""
+    limit = pressure_limit(scene)
+    for name, pressure in _prescribed_stresses(path).items():
+        if pressure <= limit * (1.0 + 1e-12):
+            continue
+        problem = f"Pa is too high for grains with E = {scene.young_modulus:g} Pa"
+        allowed = (
+            f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %, "
+            f"or use grains with E of at least {pressure / STRESS_LIMIT:g} Pa"
+        )
+        if name not in parameters_of(type(path)):  # a step of the path
+            raise InputError(f"{name}: {pressure:g} {problem}: give {allowed}")
+        raise InputError(problem, field=name, value=float(pressure), allowed=allowed)
+
+
+def _prescribed_stresses(path: Path) -> dict[str, float]:
+    """The largest stress that each field, or each phase, of a path prescribes, name -> Pa."""
+    largest = {name: float(np.max(getattr(path, name, None) or 0.0)) for name in ("pressure", "pressures", "stresses")}
+    for number, phase in enumerate(path.steps if isinstance(path, Steps) else (), start=1):
+        name = phase.label or f"step {number}"
+        largest[name] = max(largest.get(name, 0.0), phase.largest_stress)
+    return largest
+
+
+def expected_inertial_number(path: Path, state: State, pressure: float) -> float:
+    """Expected inertial number at the start of a path with an axial rate, at a mean stress of `pressure`, Pa.
+
+    Strain rates that the servo adjusts are assumed to keep the volume constant.
+    """
+    first = next(iter(path.steps_from(Here())))
+    return inertial_number_of(
+        first, rate_of(path), 0.0, 2.0 * float(state.radius.mean()), state.scene.density, pressure
+    )
+
+
+def inertial_number_of(
+    step: Step, rate: float, accumulated: float, diameter: float, density: float, pressure: float
+) -> float:
+    """Expected inertial number in a step of a path, as for expected_inertial_number. Mean diameter, m; kg/m^3; Pa."""
+    rates = rate * symmetric(step.rates(accumulated))
+    control = step.held
+    if control is not None and rates.any():
+        adjusted = np.flatnonzero(control.free[:3].any(axis=1) & (np.diag(rates) == 0.0))
+        rates[adjusted, adjusted] = -np.trace(rates) / max(len(adjusted), 1)
+    return float(inertial_number(rates, pressure, diameter, density))
+
+
+def rate_warning(path: Path, state: State, prescribed: float | None = None) -> str | None:
+    """A warning if the strain rate of a path will make the inertial number of a specimen exceed its limit, else None.
+
+    The pressure is the one that the path holds, or the mean stress of the specimen. `prescribed`: the inertial number
+    if it is prescribed instead of the rate.
+    """
+    if prescribed is not None:
+        above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
+        return above if prescribed > INERTIAL_LIMIT else None
+    path = on_grains(path, state.scene)
+    pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
+    if pressure <= 0.0:  # grains that carry no stress yet
+        return None
+    number = expected_inertial_number(path, state, pressure)
+    if number <= INERTIAL_LIMIT:
+        return None
+    slower = SAFE * rate_of(path) * INERTIAL_LIMIT / number
+    return (
+        f"at the axial strain rate {path.rate:g} 1/s the inertial number will be about {number:.2g}, above the "
+        f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it with "
+        "a margin"
+    )
+
+
+def size_warning(scene: Scene) -> str | None:
+    """A warning if the grains are so large that their diameter was probably meant in mm, else None."""
+    diameter = scene.mean_diameter
+    meant = f"if millimetres are meant, write '{diameter:g} mm'"
+    return f"the grains have a mean diameter of {diameter:g} m: {meant}" if diameter > LARGE else None
+
+
+def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...]:
+    """Limits that a run exceeds. `run`: name -> array of the variables RECORDED."""
+    limits = []
+    for name, values, limit in (
+        ("inertial number", run["inertial_number"], INERTIAL_LIMIT),
+        ("mean overlap", run["overlap_ratio"], OVERLAP_LIMIT),
+        ("mean stress in Pa", mean_stress(np.asarray(run["stress"])), pressure_limit(scene)),
+    ):
+        values = np.asarray(values)
+        beyond = np.flatnonzero(values > limit)
+        if len(beyond):
+            strain = np.asarray(run["axial_strain"])[beyond]
+            ends = float(strain.min()), float(strain.max())
+            limits.append(Exceeded(name, limit, float(values[beyond].max()), len(beyond), len(values), ends))
+    return tuple(limits)
+
+
+def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
+    """Limits that the run in a file exceeds. Raises InputError if it is not a run file."""
+    with open_netcdf(file, "run") as dataset:
+        known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
+        known |= {name: np.zeros(0) for name in RECORDED if name not in known}
+        return exceeded(known, Scene.from_json(dataset.scene))
+
+
+def exceeded_by(state: State) -> tuple[Exceeded, ...]:
+    """Limits that a specimen exceeds before any test."""
+    snapshot = state.snapshot()
+    return tuple(
+        Exceeded(name, limit, float(value))
+        for name, value, limit in (
+            ("mean overlap", overlap_ratio(snapshot), OVERLAP_LIMIT),
+            ("mean stress in Pa", mean_stress(love_stress(snapshot)), pressure_limit(state.scene)),
+        )
+        if value > limit
+    )
+
+
+def require_shallow(snapshot: Snapshot) -> None:
+    """Raise InputError if the grains overlap as deeply as after random insertion, before any relaxation."""
+    overlap = overlap_ratio(snapshot)
+    if overlap > OVERLAP_END:
+        raise InputError(
+            f"the grains overlap by {overlap:.0%} of their diameter on average, too deep for the contact law: relax "
+            f"them to below {OVERLAP_END:.0%} first, as labkit specimen does"
+        )

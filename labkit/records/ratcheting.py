@@ -1,0 +1,81 @@
+"""Work of the factor by which YADE's rolling-resistance law avoids granular ratcheting: it creates energy.
+
+With s = Ra + Rb, the distance d = s - delta, the relative velocity v of the centres and the spins wa, wb, the law
+stretches its tangential spring at the rate
+
+    u = (s/d) v - (Ra wa + Rb wb) x n,    projected on the contact plane,
+
+while its force t acts on the centres and with the arms Ra - delta/2 and Rb - delta/2. Grains and cell therefore do work
+on the contact at the rate t . w,
+
+    w = v - ((Ra - delta/2) wa + (Rb - delta/2) wb) x n.
+
+Springs and friction receive t . u, so that the law creates energy at the rate
+
+    P = sum of t . (u - w) over the contacts.
+
+For equal radii u - w = (delta/s) u: the fraction delta/s of the friction loss is created, 1 to 2 % in a specimen within
+the limits of the overlap and 7 % at e = 0.3. It accumulates as friction becomes the largest term of the balance.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.grains.state import State
+from labkit.micro.contacts import branch_vectors
+from labkit.records.energy import relative_to_work
+
+
+def ratcheting_power(state: State) -> float:
+    """Rate P at which the contact law creates energy, W; 0 for a law without the factor."""
+    grain, radius, spin = state.contact_grain, state.radius, state.angular_velocity
+    if not state.scene.contact_law.avoids_ratcheting or not len(grain):
+        return 0.0
+    first, second = grain[:, 0], grain[:, 1]
+    branch = branch_vectors(state.position, state.cell, grain, state.contact_shift)
+    distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
+    normal = branch / distance[:, None]
+    radii = radius[first] + radius[second]
+    half = 0.5 * (radii - distance)[:, None]  # half of the overlap
+    image = (state.contact_shift @ state.cell.T) @ state.velocity_gradient.T  # velocity of the periodic image
+    velocity = state.velocity[second] + image - state.velocity[first]
+    a, b = radius[first, None], radius[second, None]
+    slip = (radii / distance)[:, None] * velocity - np.cross(a * spin[first] + b * spin[second], normal)
+    slip -= np.einsum("ci,ci->c", slip, normal)[:, None] * normal
+    moved = velocity - np.cross((a - half) * spin[first] + (b - half) * spin[second], normal)
+    return float(np.einsum("ci,ci->", state.tangential_force, slip - moved))
+
+
+@dataclasses.dataclass
+class Ratcheting:
+    """Energy created at each record of a run, J, from the power at the records by the trapezoidal rule.
+
+    work: one value per record; power, time: of the last record, W and s.
+    """
+
+    work: list[float] = dataclasses.field(default_factory=list)
+    power: float = 0.0
+    time: float = 0.0
+
+    def add(self, number: int, time: float, power: float) -> float:
+        """Add the record `number`, which replaces an earlier one; returns the energy created up to it, J.
+
+        time, s; power: ratcheting_power, W.
+        """
+        before = self.work[-1] if self.work else 0.0
+        del self.work[number:]
+        self.work.append(before + 0.5 * (self.power + power) * (time - self.time) if number else 0.0)
+        self.power, self.time = power, time
+        return self.work[-1]
+
+    def copied(self) -> Ratcheting:
+        """A copy, for a thread that writes it."""
+        return Ratcheting(list(self.work), self.power, self.time)
+
+    def error(self, state: State) -> float:
+        """What it adds to the relative error of the energy balance."""
+        created = self.work[-1] if self.work else 0.0
+        return float(relative_to_work(created, state.ledger.cell_work, state.ledger.start))

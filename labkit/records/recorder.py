@@ -1,0 +1,292 @@
+"""The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times.
+
+A save copies the file, appends to the copy and renames the copy over the original, so that a process killed at any
+moment leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together
+with the records up to it.
+
+A run has many more checkpoints than saves: which of them are saved depends on the time that a save takes. A thread
+writes the file while the run computes. Records and checkpoints that are not saved yet are kept in memory.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError, PhysicsError, shown
+from labkit.extensions import is_labkits
+from labkit.grains.laws import LAWS
+from labkit.grains.state import State, write_attributes
+from labkit.io.interruption import only_writer
+from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
+from labkit.io.schema import CONTACTS, GRAINS, Variable
+from labkit.io.writer import Writer
+from labkit.micro.contacts import Contacts
+from labkit.micro.snapshot import Snapshot
+from labkit.paths.path import Path as LoadingPath
+from labkit.paths.programme import PROGRESS
+from labkit.quantities.recorded import record_table
+from labkit.records.checkpoint import (
+    Checkpoint,
+    Position,
+    checkpoint_of,
+    position_of,
+    ratcheting_of,
+    stored_state,
+    write_checkpoint,
+)
+from labkit.records.ratcheting import Ratcheting
+
+MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
+RECORD_BYTES = 1_000  # of one record, about
+MARGIN = 900_000  # bytes by which a file may grow beyond its data: parts of chunks, tables of HDF5
+
+
+@dataclasses.dataclass(frozen=True)
+class StoredRun:
+    """A run in a file: the State of its checkpoint, the wall time so far in s, and whether it is complete."""
+
+    state: State
+    first: dict[str, np.ndarray]  # the first record
+    wall_time: float
+    complete: bool
+    position: Position
+    ended_because: str
+    ratcheting: Ratcheting
+
+
+@dataclasses.dataclass
+class _Unsaved:
+    """Records and snapshots that are not in the file yet.
+
+    records: number of the record -> values; snapshots: (number of its record, contacts, positions).
+    """
+
+    records: dict[int, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    snapshots: list[tuple[int, Contacts, np.ndarray]] = dataclasses.field(default_factory=list)
+
+    @property
+    def bytes(self) -> int:
+        """Bytes in memory, about."""
+        snapshots = sum(position.nbytes + 120 * len(contacts) for _, contacts, position in self.snapshots)
+        return snapshots + RECORD_BYTES * len(self.records)
+
+    def extend(self, later: _Unsaved) -> None:
+        """Add later ones; a record with the same number replaces the earlier one."""
+        self.records |= later.records
+        self.snapshots += later.snapshots
+
+
+class Recorder:
+    """Writes one run file, with exclusive access while it is open as a context manager.
+
+    path: the loading path; settings: everything else that determines the records; specimen: the initial State;
+    extra: variables recorded besides those of the path; all_saved: True to save every checkpoint.
+    """
+
+    def __init__(
+        self,
+        file: os.PathLike[str] | str,
+        path: LoadingPath,
+        settings: dict[str, Any],
+        specimen: State,
+        extra: Mapping[str, Variable],
+        all_saved: bool = False,
+    ) -> None:
+        """Does not touch the file yet; `with` locks it."""
+        self.table = {**record_table(), **(PROGRESS if path.phases else {}), **extra}
+        self.file = Path(file)
+        self.scene = specimen.scene
+        self.specimen = specimen.digest()
+        self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
+        self.path = path
+        self.settings = settings
+        self.all_saved = all_saved
+        self.records = 0  # in the file and in memory
+        self._new, self._ready = _Unsaved(), _Unsaved()  # after the last checkpoint, and up to it
+        self._checkpoint: Checkpoint | None = None  # the last one, if it is not in the file yet
+        self._writer = Writer()
+
+    def __enter__(self) -> Recorder:
+        self._lock = only_writer(self.file)
+        self._lock.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        try:
+            self.flush()
+        finally:
+            self._writer.close()
+            self._lock.__exit__(*exception)
+
+    def record(self, values: dict[str, Any], snapshot: Snapshot | None = None) -> None:
+        """Add one record (labkit.records.measure), with its contacts and positions if a snapshot is given."""
+        if snapshot is not None:
+            position = cast(np.ndarray, snapshot.position)  # a State has positions
+            self._new.snapshots.append((self.records, snapshot.contacts, position))
+        self._new.records[self.records] = values
+        self.records += 1
+
+    def drop_last(self) -> None:
+        """Drop the last record, which has no snapshot: the next record replaces it."""
+        self.records -= 1
+
+    def checkpoint(self, point: Checkpoint) -> None:
+        """Note a point from which the run can be resumed; if a save is due, start to write the file up to it."""
+        self._note(point)
+        if self.all_saved or self._ready.bytes > MOST_UNSAVED or self._writer.is_due():
+            self._write()
+            if not is_labkits(type(self.path)):
+                self.wait()  # the path may read files while the run computes
+
+    def save(self, point: Checkpoint) -> None:
+        """Bring the file up to date: all records so far and this point."""
+        self._note(point)
+        self.flush()
+
+    def flush(self) -> None:
+        """Bring the file up to the last checkpoint."""
+        self._write()
+        self.wait()
+
+    def wait(self) -> None:
+        """Wait until the file is not being written, because netCDF serves one thread only.
+
+        Raises PhysicsError if it could not be written.
+        """
+        try:
+            self._writer.wait()
+        except OSError as error:
+            kept = "its last save is intact" if self.file.exists() else "there is no earlier save"
+            raise PhysicsError(
+                f"{self.file} could not be saved ({error.strerror or error}); {kept}: free some disk space and "
+                "give the same command again"
+            ) from None
+
+    def _note(self, point: Checkpoint) -> None:
+        self._checkpoint = point
+        self._ready.extend(self._new)
+        self._new = _Unsaved()
+
+    def _write(self) -> None:
+        """Start to write the last checkpoint, if that has not been done."""
+        point, ready = self._checkpoint, self._ready
+        if point is not None:
+            self.wait()
+            self._checkpoint, self._ready = None, _Unsaved()
+            self._writer.start(lambda: self._append_to_file(point, ready))
+
+    def _append_to_file(self, point: Checkpoint, unsaved: _Unsaved) -> None:
+        exists = self.file.exists()
+        space = MARGIN + unsaved.bytes + point.state.nbytes
+        with extended_netcdf(self.file, space) if exists else new_netcdf(self.file, space) as dataset:
+            if not exists:
+                self._create(dataset, point.state)
+            self._append(dataset, unsaved)
+            write_attributes(dataset, point.state, "run")
+            dataset.complete = np.int32(point.complete)
+            dataset.ended_because = point.ended_because
+            dataset.wall_time = float(point.wall_time)
+            dataset.steps = np.int64(point.state.step)
+            dataset.threads = np.int32(point.threads)
+            write_checkpoint(dataset, point)
+            set_hashes(dataset, point.complete)
+
+    def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
+        dataset.setncattr("path", self.path.name)  # netCDF4 reserves `dataset.path`
+        dataset.path_parameters = self.parameters()
+        dataset.specimen = self.specimen
+        create_variables(dataset, self.table, {}, compression=None)
+        dataset.createDimension("snapshot", None)
+        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+        dataset["contacts"]["row_size"].sample_dimension = "contact"
+        create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
+        dataset["grains"]["radius"][:] = state.radius
+
+    def parameters(self) -> str:
+        """JSON of the path parameters and the settings, the attribute `path_parameters`."""
+        return json.dumps({**dataclasses.asdict(self.path), **self.settings})
+
+    def _append(self, dataset: netCDF4.Dataset, unsaved: _Unsaved) -> None:
+        for name in self.table if unsaved.records else ():
+            values = [record[name] for record in unsaved.records.values()]
+            first = min(unsaved.records)
+            dataset[name][first : first + len(values)] = np.array(values)
+        group, positions = dataset["contacts"], dataset["grains"]["position"]
+        for index, contacts, position in unsaved.snapshots:
+            snapshot = len(dataset.dimensions["snapshot"])
+            start = len(group.dimensions["contact"])
+            group["record"][snapshot] = index
+            group["row_size"][snapshot] = len(contacts)
+            group["contact_grain"][start : start + len(contacts)] = contacts.grain
+            for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
+                group[name][start : start + len(contacts)] = getattr(contacts, name)
+            positions[snapshot] = position
+
+    def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
+        """Raise InputError unless an unfinished run has the variables that are recorded now."""
+        stored = {name for name, variable in dataset.variables.items() if variable.dimensions[:1] == ("time",)}
+        for what, names in (("lacks", set(self.table) - stored), ("has", stored - set(self.table))):
+            if names:
+                raise InputError(
+                    f"{self.file} was started with different statistics, it {what} {', '.join(sorted(names))}: "
+                    "choose another file, or load the same extensions to resume it"
+                )
+
+    def _require_plausible(self, state: State, dataset: netCDF4.Dataset) -> None:
+        """Raise InputError unless a checkpoint can belong to this run, of which the file may have no hash."""
+        same = np.array_equal(state.radius, np.ma.getdata(dataset["grains"]["radius"][...]))
+        if not same or state.scene != self.scene:
+            raise damaged(self.file, "the grains of its checkpoint are not those of the specimen")
+        if self.records == 0 or not np.isclose(state.time, state.step * state.time_step, rtol=1e-6, atol=0.0):
+            raise damaged(self.file, "the time of its checkpoint is not that of its step")
+
+    def resume(self) -> StoredRun | None:
+        """The unfinished or complete run in the file, or None if the file does not exist yet.
+
+        Raises InputError if the file holds a run with other parameters or of another specimen.
+        """
+        if not self.file.exists():
+            return None
+        with open_netcdf(self.file, "run") as dataset:
+            stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}
+            requested = {"path": self.path.name, **json.loads(self.parameters())}
+            if stored != requested:
+                raise InputError(
+                    f"{self.file} holds another run ({_difference(stored, requested)}): choose another file, or give "
+                    "the same options to resume it"
+                )
+            if not bool(dataset.complete):
+                self._require_same_variables(dataset)
+            if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
+                raise InputError(f"{self.file} was started with another specimen: choose another file")
+            self.records = len(dataset.dimensions["time"])
+            checkpoint = checkpoint_of(self.file, dataset)
+            first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
+            position, state = position_of(checkpoint), stored_state(self.file, dataset)
+            self._require_plausible(state, dataset)
+            ended = str(getattr(dataset, "ended_because", ""))
+            created = ratcheting_of(checkpoint, self.records)
+            return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended, created)
+
+
+def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
+    """The path if it differs, else the parameters and settings that differ, each with both values."""
+    names = [name for name in {**stored, **requested} if stored.get(name) != requested.get(name)]
+    names = ["path"] if "path" in names else names
+    values = [_both(name, stored, requested) for name in names]
+    return "; ".join(f"{name} is {a} in the file, {b} here" for name, (a, b) in zip(names, values, strict=True))
+
+
+def _both(name: str, *runs: dict[str, object]) -> list[str]:
+    """The value of a parameter in two runs as text, with all digits if fewer do not distinguish them."""
+    values = [run.get(name, "not set") for run in runs]
+    short = [shown(tuple(value) if isinstance(value, list) else value) for value in values]
+    return short if short[0] != short[1] else [repr(value) for value in values]

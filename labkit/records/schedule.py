@@ -1,0 +1,231 @@
+"""The schedule of a run: at which steps the path reverses and the run is recorded and saved."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.parameters import Number, check_parameters, parameter
+from labkit.paths.path import Path, number_of_steps, require_consistent
+from labkit.paths.rates import rate_of
+from labkit.paths.step import Here
+from labkit.quantities.conditions import condition
+from labkit.servo.correction import STANDARD, Servo
+
+LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
+CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can be resumed: about 30 s in YADE
+MOST_STOPS = 5_000  # between two of these points: a record takes about a millisecond
+MOST_UNSAVED = 250e6  # bytes of snapshots between two of these points, which are in memory
+SNAPSHOT_BYTES = 24 + 2.8 * 120  # per grain
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Options of a run: what is recorded, how often it is saved, and how stresses are controlled.
+
+    If `guarded` is False, a run continues regardless of the time step and the energy balance; for studying instability.
+    """
+
+    record_strain: Number[float | None] = parameter(
+        None, above=0.0, high=1.0, help="axial strain between two records (default: the path's)"
+    )
+    snapshots: Number[int] = parameter(
+        20, low=0, high=10**6, help="number of records stored with all contacts, in addition to the first; 0 for none"
+    )
+    save_every: Number[int | None] = parameter(
+        None,
+        low=1,
+        high=10**9,
+        kind=int,
+        help="records between two saves (default: saved about every 30 s in YADE, every 5 s in fused)",
+    )
+    stop_when: str | None = parameter(
+        None, kind=str, help="condition on recorded quantities that ends the run at a record, e.g. 'q/p > 0.9'"
+    )
+    inertial_number: Number[float | None] = parameter(
+        None, above=0.0, high=0.1, help="inertial number to shear at, e.g. 2.5e-4, instead of at a fixed rate"
+    )
+    servo: Servo = STANDARD
+    guarded: bool = True
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        check_parameters(self)
+        if self.stop_when is not None:
+            condition(self.stop_when)
+
+
+@dataclasses.dataclass(frozen=True)
+class Schedule:
+    """Time steps at which a path turns and a run is recorded and saved.
+
+    A span is a step of the path with a given strain, or all consecutive steps that end at stresses. A run stops at
+    every multiple of `steps_per_record` and at the end of every span. Each stop refreshes the cell stiffness of
+    the servo. Each stop is recorded, except a regular one less than half an interval from the end of a span, where
+    the difference between the two records would be mostly noise. Phases have their own interval, which is
+    then counted from the start of the span.
+    """
+
+    turns: tuple[int, ...]  # time steps at which the spans end; the last one ends the path
+    steps_per_record: int
+    stops_per_checkpoint: int
+    snapshots: int  # in addition to the first
+    intervals: tuple[int, ...] = ()  # time steps between records in each span, if the path has its own
+    firsts: tuple[int, ...] = (0,)  # number of the first step of the path in each span
+    path_steps: int = 1  # number of steps of the path
+
+    @classmethod
+    def of(cls, path: Path, time_step: float, grains: int, options: Options) -> Schedule:
+        """The schedule of a path with a rate, for a time step in s and a number of grains.
+
+        Records are spaced at intervals of `record_strain` in axial strain, rounded to whole steps. Raises InputError if
+        the path is inconsistent or the rate gives too few or too many steps.
+        """
+        require_consistent(path)
+        record_strain = options.record_strain or path.record_strain
+        step_strain = rate_of(path) * time_step
+        firsts, spans, own = _spans(path, options.record_strain)
+        steps = np.round(np.array(spans) / step_strain)
+        if steps.min() < LEAST_STEPS or steps.sum() > MOST_STEPS:
+            raise InputError(
+                f"gives {steps.min():.3g} steps for the shortest leg of the path and {steps.sum():.3g} for the whole "
+                "path",
+                field="rate",
+                value=path.rate,
+                allowed=f"a rate that gives {LEAST_STEPS} to {MOST_STEPS:g} steps",
+            )
+        steps = steps.astype(int)
+        intervals = tuple[int, ...]()
+        if not path.phases:
+            per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
+        else:
+            intervals = tuple(int(min(n, max(1, round(x / step_strain)))) for n, x in zip(steps, own, strict=True))
+            per_record = max(1, round(float(steps.sum()) / float((steps / intervals).sum())))  # the mean
+        return cls(
+            turns=tuple(int(x) for x in np.cumsum(steps)),
+            steps_per_record=per_record,
+            stops_per_checkpoint=options.save_every or _stops_per_checkpoint(steps.sum(), per_record, grains, options),
+            snapshots=options.snapshots,
+            intervals=intervals,
+            firsts=tuple(firsts),
+            path_steps=number_of_steps(path),
+        )
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of the whole path."""
+        return self.turns[-1]
+
+    @property
+    def records(self) -> int:
+        """Number of records after the first, if the path does not stop early."""
+        return self._stops(self.steps) - self._unrecorded
+
+    def next_stop(self, step: int) -> int:
+        """The next multiple of the interval or the next reversal, whichever comes first."""
+        span = self.span(step)
+        start, interval = self._counting(span)
+        return min(self.turns[span], start + ((step - start) // interval + 1) * interval)
+
+    def is_record(self, step: int) -> bool:
+        """True if the stop at this step is recorded."""
+        if step == 0 or step in self.turns:
+            return True
+        span = self.span(step)
+        distance = min(step - self.start_of(span), self.turns[span] - step)
+        return 2 * distance >= self._counting(span)[1]
+
+    def is_close_to_record(self, step: int) -> bool:
+        """True if the latest stop is a recorded regular stop less than half an interval before this step.
+
+        False if the run stops at this step itself.
+        """
+        start, interval = self._counting(self.span(step))
+        last = start + (step - start) // interval * interval
+        turned = max((turn for turn in self.turns if turn <= step), default=0)
+        return turned < last < step and self.is_record(last) and 2 * (step - last) < interval
+
+    def is_snapshot(self, record: int, last: bool) -> bool:
+        """True if a record is stored with all contacts: the first, the last and others evenly spaced between them.
+
+        record: its number, from 0; last: True if it ends the path.
+        """
+        if self.snapshots == 0:
+            return False
+        number = min(self.snapshots, self.records)
+        nearest = _rounded(record * number, self.records)
+        return last or record == _rounded(nearest * self.records, number)
+
+    def is_checkpoint(self, step: int, last: bool) -> bool:
+        """True if the run can be resumed from the stop at this step; `last`: True if it ends the path."""
+        return last or self._stops(step) % self.stops_per_checkpoint == 0
+
+    def span(self, step: int) -> int:
+        """Number of the span to which the motion of this time step belongs."""
+        return int(np.searchsorted(self.turns, step, side="right"))
+
+    def start_of(self, span: int) -> int:
+        """The time step at which a span starts."""
+        return self.turns[span - 1] if span else 0
+
+    def span_of(self, number: int) -> int:
+        """Number of the span that contains a step of the path."""
+        return int(np.searchsorted(self.firsts, number, side="right")) - 1
+
+    def _counting(self, span: int) -> tuple[int, int]:
+        """The step from which the regular stops of a span are counted, and the steps between them."""
+        return (self.start_of(span), self.intervals[span]) if self.intervals else (0, self.steps_per_record)
+
+    def _stops(self, step: int) -> int:
+        """Number of stops up to this step, without the start."""
+        if self.intervals:
+            span = self.span(step)
+            start, interval = self._counting(span) if span < len(self.turns) else (step, 1)
+            return self._stops_before[span] + (step - start) // interval
+        irregular = sum(turn <= step and turn % self.steps_per_record > 0 for turn in self.turns)
+        return step // self.steps_per_record + irregular
+
+    @functools.cached_property
+    def _stops_before(self) -> tuple[int, ...]:
+        """Number of stops up to the start of each span and up to the end of the path, if legs have their intervals."""
+        each = [-(-(turn - self.start_of(k)) // self.intervals[k]) for k, turn in enumerate(self.turns)]
+        return tuple(int(total) for total in np.cumsum([0, *each]))
+
+    @functools.cached_property
+    def _unrecorded(self) -> int:
+        """Number of regular stops that are not recorded because a reversal is near."""
+        near: set[int] = set()
+        for span, turn in enumerate(self.turns):
+            start, interval = self._counting(span)
+            before = start + (turn - start) // interval * interval
+            near |= {before} if self.intervals else {before, min(before + interval, self.steps)}
+        return sum(not self.is_record(step) for step in near)
+
+
+def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[float], list[float]]:
+    """For each span: the number of its first step, its accumulated strain, and that between two records of a phase."""
+    firsts, spans, own = list[int](), list[float](), list[float]()
+    by_stress = False
+    for number, step in enumerate(path.steps_from(Here())):
+        if not (by_stress and step.length is None):
+            firsts.append(number)
+            spans.append(step.limit)
+            own += [] if step.phase is None else [step.phase.interval(record_strain, path.record_strain)]
+        by_stress = step.length is None
+    return firsts, spans, own
+
+
+def _stops_per_checkpoint(steps: int, per_record: int, grains: int, options: Options) -> int:
+    """Stops between two points from which a run of this many steps can be resumed: bounded in work and in memory."""
+    usual = max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record)))
+    kept = min(1.0, options.snapshots * per_record / steps)  # share of the records that are snapshots
+    fit = int(MOST_UNSAVED / (kept * grains * SNAPSHOT_BYTES)) if kept else MOST_STOPS
+    return max(1, min(usual, MOST_STOPS, fit))
+
+
+def _rounded(numerator: int, denominator: int) -> int:
+    """The integer nearest to numerator/denominator, both positive; halves are rounded up."""
+    return (2 * numerator + denominator) // (2 * denominator)

@@ -1,0 +1,59 @@
+"""How a run ends: at which conditions, and the errors of a run that cannot be completed or must not be started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.paths.path import Path
+from labkit.paths.step import Here
+from labkit.quantities.conditions import Condition, condition
+
+MOST_LISTED = 5  # steps
+
+
+def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]) -> tuple[str, ...]:
+    """The conditions that ended steps of a complete run and the run itself, one clause each.
+
+    records: variable -> its values at all records, (time, ...).
+    """
+    found = []
+    if path.phases and "path_step" in records:
+        of_record, share = (np.asarray(records[name]) for name in ("path_step", "path_step_progress"))
+        for number, step in enumerate(path.steps_from(Here()), start=1):
+            reached = share[of_record == number]
+            if step.conditions and len(reached) and reached[-1] < 1.0 - 1e-9:
+                found.append(f"step {number} ended when {step.conditions[0].text}")
+    if len(found) > MOST_LISTED:
+        found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
+    if stop_when is not None:
+        first, last = ({name: values[at] for name, values in records.items()} for at in (0, -1))
+        found += ["it ended when " + stop_when] * condition(stop_when).holds(last, first)
+    return tuple(found)
+
+
+def unfinished(reason: str, file: File) -> PhysicsError:
+    """The error of a run that cannot be completed."""
+    return PhysicsError(f"{reason}; the records up to there are in {file} (complete = 0)")
+
+
+def interrupted(file: File, number: int) -> Interrupted:
+    """The error of a run that a signal of this number stopped."""
+    return Interrupted(f"stopped by signal {number}; {file} is saved: give the same command to resume it", 128 + number)
+
+
+def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:
+    """Raise InputError if the condition that ends a run is met before it starts."""
+    if stop_when is not None and stop_when.holds(first, first):
+        problem, allowed = "is already met at the start", "a condition that is met later on the path"
+        raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
+
+
+def require_sane(values: dict[str, Any], step: int) -> None:
+    """Raise PhysicsError if a record shows that the integration has become unstable."""
+    if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is
+        raise PhysicsError(f"positions became NaN at step {step}: the time step is too large")

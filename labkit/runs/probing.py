@@ -1,0 +1,153 @@
+"""Probes: small increments of strain or stress from one state, in many directions of a plane of strain or stress space.
+
+A probe applies its increment at a rate proportional to 1 - cos, which starts and ends at zero, so that the grains
+hardly vibrate; they then rest until the dashpots carry no force. Tensors are in Mandel notation (labkit.micro.tensors),
+in which lengths and angles are those of the tensors.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.engines.base import Progress, Start, silent
+from labkit.engines.requests import drive
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.micro.tensors import COMPONENTS, ROOT2
+from labkit.parameters import Number, check_parameters, parameter
+from labkit.records.energy import opened
+from labkit.specimens.specimen import Equilibrium, ready, settle
+
+CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
+STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_000)
+INSIDE = 1.0 - 1e-12  # factor that moves a force from its friction limit inwards
+NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
+# Default amplitudes: small enough that contacts neither open nor close in elastic probes, large enough that they slide
+# in the others; docs/commands.md has the measurements.
+AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
+
+
+@dataclasses.dataclass(frozen=True)
+class Plane:
+    """A plane of strain or stress space, or the whole space.
+
+    axes: its k orthonormal tensors (k, 6); labels: of the axes, with @ for the symbol of strain or stress.
+    """
+
+    name: str
+    axes: np.ndarray
+    labels: tuple[str, ...]
+
+    def directions(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Angles (n,), degrees, and unit tensors (n, 6) of `number` evenly spaced directions.
+
+        A space of more than two axes has one direction along each axis and one against it, and no angles.
+        """
+        if len(self.axes) != 2:
+            return np.full(2 * len(self.axes), np.nan), np.concatenate([self.axes, -self.axes])
+        angle = np.arange(number) * (360.0 / number)
+        return angle, np.stack([np.cos(np.radians(angle)), np.sin(np.radians(angle))], axis=1) @ self.axes
+
+
+def _plane(name: str, labels: tuple[str, str], *axes: tuple[float, ...]) -> Plane:
+    """A plane from two orthogonal tensors, (6,) each."""
+    return Plane(name, np.array([np.array(axis) / np.linalg.norm(axis) for axis in axes]), labels)
+
+
+PLANES = {
+    plane.name: plane
+    for plane in (
+        _plane("axisymmetric", (r"\sqrt{2}\,@_r", "@_z"), (1, 1, 0, 0, 0, 0), (0, 0, 1, 0, 0, 0)),
+        _plane("biaxial", ("@_x", "@_z"), (1, 0, 0, 0, 0, 0), (0, 0, 1, 0, 0, 0)),
+        _plane(
+            "deviatoric",
+            (r"(@_x-@_y)/\sqrt{2}", r"(2@_z-@_x-@_y)/\sqrt{6}"),
+            (1, -1, 0, 0, 0, 0),
+            (-1, -1, 2, 0, 0, 0),
+        ),
+        _plane("xz-shear", (r"(@_z-@_x)/\sqrt{2}", r"\sqrt{2}\,@_{xz}"), (-1, 0, 1, 0, 0, 0), (0, 0, 0, 0, 1, 0)),
+        Plane("all", np.eye(6), tuple(f"@_{{{ij}}}" for ij in COMPONENTS)),
+    )
+}
+
+
+def plane_of(text: str) -> Plane:
+    """The plane of that name, or the one spanned by two tensors: 12 numbers, xx,yy,zz,yz,xz,xy of each.
+
+    Raises InputError.
+    """
+    if text in PLANES:
+        return PLANES[text]
+    allowed = f"one of {', '.join(PLANES)}, or 12 numbers, the components xx,yy,zz,yz,xz,xy of two tensors"
+    try:
+        axes = np.array([float(part) for part in text.split(",")]).reshape(2, 6) * ([1.0] * 3 + [ROOT2] * 3)
+    except ValueError:
+        raise InputError("is unknown", field="plane", value=text, allowed=allowed, quoted=True) from None
+    q, r = np.linalg.qr(axes.T)
+    size = np.linalg.norm(axes, axis=1)
+    if not np.isfinite(axes).all() or np.abs(np.diag(r)).min() <= 1e-6 * size.max():
+        raise InputError("is not a plane", field="plane", value=text, allowed="two tensors that are not parallel")
+    return Plane(text, (q * np.sign(np.diag(r))).T, ("@ : a_1", "@ : a_2"))
+
+
+@dataclasses.dataclass(frozen=True)
+class Probing:
+    """Directions, size and duration of a set of probes. Raises InputError for values outside their ranges."""
+
+    plane: str = parameter(
+        "axisymmetric",
+        help=f"plane of the directions: one of {', '.join(PLANES)} (`all`: along each of the six components and "
+        "against it), or the components xx,yy,zz,yz,xz,xy of two tensors, 12 numbers",
+    )
+    directions: Number[int] = parameter(24, low=2, high=3600, help="number of directions, evenly spaced in the plane")
+    kind: str = parameter("strain", choices=("strain", "stress"), help="what is prescribed")
+    amplitude: Number[float | None] = parameter(
+        None,
+        above=0.0,
+        high=0.1,
+        help="norm of the increments: of strain, or of stress divided by the mean stress (default: 1e-4 for strain and "
+        "1e-2 for stress; 1e-9 and 1e-7 for elastic probes)",
+    )
+    duration: Number[float] = parameter(
+        40.0,
+        low=5.0,
+        high=1e4,
+        help="time in which the increment is applied, divided by the time that a shear wave needs to cross the cell",
+    )
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        check_parameters(self)
+        plane_of(self.plane)
+
+    def size(self, elastic: bool) -> float:
+        """The amplitude, or its default."""
+        return AMPLITUDES[self.kind, elastic] if self.amplitude is None else self.amplitude
+
+
+def without_sliding(scene: Scene) -> Scene:
+    """The scene with friction coefficients so high that no contact slides or rolls: the elastic part of its response.
+
+    Springs that the scene lacks are not added.
+    """
+    return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
+
+
+def rest(specimen: State, start: Start, progress: Progress = silent) -> State:
+    """The specimen at rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
+
+    Sliding contacts creep for a long time: when the specimen hardly moves any more, sliding is switched off, so that
+    the remaining motion decays exponentially. The forces then return to their friction limits, from which they keep a
+    distance of rounding errors, so that the state is the same to the last bit with and without sliding.
+    """
+    engine = start(opened(drive(ready(specimen), start)))
+    settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
+    state = engine.state().at_rest()
+    engine.load(opened(state.replace(scene=without_sliding(state.scene))))
+    settle(engine, STILL, lambda fraction, text: progress(0.5 + 0.5 * fraction, text))
+    engine.load(engine.state().replace(scene=specimen.scene))
+    state = engine.state().at_rest()
+    return state.replace(tangential_force=INSIDE * state.tangential_force, rolling_moment=INSIDE * state.rolling_moment)

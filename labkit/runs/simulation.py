@@ -1,0 +1,95 @@
+"""Combines specimen, path, engine and recorder into a run, which is resumed if it was interrupted."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path as File
+from typing import Any
+
+from labkit.engines.base import Progress, Start, silent
+from labkit.engines.requests import Request, drive
+from labkit.grains.state import State
+from labkit.io.interruption import stop_on_signals
+from labkit.micro.stress import love_stress
+from labkit.paths.path import Path
+from labkit.paths.rates import on_grains
+from labkit.records.energy import opened
+from labkit.records.recorder import Recorder
+from labkit.records.schedule import Options
+from labkit.runs.endings import unfinished
+from labkit.runs.grains import Grains
+from labkit.runs.pace import TRAVELLED
+from labkit.servo.reach import require_way
+from labkit.specimens.consolidation import approach, path_to, pressure_error
+from labkit.specimens.interim import interim_of
+from labkit.specimens.specimen import ready
+
+CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
+LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack
+
+
+def run(
+    specimen: State,
+    path: Path,
+    file: File,
+    start: Start,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> bool:
+    """Load a specimen along a path and record it in a run file; resume an unfinished file.
+
+    Returns False if the file already held the finished run. Raises InputError for a file that holds another run or that
+    another process is writing, PhysicsError if the simulation fails or a held stress cannot reach its target,
+    Interrupted after SIGINT or SIGTERM, once a checkpoint is written.
+    """
+    return drive(simulation(specimen, path, file, start, options, progress), start)
+
+
+def simulation(
+    specimen: State,
+    path: Path,
+    file: File,
+    start: Start,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> Generator[Request, Any, bool]:
+    """What `run` needs of an engine (labkit.engines.requests), of which `start` gives the name and the precision."""
+    path, options = on_grains(path, specimen.scene), options or Options()
+    settings = {
+        "record_strain": options.record_strain or path.record_strain,
+        "snapshots": options.snapshots,
+        "engine": start.name,
+        **{f"servo_{name}": value for name, value in vars(options.servo).items()},
+        "guarded": options.guarded,
+        **{name: value for name in LATER if (value := getattr(options, name)) is not None},
+        **({"precision": start.precision} if start.precision != "double" else {}),
+    }
+    extra = TRAVELLED if options.inertial_number is not None else {}
+    with Recorder(file, path, settings, specimen, extra, all_saved=options.save_every is not None) as recorder:
+        stored = recorder.resume()
+        if stored and stored.complete:
+            return False
+        if stored and stored.ended_because:
+            raise unfinished(stored.ended_because, file)
+        if not stored:
+            specimen = yield from prepare(specimen, path, start.name, progress, options.guarded, interim_of(file))
+            require_way(path, love_stress(specimen.snapshot()))
+        with stop_on_signals() as signals:
+            grains = Grains(recorder, specimen, stored, options, progress, signals, start.threads)
+            yield from grains.run()
+            return True
+
+
+def prepare(
+    specimen: State, path: Path, engine: str, progress: Progress, guarded: bool = True, interim: File | None = None
+) -> Generator[Request, object, State]:
+    """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate)."""
+    specimen = yield from ready(specimen, guarded)
+    pressure = path.start_pressure()
+    if pressure is not None and pressure_error(specimen.snapshot(), pressure) > CONSOLIDATED:
+
+        def shown(done: float, text: str) -> None:
+            progress(0.0, text)
+
+        specimen = yield from approach(specimen, path_to(pressure), engine, shown, interim)
+    return opened(specimen)

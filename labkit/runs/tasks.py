@@ -1,0 +1,180 @@
+"""Tasks: specimens, consolidations, rests and runs as values that any engine can execute."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+from collections.abc import Generator
+from pathlib import Path as File
+from typing import Any, ClassVar
+
+from labkit.engines import Fused, require_engine
+from labkit.engines.base import Engine, Progress, Start, silent
+from labkit.engines.requests import Request, drive
+from labkit.errors import InputError
+from labkit.extensions import used
+from labkit.grains.scene import Scene
+from labkit.grains.state import State, write_state
+from labkit.io.blas import one_blas_thread
+from labkit.io.provenance import provenance_json
+from labkit.paths.path import Path
+from labkit.records.limits import rate_warning, require_pressure
+from labkit.records.schedule import Options
+from labkit.runs import probing as probes
+from labkit.runs.simulation import simulation
+from labkit.specimens import compression, consolidation, specimen, stratified
+from labkit.specimens.interim import interim_of
+from labkit.specimens.specimen import Recipe
+from labkit.specimens.stratified import Layer
+
+
+@dataclasses.dataclass(frozen=True)
+class Task(abc.ABC):
+    """A job for an engine.
+
+    start: engine, with threads or ranks and precision; output: file to write; history: the command.
+    """
+
+    start: Start = dataclasses.field(default_factory=Fused)
+    output: str | None = None
+    history: str = ""
+
+    kind: ClassVar[str]
+
+    @property
+    @abc.abstractmethod
+    def scene(self) -> Scene:
+        """Scene of the grains."""
+
+    @abc.abstractmethod
+    def do(self, progress: Progress) -> State | None:
+        """Run the task in this process; return the resulting State, or None for a run."""
+
+    def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
+        """Return the State with the history and provenance of this task."""
+        history = "\n".join(line for line in (state.history, self.history) if line)
+        made = provenance_json(self.history or None, (*inputs, *used()), self.output, state.seed)
+        return state.replace(history=history, provenance=made)
+
+    def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
+        """Return the State with its origin; write it to `output` if that is set."""
+        state = self.with_origin(state, inputs)
+        if self.output is not None:
+            write_state(self.output, state)
+        return state
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SpecimenTask(Task):
+    """Make a specimen."""
+
+    recipe: Recipe
+    material: Scene
+
+    kind = "specimen"
+
+    @property
+    def scene(self) -> Scene:
+        return self.material
+
+    def do(self, progress: Progress) -> State:
+        make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
+        return self.finished(make(self.material, self.recipe, self.start, progress))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LayerTask(Task):
+    """Make the stratified layer of Fig. 3."""
+
+    layer: Layer
+
+    kind = "layer"
+
+    @property
+    def scene(self) -> Scene:
+        return Scene(planar=True)
+
+    def do(self, progress: Progress) -> State:
+        return self.finished(stratified.make_layer(self.layer, self.start, progress))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class _OfState(Task):
+    """A task that starts from a State. source: the file of that State, if any."""
+
+    state: State
+    source: str | None = None
+
+    @property
+    def scene(self) -> Scene:
+        return self.state.scene
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return () if self.source is None else (self.source,)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ConsolidationTask(_OfState):
+    """Consolidate a specimen to an isotropic pressure, Pa."""
+
+    pressure: float
+
+    kind = "consolidation"
+
+    def do(self, progress: Progress) -> State:
+        interim = interim_of(self.output)
+        state = consolidation.bring_to_pressure(self.state, self.pressure, self.start, progress, interim)
+        return self.finished(state, self.inputs)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RestTask(_OfState):
+    """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
+
+    kind = "rest"
+
+    def do(self, progress: Progress) -> State:
+        return self.finished(probes.rest(self.state, self.start, progress), self.inputs)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunTask(_OfState):
+    """Load a specimen along a path and write the run file `output`; resume that file if it is unfinished."""
+
+    path: Path
+    options: Options = dataclasses.field(default_factory=Options)
+
+    kind = "run"
+
+    @property
+    def warning(self) -> str | None:
+        """What is likely to be wrong with the rate of the run, one sentence."""
+        return rate_warning(self.path, self.state, self.options.inertial_number)
+
+    def do(self, progress: Progress) -> None:
+        drive(self.run(progress), self.start)
+
+    def run(self, progress: Progress) -> Generator[Request, Any, bool]:
+        """What the task needs of an engine."""
+        if self.output is None:
+            raise InputError("a run needs an output file: set `output`")
+        require_pressure(self.path, self.scene)
+        state = self.with_origin(self.state, self.inputs)
+        return (yield from simulation(state, self.path, File(self.output), self.start, self.options, progress))
+
+
+def require_possible(task: Task) -> type[Engine]:
+    """The class of the engine of a task. Raises InputError if it cannot execute the task, or not on this computer."""
+    kind = require_engine(task.start.name, task.scene, task.start.precision)
+    if isinstance(task, RunTask):
+        kind.abilities.require_path(task.path)
+    kind.abilities.require_computer()
+    return kind
+
+
+def execute(task: Task, progress: Progress = silent) -> State | None:
+    """Do a task; return the resulting State, or None for runs. Raises InputError, PhysicsError or Interrupted."""
+    require_possible(task)
+    with one_blas_thread():
+        return task.do(progress)

@@ -1,0 +1,14 @@
+"""The servo: strain rates that bring measured stresses to their targets."""
+
+from typing import TYPE_CHECKING
+
+from labkit.lazy import attach
+
+if TYPE_CHECKING:
+    from labkit.servo.correction import STANDARD as STANDARD
+    from labkit.servo.correction import Servo as Servo
+    from labkit.servo.correction import cell_stiffness as cell_stiffness
+    from labkit.servo.correction import prescribed_gradient as prescribed_gradient
+    from labkit.servo.correction import velocity_gradient as velocity_gradient
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

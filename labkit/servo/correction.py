@@ -1,0 +1,167 @@
+"""The servo (Eqs. 5 and 6): strain rates that bring measured stresses to their targets.
+
+Eq. 5 divides the stress error by a stiffness and by the time between two corrections. To be dimensionally consistent,
+the strain rate must be (sigma^t - sigma)/(M T), with M the stiffness of the cell, Pa, and T the time to the next
+correction. Eq. 6 uses the mean stiffness of one contact for M, which gives a loop gain of M L/K, between 1 and 10 and
+increasing with the number of contacts. Here M is the stiffness of the cell when all grains follow the mean field: an
+upper bound on the real stiffness, which is reduced by slip and rearrangement.
+
+The gain. With e = sigma^t - sigma, r the strain rate and the low-pass filter of the paper,
+
+    r_k = 0.75 r_(k-1) + 0.25 g e_k/(M T)      e_(k+1) = e_k - M' T r_k,      M' <= M the real stiffness,
+
+the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M. This is stable for 0 < h < 14. For any h from 0.07
+to 13.9 the roots have the modulus sqrt(0.75), so that an error falls to a tenth within 16 corrections whatever the
+stiffness. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 is a factor of seven below
+the stability limit, which allows for the grain dynamics neglected in this analysis, and gives a lag of 0.2 kPa at
+10 1/s with T of 5 steps. `labkit speed-error` measures other gains and intervals.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import cast
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.tensors import symmetric, to_six, to_tensor
+from labkit.parameters import Number, check_parameters, parameter
+from labkit.paths.control import Control
+from labkit.paths.path import Path
+from labkit.paths.rates import rate_of
+from labkit.paths.step import Here, Step
+
+LOW_PASS = 0.25
+FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts above zero
+
+
+@dataclasses.dataclass(frozen=True)
+class Servo:
+    """Gain and interval of the stress corrections. Raises InputError for values outside their ranges."""
+
+    gain: Number[float] = parameter(2.0, above=0.0, high=1e3, help="gain of the servo")
+    interval: Number[int] = parameter(5, low=1, high=10**6, help="steps between two corrections")
+
+    def __post_init__(self) -> None:
+        """Check every parameter."""
+        check_parameters(self)
+
+
+STANDARD = Servo()
+
+
+def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
+    """Stiffness of the cell if all grains moved with the mean field, Pa, an upper bound on the real stiffness.
+
+        C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
+
+    b: branch length; sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni nk)/4.
+    Shape (6, 6) in Mandel notation (labkit.micro.tensors); with `components` = 3 only its block of normal components.
+    """
+    scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
+    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
+    kn, kt, *_ = scene.contact_law.tangents(scene, a, b, contacts.overlap)
+    n, length2 = contacts.normal, contacts.branch_length(radius) ** 2
+    squared = n**2
+    normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
+    tangential = np.diag((kt * length2) @ squared)
+    block = (normal + tangential) / snapshot.volume + FLOOR * snapshot.young_modulus * np.eye(3)
+    if components == 3:
+        return block
+    six = to_six(n[:, :, None] * n[:, None, :])
+    fabric = to_tensor((kt * length2) @ six)
+    basis = to_tensor(np.eye(6))
+    sheared = np.einsum("aij,jk,bik->ab", basis, fabric, basis)
+    whole = ((six * ((kn - kt) * length2)[:, None]).T @ six + 0.5 * (sheared + sheared.T)) / snapshot.volume
+    whole += FLOOR * snapshot.young_modulus * np.eye(6)
+    whole[:3, :3] = block
+    return whole
+
+
+def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:
+    """The velocity gradient L (3, 3), 1/s, at the start of a path whose strain rates are all prescribed."""
+    step = next(iter(path.steps_from(Here())))
+    return velocity_gradient(step, rate_of(path), time_step)
+
+
+def velocity_gradient(
+    step: Step,
+    rate: float,
+    time_step: float,
+    stress: np.ndarray | None = None,
+    stiffness: np.ndarray | None = None,
+    before: np.ndarray | None = None,
+    servo: Servo = STANDARD,
+    accumulated: float = 0.0,
+) -> np.ndarray:
+    """The velocity gradient L (3, 3), 1/s, of a step until the `servo` corrects again.
+
+    Prescribed rates G give 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic strains exactly,
+    and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the accumulated strain.
+    Raises InputError if the step holds stresses and one of the last three arguments is missing.
+
+    Args:
+        step: The step of a path.
+        rate: Strain rate by which the rates of the step are multiplied, 1/s.
+        time_step: s.
+        stress: The current stress (3, 3), Pa, for a step that holds stresses.
+        stiffness: Of the cell (c, c), Pa, for the c components of its Control.
+        before: The gradient (3, 3), 1/s, up to now.
+        servo: Gain and interval.
+        accumulated: Accumulated strain.
+    """
+    given = rate * step.rates(accumulated)
+    if step.held is None:
+        return exact_gradient(given, time_step)
+    if stress is None or stiffness is None or before is None:
+        raise InputError("the step controls a stress: give `stress`, `stiffness` and `before`")
+    limit = step.rate_limit * rate
+    servoed = _servoed(step.held, limit, given, time_step, stress, stiffness, before, servo, accumulated)
+    if step.held.isochoric and np.trace(given) == 0.0:
+        return exact_gradient(given - servoed, time_step)
+    return exact_gradient(given, time_step) + servoed
+
+
+def _servoed(
+    control: Control,
+    limit: float,
+    given: np.ndarray,
+    time_step: float,
+    stress: np.ndarray,
+    stiffness: np.ndarray,
+    before: np.ndarray,
+    servo: Servo,
+    accumulated: float,
+) -> np.ndarray:
+    """The part of the velocity gradient that the servo finds, (3, 3), 1/s; `limit`: of its rates, 1/s."""
+    n = control.components
+    measure, free = control.measure[:, :n], control.free[:n]
+    missing = control.at(accumulated) - measure @ to_six(symmetric(stress))[:n]
+    response = measure @ stiffness @ free
+    rates = free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
+    if control.isochoric:  # limit all components by the same factor, which keeps the volume
+        wanted = -rates * min(1.0, limit / max(np.abs(rates).max(), limit))
+    else:
+        wanted = -np.clip(rates, -limit, limit)
+    kept = to_six(symmetric(before))[:n]
+    shared = (to_six(symmetric(given))[:n][free.any(axis=1)] != 0.0).any()  # components prescribed and free
+    if shared or control.isochoric:  # a part of `kept` outside the free rates would change the volume
+        kept = free @ np.linalg.lstsq(free, kept + to_six(symmetric(given))[:n], rcond=None)[0]
+    held = free.any(axis=1)
+    found = np.zeros(6)
+    found[:n][held] = LOW_PASS * wanted[held] + (1.0 - LOW_PASS) * kept[held]
+    return to_tensor(found)
+
+
+def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:
+    """L (3, 3) with 1 + L dt = exp(-rate dt), 1/s, for prescribed rates (3, 3), 1/s."""
+    if np.array_equal(rate, np.diag(np.diag(rate))):
+        return np.diag(np.expm1(-np.diag(rate) * time_step) / time_step)
+    power = term = -rate
+    for k in range(2, 9):  # |rate dt| is far below 1
+        term = term @ (-rate * time_step) / k
+        power = power + term
+    return power

@@ -1,0 +1,85 @@
+"""Targets that cannot be reached: a held stress that does not approach its target while the servo does all it may.
+
+The servo limits its strain rates to `rate_limit` times the rate of the path. A target is out of reach if these rates
+stay at their limit over a strain of STRAIN although the largest error, more than ERROR of its scale, does not fall
+below (1 - PROGRESS) of its least value: the material then flows, or has lost its contacts. A stress that only lags, in
+a transient or far from its target, approaches it within that strain. The state is examined wherever a run stops, which
+is at every record. The limit of 2 % of strain is several times the strain at which the stress of a dense specimen
+responds to a change of its strain rate; an error of 2 % is the largest that `labkit verify` allows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.control import Control
+from labkit.paths.path import Path
+from labkit.paths.step import Here
+
+STRAIN = 0.02
+ERROR = 0.02
+PROGRESS = 0.02
+AT_LIMIT = 0.9  # of the limit of the strain rate, which the low-pass filter of the servo only approaches
+
+
+@dataclasses.dataclass(frozen=True)
+class Lag:
+    """How long the servo has been at its limit. strain: since the least error, the largest of the held stresses'."""
+
+    strain: float = 0.0
+    least_error: float = np.inf
+
+    @property
+    def hopeless(self) -> bool:
+        """True if the target is out of reach."""
+        return self.strain >= STRAIN
+
+    def after(self, strain: float, error: float, at_limit: bool) -> Lag:
+        """The lag after a further strain at the limit of the servo; error: the present one, relative to its scale."""
+        if error <= ERROR or not at_limit:
+            return Lag()
+        if error < (1.0 - PROGRESS) * self.least_error:
+            return Lag(0.0, error)
+        return Lag(self.strain + strain, self.least_error)
+
+
+def errors(control: Control, stress: np.ndarray, travelled: float) -> np.ndarray:
+    """Errors (k,) of the held stresses relative to their scale, the target or the mean stress, whichever is larger."""
+    target = control.at(travelled)
+    missing = target - control.measure @ to_six(symmetric(stress))
+    scale = np.maximum(np.abs(target), abs(float(mean_stress(stress))))
+    return np.abs(missing) / np.maximum(scale, np.finfo(float).tiny)
+
+
+def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: float) -> bool:
+    """True if a strain rate that the servo adjusts is at its limit, 1/s; rate, given: (3, 3), compression positive."""
+    adjusted = to_six(symmetric(rate - given))[control.free.any(axis=1)]
+    return bool(np.abs(adjusted).max() >= AT_LIMIT * limit)
+
+
+def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, travelled: float) -> str:
+    """The sentence about the held stress with the largest error. names: those of the held stresses."""
+    worst = int(errors(control, stress, travelled).argmax())
+    now = float(control.measure[worst] @ to_six(symmetric(stress)))
+    target = float(control.at(travelled)[worst])
+    return (
+        f"{names[worst]} does not reach its target of {target / 1e3:.4g} kPa: it is {now / 1e3:.4g} kPa after "
+        f"{STRAIN:.0%} of strain at the largest strain rate of the servo, so the target is beyond the strength of the "
+        "specimen or its contacts are lost; choose a target within the strength, or prescribe this strain rate instead"
+    )
+
+
+def require_way(path: Path, stress: np.ndarray) -> None:
+    """Raise InputError if a specimen with this stress (3, 3), Pa, is already where a path of one step ends."""
+    first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
+    if not others and first.ends_at(stress):
+        pressure = float(mean_stress(stress))
+        problem = f"Pa is where path {path.name} stops, but the mean stress of the specimen is {pressure:.4g} Pa"
+        given = getattr(path, "pressure", None)
+        raise InputError(problem, field="pressure", value=given, allowed="another pressure, or another specimen")

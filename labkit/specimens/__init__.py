@@ -1,0 +1,16 @@
+"""Specimens: insertion, compression, consolidation and layers."""
+
+from typing import TYPE_CHECKING
+
+from labkit.lazy import attach
+
+if TYPE_CHECKING:
+    from labkit.specimens.settings import SETTINGS as SETTINGS
+    from labkit.specimens.specimen import Recipe as Recipe
+    from labkit.specimens.specimen import insert_grains as insert_grains
+    from labkit.specimens.specimen import mean_grain_volume as mean_grain_volume
+    from labkit.specimens.specimen import side_for as side_for
+    from labkit.specimens.stratified import Layer as Layer
+    from labkit.specimens.stratified import strata as strata
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

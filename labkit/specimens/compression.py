@@ -1,0 +1,111 @@
+"""Specimens by isotropic compression of a gas, with a lowered friction, to a void ratio or a pressure.
+
+The grains are inserted at random in a large cell and moved apart until they form a gas without contacts. The cell is
+then compressed at a constant isotropic rate with the friction of step 1, which decides the density at a pressure: 0
+gives the densest and best connected specimens, a high one the loosest. At the target the grains come to rest, first
+with the friction of step 1 and then with that of the scene.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from labkit.engines.base import Engine, Progress, Start, reload, silent
+from labkit.errors import PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.grains.time_step import critical_time_step, require_stable
+from labkit.io.progress import log_fraction
+from labkit.micro.stress import mean_stress
+from labkit.paths.rates import default_rate
+from labkit.paths.standard import IsotropicCompression
+from labkit.records.energy import opened
+from labkit.specimens.consolidation import bring_to_pressure
+from labkit.specimens.specimen import (
+    FIRST,
+    RELEASE_TIME_STEP,
+    SECOND,
+    STEP1,
+    STEP2,
+    Recipe,
+    insert_grains,
+    release,
+    settle,
+)
+
+GAS = 2.0  # void ratio of the gas
+RATE = 10.0  # of the compression, divided by the default rate of IsotropicCompression
+CHECK = 50  # steps between two checks of the pressure
+DENSEST = 0.3  # void ratio at which a compression that has not reached its pressure gives up
+
+
+def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
+    """A State at rest at the nominal void ratio of the recipe, or at its pressure.
+
+    `start`: starts the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
+    """
+    soft = scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction)
+    engine = start(_gas(soft, recipe))
+    engine.load(engine.state().replace(time_step=RELEASE_TIME_STEP * _limit(engine.state())))
+    release(engine, lambda f, text: progress(0.2 * f, text))
+    engine.load(opened(engine.state().at_rest().replace(time_step=soft.time_step)))
+    _compress(engine, recipe, lambda f, text: progress(0.2 + 0.3 * f, text))
+    state = engine.state()
+    require_stable(state)
+    if recipe.pressure is None:
+        settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, f"{FIRST}: {text}"))
+        engine.load(opened(_with_scene(engine.state(), scene, start)))
+        settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, f"{SECOND}: {text}"))
+        made = reload(engine).at_rest()
+    else:
+        soft_state = bring_to_pressure(state, recipe.pressure, start, lambda f, text: progress(0.5 + 0.3 * f, text))
+        switched = _with_scene(soft_state, scene, start)
+        made = bring_to_pressure(switched, recipe.pressure, start, lambda f, text: progress(0.8 + 0.2 * f, text))
+    return made.replace(recipe=recipe.to_json())
+
+
+def _gas(scene: Scene, recipe: Recipe) -> State:
+    """Grains of the recipe inserted at random in a cell with the void ratio of a gas."""
+    inserted = insert_grains(scene, recipe)
+    stretch = ((1.0 + GAS) / (1.0 + recipe.void_ratio)) ** (1.0 / 3.0)
+    return inserted.replace(position=inserted.position * stretch, cell=inserted.cell * stretch)
+
+
+def _with_scene(state: State, scene: Scene, start: Start) -> State:
+    """The state at rest with another friction: forces above the new limit are reduced before a ledger is opened."""
+    return start(state.at_rest().replace(scene=scene)).state()
+
+
+def _limit(state: State) -> float:
+    """Critical time step of the inserted grains; that of the scene if by chance none touch."""
+    limit = critical_time_step(state)
+    return limit if math.isfinite(limit) else state.time_step
+
+
+def _compress(engine: Engine, recipe: Recipe, progress: Progress) -> None:
+    """Compress until the void ratio, or the pressure, of the recipe is reached."""
+    state = engine.state()
+    solid = state.volume / (1.0 + GAS)
+    end = solid * (1.0 + (recipe.void_ratio if recipe.pressure is None else DENSEST))
+    rate = RATE * default_rate(IsotropicCompression, state.scene)
+    steps = math.ceil(math.log(state.volume / end) / (3.0 * rate * state.time_step))
+    gradient = np.eye(3) * math.expm1(math.log(end / state.volume) / (3.0 * steps)) / state.time_step
+    for step in range(0, steps, CHECK):
+        engine.advance(min(CHECK, steps - step), gradient)
+        pressure = float(mean_stress(engine.stress()))
+        if recipe.pressure is None:
+            progress(step / steps, f"compression, {pressure:.3g} Pa")
+        else:
+            progress(log_fraction(1e-6, max(pressure / recipe.pressure, 1e-6), 1.0), f"compression, {pressure:.3g} Pa")
+            if pressure >= recipe.pressure:
+                return
+    if recipe.pressure is not None:
+        raise PhysicsError(f"the pressure did not reach {recipe.pressure:.3g} Pa at a void ratio of {DENSEST:g}")
+
+
+def at_friction(recipe: Recipe, friction: float, rolling_friction: float) -> Recipe:
+    """The recipe with another friction during compression."""
+    return dataclasses.replace(recipe, step1_friction=friction, step1_rolling_friction=rolling_friction)

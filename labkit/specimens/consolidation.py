@@ -1,0 +1,120 @@
+"""Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from labkit.engines.base import Progress, Start, silent
+from labkit.engines.requests import Advance, Load, Request, drive
+from labkit.errors import InputError, PhysicsError
+from labkit.grains.state import State
+from labkit.io.interruption import Signals, stop_on_signals
+from labkit.io.progress import log_fraction
+from labkit.micro.indicators import unbalanced_force
+from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress
+from labkit.micro.tensors import symmetric, to_six
+from labkit.parameters import with_unit
+from labkit.paths.control import Control
+from labkit.paths.path import Path
+from labkit.paths.rates import on_grains, rate_of
+from labkit.paths.standard import Consolidation
+from labkit.paths.step import Here
+from labkit.records.energy import opened, require_balanced
+from labkit.servo import correction as servo
+from labkit.specimens.interim import Interim
+from labkit.specimens.specimen import ready
+
+TOLERANCE = 1e-3  # of the pressure, in each direction
+UNBALANCED = 1e-3
+CHECK_INTERVAL = 250  # steps
+STEP_LIMIT = 200_000  # to reach the stress
+REST_LIMIT = 1_000_000  # to come to rest at the stress: specimens without friction need many steps
+
+
+def pressure_error(snapshot: Snapshot, pressure: float) -> float:
+    """Largest relative deviation of the three normal stresses from `pressure` (Pa)."""
+    return stress_error(snapshot, path_to(pressure).control())
+
+
+def bring_to_pressure(
+    specimen: State, pressure: float, start: Start, progress: Progress = silent, interim: File | None = None
+) -> State:
+    """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit.
+
+    interim: file that keeps the state from time to time, so that an interrupted consolidation continues from there.
+    """
+    return bring_to(specimen, path_to(pressure), start, progress, interim)
+
+
+def path_to(pressure: float) -> Consolidation:
+    """The path to an isotropic stress, Pa."""
+    return Consolidation(pressure=with_unit(pressure, "Pa"))
+
+
+def stress_error(snapshot: Snapshot, control: Control) -> float:
+    """Largest relative deviation of the stresses that a Control holds from their targets."""
+    stress = to_six(symmetric(love_stress(snapshot)))
+    return float(np.abs(control.measure @ stress / control.at(0.0) - 1.0).max())
+
+
+def bring_to(
+    specimen: State, path: Path, start: Start, progress: Progress = silent, interim: File | None = None
+) -> State:
+    """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit.
+
+    interim: as for `consolidate`; Interrupted is then raised after a signal, once the file is written.
+    """
+    return drive(approach(specimen, path, start.name, progress, interim), start)
+
+
+def approach(
+    specimen: State, path: Path, engine: str, progress: Progress = silent, interim: File | None = None
+) -> Generator[Request, object, State]:
+    """What `bring_to` needs of an engine, whose name is given; see labkit.engines.requests."""
+    path = on_grains(path, specimen.scene)
+    control = path.control()
+    if control is None:
+        raise InputError(f"path {path.name} holds no stress: choose a path that does")
+    kept = Interim(interim, specimen, path, engine)
+    state = kept.resumed()
+    begin = state.step if state else 0
+    yield Load(state or opened((yield from ready(specimen))))
+    with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
+        state = yield from _to_rest(begin, specimen, path, control, progress, kept, signals)
+    kept.remove()
+    return state
+
+
+def _to_rest(
+    begin: int, specimen: State, path: Path, control: Control, progress: Progress, kept: Interim, signals: Signals
+) -> Generator[Request, Any, State]:
+    """Advance from the step `begin` until the State is at rest with the stresses at their targets."""
+    held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
+    first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
+    for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
+        state = yield lambda engine: engine.state()
+        kept.keep(state, signals)
+        snapshot = state.snapshot()
+        require_balanced(state, snapshot)
+        error = stress_error(snapshot, control)
+        progress(log_fraction(first, error, TOLERANCE), f"consolidation, error of stress {error:.2%}")
+        unbalanced = unbalanced_force(snapshot)
+        if step and error < TOLERANCE and unbalanced < UNBALANCED:
+            return state.at_rest()
+        if step >= STEP_LIMIT and error >= TOLERANCE:
+            break
+        stiffness, before = servo.cell_stiffness(snapshot, control.components), state.velocity_gradient
+        for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
+            stress = yield lambda engine: engine.stress()
+            before = servo.velocity_gradient(held, rate, state.time_step, stress, stiffness, before)
+            yield Advance(servo.STANDARD.interval, before)
+    raise PhysicsError(
+        f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
+        f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"
+    )

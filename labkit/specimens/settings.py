@@ -1,0 +1,41 @@
+"""Three presets, based on `labkit speed-error`; results/speed_error lists the cost and the error of each.
+
+The commands use `standard` by default; it is built from their default values.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from labkit.errors import InputError, instead_of
+from labkit.grains.scene import Scene
+from labkit.specimens.specimen import SIDE
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """A preset.
+
+    side or grains: size of a specimen; time_step_factor: of the Scene; rate_factor: axial strain rate divided by the
+    default of the path (labkit.paths.rates.default_rate).
+    """
+
+    side: float | None = None  # m
+    grains: int | None = None
+    time_step_factor: float = Scene.time_step_factor
+    rate_factor: float = 1.0
+
+
+SETTINGS = {
+    "quick": Settings(grains=2000, time_step_factor=0.3, rate_factor=4.0),
+    "standard": Settings(side=SIDE),
+    "reference": Settings(side=SIDE, time_step_factor=0.1, rate_factor=0.5),
+}
+
+
+def settings(name: str) -> Settings:
+    """The Settings of that name. Raises InputError for an unknown name."""
+    if name not in SETTINGS:
+        allowed = instead_of(SETTINGS, name)
+        raise InputError("are unknown", field="settings", value=name, allowed=allowed, quoted=True)
+    return SETTINGS[name]

@@ -1,0 +1,300 @@
+"""Specimens (section 2): grains inserted at random with overlap, relaxed in two steps in a fixed cell."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Generator
+from typing import Any
+
+import numpy as np
+
+from labkit.engines.base import Engine, Progress, Start, reload, silent
+from labkit.engines.requests import Load, Request
+from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State, grains_in_cell
+from labkit.grains.time_step import critical_time_step, require_stable
+from labkit.io.progress import log_fraction
+from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
+from labkit.parameters import Named, Number, check_parameters, parameter
+from labkit.records.energy import kinetic_energy, opened, require_balanced
+from labkit.records.limits import require_shallow
+
+MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
+SIDE = 4e-3  # m, of the cube in the paper
+FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe(Named):
+    """How to make a specimen: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
+
+    The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A
+    cell with another `aspect` has the base `side` x `side`. `preparation = "insertion"` is that of the paper.
+    `preparation = "compression"` compresses a gas isotropically (labkit.specimens.compression), with the friction of
+    step 1, to the void ratio, or to `pressure` if that is given: `void_ratio` then only determines the size.
+    Raises InputError for values outside their ranges.
+    """
+
+    void_ratio: Number[float] = parameter(
+        low=0.3, high=1.5, help="target void ratio, not corrected for overlaps, e.g. 0.67"
+    )
+    step1_friction: Number[float] = parameter(
+        0.15, low=0.0, high=10.0, help="friction coefficient mu of step 1; determines the pressure"
+    )
+    step1_rolling_friction: Number[float] = parameter(
+        0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r of step 1"
+    )
+    side: Number[float | None] = parameter(None, unit="m", above=0.0, high=0.1, help="side of the cube (default: 4 mm)")
+    grains: Number[int | None] = parameter(
+        None, low=MINIMUM_GRAINS, high=MAXIMUM_GRAINS, kind=int, help="approximate number of grains, instead of a side"
+    )
+    aspect: Number[float] = parameter(1.0, low=0.2, high=10.0, help="height of the cell divided by its side")
+    preparation: str = parameter(
+        "insertion",
+        choices=("insertion", "compression"),
+        help="insertion with overlap, or compression of a gas with the friction of step 1",
+    )
+    pressure: Number[float | None] = parameter(
+        None, unit="Pa", above=0.0, high=1e12, help="with compression: pressure to reach, instead of the void ratio"
+    )
+    seed: Number[int] = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
+    size_classes: Number[int | None] = parameter(
+        None,
+        low=1,
+        high=64,
+        kind=int,
+        help="number of different diameters, as LAMMPS needs (default: no two are equal)",
+    )
+
+    def __post_init__(self) -> None:
+        """Check every parameter. Raises InputError."""
+        check_parameters(self)
+        if self.side is not None and self.grains is not None:
+            raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
+        if self.pressure is not None and self.preparation != "compression":
+            allowed = "preparation = compression, or no pressure and labkit consolidate afterwards"
+            raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
+
+    def side_of(self, scene: Scene) -> float:
+        """Side of the base for grains of this scene, m. Raises InputError if it would hold too few or too many."""
+        if self.grains is not None:
+            return side_for(self.grains / self.aspect, self.void_ratio, scene)
+        side = SIDE if self.side is None else self.side
+        grains = side**3 * self.aspect / (1.0 + self.void_ratio) / mean_grain_volume(scene)
+        if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
+            low, high = (side_for(n / self.aspect, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
+            raise InputError(
+                f"m would hold {grains:.3g} grains",
+                field="side",
+                value=side,
+                allowed=f"{1.01 * low:.3g} to {0.99 * high:.3g} m",
+            )
+        return side
+
+    def expected_grains(self, scene: Scene) -> int:
+        """Approximate number of grains."""
+        solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.void_ratio)
+        return self.grains or round(solid / mean_grain_volume(scene))
+
+    def to_json(self) -> str:
+        """The recipe as JSON, for files."""
+        return json.dumps(dataclasses.asdict(self))
+
+
+@dataclasses.dataclass(frozen=True)
+class Equilibrium:
+    """Criteria for a specimen at rest, and the largest number of steps to reach them."""
+
+    unbalanced_force: float
+    energy_ratio: float  # kinetic/elastic
+    check_interval: int = 250  # steps
+    step_limit: int = 100_000
+
+
+STEP1 = Equilibrium(unbalanced_force=1e-3, energy_ratio=1e-4)
+STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
+
+# The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
+# a spring system that is stopped after a time T retains cos(omega T) of each mode, so that no mode grows.
+RELEASE_TIME_STEP = 0.25  # of the critical time step of the inserted grains
+RELEASE_STEPS = 20  # between two stops
+RELEASE_UNBALANCED = 0.03
+RELEASE_LIMIT = 500  # stops
+
+
+def side_for(grains: float, void_ratio: float, scene: Scene) -> float:
+    """Side of a cube that holds approximately the given number of grains, m."""
+    return float((grains * mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
+
+
+def mean_grain_volume(scene: Scene) -> float:
+    """Mean of pi D^3/6 over the distribution of diameters by number, m3."""
+    if scene.grading is not None:
+        return scene.sizes.mean_volume
+    return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
+
+
+def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
+    """Radii from the distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
+
+    See labkit.grains.grading for a scene with a grading. For the uniform distribution about the mean diameter,
+    grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
+    up the remainder exactly. These two lie within the distribution for any spread below 0.22; otherwise they are no
+    larger than its mean.
+    """
+    if scene.grading is not None:
+        return scene.sizes.draw(solid_volume, rng)
+    low, high = (0.5 * scene.mean_diameter * (1.0 + s * scene.diameter_spread) for s in (-1.0, 1.0))
+    two_largest = 2.0 * 4.0 / 3.0 * np.pi * high**3
+    radii, missing = [], solid_volume
+    while missing >= two_largest:
+        radii.append(rng.uniform(low, high))
+        missing -= 4.0 / 3.0 * np.pi * radii[-1] ** 3
+    return np.array(radii + [(missing / 2.0 * 3.0 / (4.0 * np.pi)) ** (1.0 / 3.0)] * 2)
+
+
+def in_classes(radius: np.ndarray, classes: int) -> np.ndarray:
+    """Radii rounded to the midpoints of classes of equal width, times a factor close to 1 that keeps their volume."""
+    low, high = radius.min(), radius.max()
+    width = (high - low) / classes
+    if width == 0.0:
+        return radius
+    rounded = low + width * (np.minimum((radius - low) // width, classes - 1) + 0.5)
+    return rounded * (np.sum(radius**3) / np.sum(rounded**3)) ** (1.0 / 3.0)
+
+
+def spatial_order(position: np.ndarray, side: float, mean_diameter: float) -> np.ndarray:
+    """Order of grains in which neighbours in space are close in memory: slices, rows, cells of two diameters."""
+    block = np.floor(position / side * max(1, int(side / (2 * mean_diameter)))).astype(int)
+    return np.lexsort(block.T)
+
+
+def insert_grains(scene: Scene, recipe: Recipe) -> State:
+    """A State of grains inserted at random with overlap, at exactly the nominal void ratio."""
+    side = recipe.side_of(scene)
+    rng = np.random.default_rng(recipe.seed)
+    lengths = side * np.array([1.0, 1.0, recipe.aspect])
+    radius = draw_radii(scene, side**3 * recipe.aspect / (1.0 + recipe.void_ratio), rng)
+    if recipe.size_classes is not None:
+        radius = in_classes(radius, recipe.size_classes)
+    position = rng.random((len(radius), 3)) * lengths
+    order = spatial_order(position, side, scene.mean_diameter)
+    return grains_in_cell(scene, radius[order], position[order], np.diag(lengths), recipe.seed)
+
+
+def prepare_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
+    """A State at rest at the nominal void ratio, prepared in the two steps of section 2.
+
+    `start`: starts the engine. Raises PhysicsError if the specimen does not come to rest.
+    """
+    inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
+    return relax(inserted, scene, start, progress).replace(recipe=recipe.to_json())
+
+
+def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
+    """A State at rest, relaxed from inserted grains with their friction in step 1 and that of `scene` in step 2."""
+    engine = start(inserted)
+    engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
+    release(engine, lambda f, text: progress(0.3 * f, text))
+    released = engine.state().replace(time_step=inserted.scene.time_step)
+    require_stable(released)
+    engine.load(opened(released))
+    settle(engine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, f"{FIRST}: {text}"))
+    engine.load(opened(engine.state().at_rest().replace(scene=scene)))
+    settle(engine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, f"{SECOND}: {text}"))
+    return reload(engine).at_rest()
+
+
+def release(engine: Engine, progress: Progress) -> None:
+    """Relax the deep overlaps, stopping the grains every few steps; settle() removes the rest."""
+    still = np.zeros((3, 3))
+    first = None
+    for stop in range(RELEASE_LIMIT):
+        engine.advance(RELEASE_STEPS, still)
+        engine.stop_grains()
+        if stop % 10 == 9:
+            unbalanced = unbalanced_force(engine.state().snapshot())
+            first = first or unbalanced
+            progress(
+                log_fraction(first, unbalanced, RELEASE_UNBALANCED),
+                f"relaxing overlaps, unbalanced force {unbalanced:.2g}",
+            )
+            if unbalanced < RELEASE_UNBALANCED:
+                return
+
+
+def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
+    """Advance in the fixed cell until the specimen is at rest. Raises PhysicsError at the step limit."""
+    still = np.zeros((3, 3))
+    first = None
+    for _ in range(0, target.step_limit, target.check_interval):
+        engine.advance(target.check_interval, still)
+        state = engine.state()
+        snapshot = state.snapshot()
+        contacts = len(snapshot.contacts)
+        if contacts < state.number_of_grains:
+            raise PhysicsError(
+                f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): "
+                "decrease the void ratio or increase step1_friction, so that the specimen carries load"
+            )
+        require_balanced(state, snapshot)
+        unbalanced = unbalanced_force(snapshot)
+        elastic = elastic_energy(snapshot)
+        energy = kinetic_energy(state) / elastic if elastic > 0.0 else np.inf
+        first = first or max(unbalanced, energy)
+        progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced force {unbalanced:.2g}")
+        if unbalanced < target.unbalanced_force:
+            if energy < target.energy_ratio:
+                progress(1.0, f"unbalanced force {unbalanced:.2g}")
+                return
+            engine.stop_grains()  # rattlers would keep moving; the load-bearing grains must stay at rest without them
+    pressure = mean_stress(love_stress(snapshot))
+    raise PhysicsError(
+        f"the specimen is not at rest after {target.step_limit} steps (unbalanced force {unbalanced:.2g}, "
+        f"kinetic/elastic energy {energy:.2g}, pressure {pressure:.3g} Pa): "
+        "decrease the void ratio or increase step1_friction, so that the specimen carries load"
+    )
+
+
+def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, State]:
+    """The specimen at rest with the time step of its scene, ready for a test.
+
+    A state without contacts, from another program or placed by hand, gets the contacts that the engine detects: the
+    energy balance then includes their energy, and the stability limit takes their stiffness into account, from the
+    start. Raises InputError if grains overlap too deeply, PhysicsError if the test is `guarded` and the time step
+    exceeds its limit.
+    """
+    state = specimen.at_rest().replace(time_step=specimen.scene.time_step)
+    if len(state.contact_grain) == 0:
+        yield Load(state)
+        state = yield lambda engine: engine.state()
+    snapshot = state.snapshot()
+    require_shallow(snapshot)
+    if guarded:
+        require_stable(state, snapshot)
+    return state
+
+
+def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
+    """Summary of a specimen, name -> (value, unit)."""
+    snapshot = state.snapshot()
+    grains, contacts, limit = state.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
+    values = {
+        "grains": (grains, ""),
+        "contacts": (contacts, ""),
+        "mean diameter by number": (2.0 * float(state.radius.mean()), "m"),
+        "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
+        "void ratio": (void_ratio(snapshot), ""),
+        "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),
+        "coordination number": (2 * contacts / grains, ""),
+        "mean overlap": (overlap_ratio(snapshot), "D"),
+        "unbalanced force": (unbalanced_force(snapshot), ""),
+        "time step": (state.time_step, "s"),
+    }
+    if np.isfinite(limit):  # there are contacts
+        values["time step/critical time step"] = state.time_step / limit, ""
+    return values

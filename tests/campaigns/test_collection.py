@@ -1,0 +1,140 @@
+"""A campaign as one lazy object; hundreds of runs are summarised without being loaded at once."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit
+from labkit.campaigns.collection import open_campaign
+from labkit.errors import InputError
+from tests.changed import changed
+
+RUNS = 300
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory, labkit_command):
+    """A run file with 120 grains and some records."""
+    folder = tmp_path_factory.mktemp("one")
+    words = ["--void-ratio", 0.606, "--step1-friction", 0.06, "--grains", 120, "--engine", "fused", "-o", "s.state.nc"]
+    assert labkit_command("specimen", *words, cwd=folder).returncode == 0
+    words = ["--strain", 0.01, "--rate", 40, "--snapshots", 1, "--engine", "fused", "-o", "r.run.nc"]
+    done = labkit_command("run", "cv", "s.state.nc", *words, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "r.run.nc"
+
+
+def compact(file, output):
+    """Copies a run file without its checkpoint and without space for more records."""
+    with netCDF4.Dataset(file) as old, changed(output) as new:
+        copy_group(old, new)
+
+
+def copy_group(old, new):
+    new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
+    for name, dimension in old.dimensions.items():
+        new.createDimension(name, len(dimension))
+    for name, variable in old.variables.items():
+        copied = new.createVariable(name, variable.dtype, variable.dimensions, contiguous=True)
+        copied.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
+        copied[...] = variable[...]
+    for name in set(old.groups) - {"checkpoint"}:
+        copy_group(old.groups[name], new.createGroup(name))
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory, one):
+    """Folder of a synthetic campaign: copies with different seeds, and stresses that are multiples."""
+    folder = tmp_path_factory.mktemp("many")
+    (folder / "runs").mkdir()
+    compact(one, folder / "one.run.nc")
+    for k in range(RUNS):
+        file = folder / "runs" / f"cv-{k:04d}.run.nc"
+        shutil.copy(folder / "one.run.nc", file)
+        with changed(file) as run:
+            run.seed = k
+            run["stress"][:] = run["stress"][:] * (1 + k)
+    yield folder
+    shutil.rmtree(folder)
+
+
+MEMORY = """
+import json, pathlib, sys, time
+import labkit, xarray
+from labkit.campaigns.collection import open_campaign
+def most():
+    return int(pathlib.Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
+open_campaign(sys.argv[2]).runs.summary()  # memory for one run
+before, begin = most(), time.perf_counter()
+campaign = open_campaign(sys.argv[1])
+opened = time.perf_counter() - begin
+table = campaign.runs.summary()
+summarised = time.perf_counter() - begin - opened
+grown = most() - before
+print(json.dumps({"opened_s": opened, "summarised_s": summarised, "grown_MB": grown / 1e3,
+                  "final": table["final_mean_stress"].values.tolist()}))
+"""
+
+
+def test_hundreds_of_runs_are_summarised_without_being_loaded(many, one):
+    done = subprocess.run([sys.executable, "-c", MEMORY, many, one], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    final = np.array(found.pop("final"))
+    np.testing.assert_allclose(final / final[0], np.arange(1, RUNS + 1))
+    size = sum(file.stat().st_size for file in (many / "runs").iterdir()) / 1e6
+    print(f"{RUNS} runs, {size:.0f} MB:", found)
+    assert found["grown_MB"] < 0.3 * size
+
+
+def test_it_is_lazy_and_labelled(many, one):
+    campaign = open_campaign(many)
+    assert campaign.sizes["run"] == RUNS and campaign["seed"].values.tolist() == list(range(RUNS))
+    assert set(campaign["path"].values) == {"cv"} and (campaign["rate"] == 40.0).all()
+    assert (campaign["specimen"] == "s.state.nc").all() and np.allclose(campaign["specimen_void_ratio"], 0.606)
+    single = labkit.open_run(one)
+    for file in (many / "runs").glob("cv-0[1-9]*"):
+        file.rename(file.with_suffix(".away"))  # reading any file that is not selected fails
+    try:
+        some = campaign.isel(run=(campaign["seed"] < 3).values)
+        multiples = np.array([1, 2, 3]).reshape(3, 1, 1, 1)
+        np.testing.assert_allclose(some["stress"].values, single["stress"].values[None] * multiples)
+        strain = some["strain"].values  # the recorded tensor, not the strain to reach
+        np.testing.assert_allclose(strain, np.broadcast_to(single["strain"].values, strain.shape))
+        assert strain.shape == some["stress"].shape and (campaign["target_strain"] == 0.01).all()
+        zz = campaign["stress"].sel(run="cv-0002").isel(i=2, j=2, time=slice(2, 5))
+        np.testing.assert_allclose(zz.values, 3 * single["stress"].values[2:5, 2, 2])
+        assert campaign.runs.open("cv-0001").sizes["snapshot"] == single.sizes["snapshot"]
+    finally:
+        for file in (many / "runs").glob("*.away"):
+            file.rename(file.with_suffix(".nc"))
+
+
+def test_shorter_runs_are_padded_with_nan(one, tmp_path, labkit_command):
+    words = ["--strain", 0.005, "--rate", 40, "--engine", "fused", "--snapshots", 0, "-o", tmp_path / "short.run.nc"]
+    assert labkit_command("run", "cv", one.with_name("s.state.nc"), *words).returncode == 0
+    shutil.copy(one, tmp_path / "long.run.nc")
+    campaign = open_campaign(tmp_path)
+    assert campaign["run"].values.tolist() == ["long", "short"]
+    short = campaign["stress"].sel(run="short")
+    records = int(campaign["records"].sel(run="short"))
+    assert records < campaign.sizes["time"]
+    assert np.isfinite(short[:records].values).all() and np.isnan(short[records:].values).all()
+    table = campaign.runs.summary()
+    assert table["axial_strain_reached"].values == pytest.approx([0.01, 0.005], rel=1e-3)
+    assert table["final_mean_stress"].attrs["units"] == "Pa" and "seed" in table.coords
+    assert campaign["target_strain"].values == pytest.approx([0.01, 0.005])
+    assert campaign["friction"].values == pytest.approx([0.4, 0.4]) and campaign["young_modulus"].attrs["units"] == "Pa"
+    assert (campaign["law"] == "rolling_resistance").all() and (campaign["void_ratio"].dims == ("run", "time"))
+
+
+def test_a_folder_without_runs_or_a_missing_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match="contains no run files: give a campaign folder or run files"):
+        open_campaign(tmp_path)
+    with pytest.raises(InputError, match="nowhere does not exist: give a campaign folder or run files"):
+        open_campaign(tmp_path / "nowhere")

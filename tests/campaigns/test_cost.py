@@ -1,0 +1,151 @@
+"""The cost model and the tables for yade-batch."""
+
+import os
+import pwd
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from labkit.campaigns.cost import announcement, cost_of, expected_seconds, rough_time, task_seconds
+from labkit.campaigns.file import campaign_file, read_campaign
+from labkit.campaigns.plan import plan_of
+from labkit.campaigns.speeds import TYPICAL, cache_file
+from labkit.engines import starter
+from labkit.grains.scene import Scene
+from labkit.grains.state import read_state
+from labkit.paths.rates import on_grains
+from labkit.paths.standard import ConstantVolume
+from labkit.runs.tasks import RunTask, SpecimenTask
+from labkit.specimens.specimen import Recipe
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
+
+
+def plan(text, folder):
+    (folder / "c.yaml").write_text(text)
+    return plan_of(read_campaign(folder / "c.yaml"))
+
+
+SEEDS = "engine: {}\nspecimens:\n  a: {{void_ratio: 0.65, grains: {}, seed: [1, 2, 3, 4]}}\n"
+ONE = SEEDS + "runs:\n  cv: {{path: cv, specimen: a, strain: {}}}\n"
+
+
+def test_cost_grows_with_grains_strain_and_engine(tmp_path):
+    def seconds(*words):
+        found = plan(ONE.format(*words), tmp_path)
+        return cost_of(found.runs[0], found.campaign, TYPICAL)
+
+    small, more, longer = (seconds("fused", n, strain) for n, strain in ((1000, 0.1), (4000, 0.1), (1000, 0.4)))
+    assert more.grain_steps == pytest.approx(4 * small.grain_steps) and more.disk > small.disk
+    assert longer.grain_steps == pytest.approx(4 * small.grain_steps, rel=1e-3) and longer.seconds > small.seconds
+    assert seconds("yade", 1000, 0.1).seconds > small.seconds
+
+
+def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
+    found = plan(ONE.format("fused", 4000, 0.4), tmp_path)
+    costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
+    one, two, many = (expected_seconds(found, costs, cores) for cores in (1, 2, 100))
+    assert two == pytest.approx(one / 2) and many < two
+    longest = max(costs[job].seconds + costs[made].seconds for job in found.runs for made in found.specimens)
+    assert many >= longest * 0.999
+
+
+def test_the_quick_campaign_has_six_paths_three_densities_and_both_engines():
+    found = plan_of(read_campaign(campaign_file("quick")))
+    assert {(run.path.name, run.engine) for run in found.campaign.runs} == {
+        (path, engine) for path in ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp") for engine in ("yade", "fused")
+    }
+    assert len({specimen.recipe.void_ratio for specimen in found.campaign.specimens}) == 3 and len(found.runs) == 36
+    costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
+    assert expected_seconds(found, costs, 2) < 15 * 60
+
+
+def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_command):
+    (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
+    assert done.returncode == 0, done.stderr
+    assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this computer" in done.stdout
+    assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "cache"]
+    again = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
+    assert "measuring" not in again.stdout and again.stdout in done.stdout
+
+
+def test_tables_for_yade_batch(tmp_path, labkit_command):
+    (tmp_path / "c.yaml").write_text(
+        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n"
+        "runs:\n  cv: {path: cv, specimen: a, strain: 0.005, snapshots: 1}\n"
+        "  cp: {path: cp, specimen: a, strain: 0.005, pressure: 500 kPa, snapshots: 1}\n"
+    )
+    done = labkit_command("campaign", "c.yaml", "--tables", ".", cwd=tmp_path)
+    assert done.returncode == 0 and done.stdout.split() == ["specimen.table", "consolidation.table", "run.table"]
+    environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
+    for table, script in (("specimen", "specimen"), ("consolidation", "consolidate"), ("run", "path")):
+        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", SCRIPTS / f"{script}.py"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=300)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "cv.run.nc").exists() and (tmp_path / "cp.run.nc").exists()
+
+
+def test_tables_need_yade(tmp_path, labkit_command):
+    (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
+    done = labkit_command("campaign", "c.yaml", "--tables", "new", cwd=tmp_path)
+    assert done.returncode == 2 and "has the engine fused" in done.stderr and not (tmp_path / "new").exists()
+
+
+@pytest.fixture
+def typical(monkeypatch, tmp_path):
+    """No speeds measured on this computer."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "nowhere"))
+
+
+def test_speeds_have_a_file_where_the_user_has_no_home(monkeypatch):
+    def unknown(number):
+        raise KeyError(number)
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    assert cache_file() == Path(tempfile.gettempdir()) / "labkit" / "speed.json"
+
+
+def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen_file):
+    state = read_state(specimen_file)
+    path = ConstantVolume(strain=0.4)
+    slow = RunTask(state=state, path=path, start=starter("yade"))
+    steps = round(path.strain / on_grains(path, state.scene).rate / state.scene.time_step)
+    grains = state.number_of_grains
+    assert announcement(slow).startswith(f"yade, {grains:,} grains, {steps:,} steps, about ")
+    assert announcement(slow).endswith(f"; with --engine fused about {rough_time(task_seconds(slow, 'fused'))}")
+    assert announcement(slow, steps // 4).startswith(
+        f"yade, {grains:,} grains, {steps:,} steps, 25% of them done, about"
+    )
+    assert "--engine fused" not in announcement(RunTask(state=state, path=path, start=starter("fused")))
+    assert task_seconds(slow, "yade") > 3.0 * task_seconds(slow, "fused")
+
+
+def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
+    tasks = [
+        SpecimenTask(recipe=Recipe(void_ratio=0.67, grains=n), material=Scene(), start=starter("yade"))
+        for n in (100, 4000)
+    ]
+    few, many = map(announcement, tasks)
+    assert few.startswith("yade, about ") and "--engine fused" not in few
+    assert "--engine fused" in many
+
+
+def test_times_are_rounded():
+    assert [rough_time(t) for t in (0.2, 59.6, 600.0, 7200.0)] == ["1 s", "60 s", "10 min", "2 h"]
+
+
+def test_a_command_announces_itself_on_standard_error(labkit_command, tmp_path):
+    words = ("specimen", "--void-ratio", 0.67, "--grains", 150, "--engine", "fused", "-o", "s.state.nc")
+    done = labkit_command(*words, cwd=tmp_path)
+    assert re.fullmatch(r"specimen: fused, about 1\d\d grains, about 10,000 steps, about \d+ s\n", done.stderr)
+    again = labkit_command(*words, cwd=tmp_path)
+    assert again.returncode == 0 and again.stderr == ""

@@ -1,0 +1,150 @@
+"""Path files and the steps of a campaign: values with units, repetition, and every error with its line."""
+
+import pytest
+
+import labkit as lk
+from labkit.campaigns.file import read_campaign
+from labkit.campaigns.path_file import read_path
+from labkit.campaigns.plan import plan_of
+from labkit.cli import main
+from labkit.cli.dispatch import parse
+from labkit.cli.simulate import named_path
+from labkit.errors import InputError
+from labkit.paths.registry import make_path
+from labkit.paths.variables import increments
+
+STEPS = """\
+  - strain: {zz: 2 %}
+    stress: {xx: 0, yy: 0 kPa}
+    until: q/p > 0.8
+  - repeat: 3
+    steps:
+      - {stress: {q: -40 kPa}, variables: roscoe, records: 5}
+      - {repeat: 2, steps: [{strain: {xz: 1e-3}, label: shear}]}
+  - {stress: {xx: 0.3 MPa, yy: 300 kPa, zz: 300e3}, absolute: true, over: 1 %}
+"""
+EXPECTED = (
+    increments({"xx": 0.0, "yy": 0.0}, {"zz": 0.02}, until="q/p > 0.8", label="step in line 4"),
+    increments({"q": -40e3}, variables="roscoe", records=5, label="step in line 9"),
+    increments(strain={"xz": 1e-3}, label="shear"),
+    increments({"xx": 3e5, "yy": 3e5, "zz": 3e5}, absolute=True, over=0.01, label="step in line 11"),
+)
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text, name="own.yaml"):
+        file = tmp_path / name
+        file.write_text(text)
+        return file
+
+    return write
+
+
+def test_steps_in_a_path_file(written):
+    path = read_path(written(f"path: steps\npressure: 300 kPa\nsteps:\n{STEPS}"))
+    assert path.steps == EXPECTED and path.order == (0, *(1, 2, 2) * 3, 3) and path.pressure == 3e5
+
+
+def test_a_path_of_labkit_in_a_path_file(written):
+    file = written("path: cp\npressure: 300 kPa\nstrain: 5 %\n")
+    assert read_path(file) == lk.paths.ConstantMeanStress(pressure=3e5, strain=0.05)
+    small = written("path: isod\npressure: 50 Pa\n")
+    assert read_path(small).pressure == 50.0
+
+
+@pytest.mark.parametrize(
+    ("text", "errors"),
+    [
+        ("", ["line 1: a path file holds `path:` and its parameters, see docs/paths.md"]),
+        ("[1, 2", ["line 1: this is not YAML"]),
+        ("path: cq\n", ["line 1: the file: path 'cq' is unknown: give one of cv,"]),
+        ("pressure: 1 MPa\n", ["line 1: the file: path is missing: give it, e.g. cv"]),
+        (
+            "path: cp\npressure: 3 bar\nfoo: 1\n",
+            ["line 2: the file: pressure 3 bar has an unknown unit", "line 3: the file: 'foo'"],
+        ),
+        ("path: cv\nstrain: 0\n", ["line 2: the file: strain 0 is not valid"]),
+        ("path: cv\nsteps: []\n", ["line 2: the file: 'steps' is unknown"]),
+        ("path: steps\n", ["line 1: the file: steps is missing: give a list of steps"]),
+        ("path: steps\nsteps: 5\n", ["line 2: steps is not a list of steps"]),
+        ("path: steps\nsteps:\n  - {over: 1 %}\n", ["line 3: steps, step 1: changes nothing"]),
+        ("path: steps\nsteps:\n  - {strain: {p: 1}}\n", ["line 3: steps, step 1: strain: 'p' is unknown: use zz, xx"]),
+        ("path: steps\nsteps:\n  - {stress: {zz: 5}}\n", ["line 3: steps, step 1: stress: zz 5 has no unit"]),
+        (
+            "path: steps\nsteps:\n  - {stress: {zz: 5 kPa}, strain: {zz: 1}}\n",
+            ["line 3: steps, step 1: stress zz and strain zz are both given"],
+        ),
+        (
+            "path: steps\nsteps:\n  - strain: {zz: 1 %}\n    until: q >\n",
+            ["line 4: steps, step 1: until 'q >' is not a condition"],
+        ),
+        ("path: steps\nsteps:\n  - {repeat: 3}\n", ["line 3: steps, step 1: has nothing to repeat"]),
+        (
+            "path: steps\nsteps:\n  - repeat: 99999\n    steps: [{strain: {zz: 1}}, {strain: {zz: -1}}]\n",
+            ["line 3: steps, step 1: makes 199998 steps: give at most 100000"],
+        ),
+        ("path: steps\nsteps: " + "[{repeat: 1, steps: " * 7 + "[{}]" + "}]" * 7, ["repeats more than 5 times"]),
+    ],
+)
+def test_every_error_has_its_line(written, text, errors):
+    with pytest.raises(InputError) as error:
+        read_path(written(text))
+    lines = str(error.value).splitlines()
+    assert len(lines) == 1 + len(errors), lines
+    assert all(said in line for said, line in zip(errors, lines[1:], strict=True)), lines
+
+
+def test_a_file_that_is_not_text_is_refused(written, tmp_path):
+    (tmp_path / "own.yaml").write_bytes(b"\xff\xfe\0")
+    with pytest.raises(InputError, match=r"is not UTF-8 text: give a path file, see docs/paths\.md"):
+        read_path(tmp_path / "own.yaml")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_path(tmp_path / "none.yaml")
+
+
+def commanded_path(words):
+    """The path of a command line, from its options and its path file."""
+    _, given = parse(words)
+    kind, values = named_path(given["path"])
+    return make_path(kind.name, {**values, **given["loading"]})
+
+
+def test_options_replace_what_the_file_says(written):
+    file = written("path: cp\npressure: 300 kPa\nstrain: 5 %\n")
+    path = commanded_path(["run", str(file), "s.state.nc", "--strain", "1 %"])
+    assert path == lk.paths.ConstantMeanStress(pressure=3e5, strain=0.01)
+
+
+CAMPAIGN = """\
+engine: fused
+specimens: {dense: {void_ratio: 0.62, grains: 200}}
+runs:
+  own:
+    path: steps
+    specimen: dense
+    pressure: [200 kPa, 300 kPa]
+    stop_when: q/p > 1
+"""
+
+
+def test_the_steps_of_a_campaign_become_options_of_its_jobs(written):
+    text = CAMPAIGN + "    steps:\n" + "".join(f"    {line}\n" for line in STEPS.splitlines())
+    campaign = read_campaign(written(text, "c.yaml"))
+    jobs = plan_of(campaign).runs
+    assert [job.item.path.pressure for job in jobs] == [2e5, 3e5] and len(jobs) == 2
+    for job in jobs:
+        words = [*job.command[:2], "s.state.nc", *job.arguments[2:]]
+        assert commanded_path(words) == job.item.path and parse(words)[1]["recording"].stop_when == "q/p > 1"
+    assert [step.label for step in jobs[0].item.path.steps][2] == "shear"
+    with pytest.raises(InputError, match="line 4: run own: steps is missing"):
+        read_campaign(written(CAMPAIGN, "d.yaml"))
+
+
+def test_the_model_takes_a_path_file(written, tmp_path, capsys):
+    file = written("path: steps\nsteps:\n  - {strain: {zz: 1 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.4}\n")
+    output = tmp_path / "m.run.nc"
+    arguments = ["model", str(file), "--void-ratio", "0.67", "--pressure", "300kPa", "-o", str(output)]
+    assert main(arguments) == 0
+    run = lk.open_run(output)
+    assert float(run.lab.stress_ratio()[-1]) > 0.4 and float(run["path_step_progress"][-1]) < 1.0

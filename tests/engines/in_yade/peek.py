@@ -1,0 +1,21 @@
+"""labkit's server inside YADE, which also evaluates expressions: tests see with them what YADE itself has.
+
+peek.py YADE_SCRIPTS SOCKET
+"""
+
+import socket
+import sys
+
+sys.path.append(sys.argv[1])
+
+import numpy as np
+import server
+
+
+class Peek(server.Server):
+    def evaluate(self, values, arrays):
+        """The value of an expression, in which O, utils and np have the meaning that they have in YADE's scripts."""
+        return {"value": eval(values["expression"], {"O": O, "utils": server.utils, "np": np})}, {}
+
+
+Peek(socket.socket(fileno=int(sys.argv[2]))).serve()

@@ -1,0 +1,211 @@
+"""The parts of contact laws: energy and force, closed forms, compiled and plain Python, and parts that are refused."""
+
+import numba
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.engines.kernel.compiling import Version, compiled_with_callees
+from labkit.errors import InputError
+from labkit.grains.laws import LAWS, Contact, require_potential
+from labkit.grains.laws.vectors import ZERO, Vector, dot, opposite
+from labkit.grains.scene import Scene
+
+A, B = 9e-5, 8e-5  # radii, m
+REDUCED = A * B / (A + B)
+TWISTED = {"twisting_friction": 0.15}
+SCENES = {
+    **{law: Scene(law=law) for law in LAWS},
+    "rolling_resistance twisting": Scene(**TWISTED),
+    "twisting alone": Scene(law="spring_dashpot", rolling_friction=0.0, **TWISTED),
+    "spring_dashpot twisting": Scene(law="spring_dashpot", **TWISTED),
+    "whole forces": Scene(law="spring_dashpot", limits="forces"),
+    "without friction": Scene(law="spring_dashpot", friction=0.0),
+}
+
+
+def vector(values):
+    return Vector(*np.asarray(values, dtype=float).tolist())
+
+
+def stiffness_of(scene):
+    law = scene.contact_law
+    return float(law.normal_stiffness(scene, np.array(A), np.array(B)))
+
+
+def contact_of(scene, branch, velocity, spin_a=(0, 0, 0), spin_b=(0, 0, 0)):
+    distance = float(np.linalg.norm(branch))
+    normal = np.asarray(branch) / distance
+    return Contact(
+        stiffness_of(scene),
+        A,
+        B,
+        A + B - distance,
+        1.0 / distance,
+        *(vector(v) for v in (branch, normal, velocity, spin_a, spin_b)),
+    )
+
+
+def stored(scene, contact, t, m):
+    """Energy of the springs of a contact, J."""
+    law, k, depth = scene.contact_law, contact.stiffness, max(contact.overlap, 0.0)
+    kt = law.tangential.stiffness(law.tangential.share(scene), k, depth)
+    twist = dot(m, contact.normal)
+    bend = m - twist * contact.normal
+    energy = law.normal.energy(k, depth)
+    if depth == 0.0:
+        return energy
+    energy += 0.5 * dot(t, t) / kt
+    for kind, squared in (("rolling", dot(bend, bend)), ("twisting", twist**2)):
+        if squared > 0.0:
+            part = getattr(law, kind)
+            energy += 0.5 * squared / part.stiffness(part.numbers(scene, 1.0), kt, A, B)
+    return energy
+
+
+def drive(scene, velocities, spins, dt, overlap=3e-7):
+    """Move the second grain from a given overlap along x: (work done on the contact, contacts, responses) per step."""
+    law = scene.contact_law
+    numbers = law.features(scene)[:-1]
+    branch, t, m = np.array([A + B - overlap, 0.0, 0.0]), ZERO, ZERO
+    for velocity, (spin_a, spin_b) in zip(velocities, spins, strict=True):
+        branch = branch + dt * velocity
+        contact = contact_of(scene, branch, velocity, spin_a, spin_b)
+        r = law.pair(contact, t, m, dt, True, *numbers)
+        t, m = r.tangential_force, r.rolling_moment
+        work = dt * (np.dot(r.force, velocity) - np.dot(r.torque_a, spin_a) - np.dot(r.torque_b, spin_b))
+        yield work, contact, r
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_force_of_each_normal_part_is_the_derivative_of_its_energy(name):
+    law = LAWS[name]
+    require_potential(law)
+    overlap = np.geomspace(1e-9, 1e-5, 30)
+    tangent = (law.normal.force(2.0, 1.0001 * overlap) - law.normal.force(2.0, 0.9999 * overlap)) / (2e-4 * overlap)
+    np.testing.assert_allclose(tangent, law.normal.tangent(2.0, overlap), rtol=1e-7)
+
+
+class WithoutPotential(lk.laws.LinearSpring):
+    """A force that its energy does not give."""
+
+    @staticmethod
+    def force(stiffness, overlap):
+        return 1.001 * stiffness * overlap
+
+
+def test_a_part_whose_force_is_not_the_derivative_of_its_energy_is_refused():
+    class Refused(lk.ContactLaw):
+        name = "refused"
+        parts = WithoutPotential() + lk.laws.Coulomb()
+
+    with pytest.raises(InputError, match="refused: the force of WithoutPotential is not the derivative of its energy"):
+        lk.register_law(Refused)
+    assert "refused" not in LAWS
+
+
+@pytest.mark.parametrize("changes", [TWISTED, {"limits": "forces"}])
+def test_options_of_parts_that_a_law_lacks_are_refused(changes):
+    for law in ("hertz_mindlin", "hertz_mindlin_dashpot"):
+        with pytest.raises(InputError, match="the contact law hertz_mindlin"):
+            Scene(law=law, **changes)
+    with pytest.raises(InputError, match="no dashpots whose forces could be limited"):
+        Scene(limits="forces")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_compiled_law_is_the_plain_one(name):
+    scene = SCENES[name]
+    law, random = scene.contact_law, np.random.default_rng(2)
+    pair = compiled_with_callees(law.pair, {}, Version("tested"))
+
+    @numba.njit
+    def compiled(c, t, m, dt, f):
+        return pair(c, t, m, dt, True, f.shear, f.friction, f.rolling, f.twisting, f.dashpots, f.whole)
+
+    features = law.features(scene)
+    for overlap in (-1e-6, 1e-8, 1e-6):
+        direction = random.normal(size=3)
+        branch = (A + B - overlap) * direction / np.linalg.norm(direction)
+        contact = contact_of(scene, branch, *(random.normal(0.0, s, 3) for s in (1e-2, 100.0, 100.0)))
+        t, m = (vector(np.cross(random.normal(0.0, s, 3), contact.normal)) for s in (1e-3, 1e-8))
+        ours = law.pair(contact, t, m, 1e-7, True, *features[:-1])
+        for a, b in zip(ours, compiled(contact, t, m, 1e-7, features), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14 * np.abs(np.ravel(b)).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_work_is_stored_or_lost(name):
+    """Loading, slip, rolling and twisting together, there and back, sticking and sliding."""
+    scene = SCENES[name]
+    steps, dt = 6000, 1e-9
+    phase = np.linspace(0.0, 2.0 * np.pi, steps)
+    push = 2e-7 * np.pi / (steps * dt)
+    velocities = np.stack([-push * np.sin(phase), 2.0 * push * np.cos(phase), 0.5 * push * np.cos(2 * phase)], axis=1)
+    spins = np.zeros((steps, 2, 3))
+    spins[:, 0, 0], spins[:, 1, 2] = 2e3 * np.cos(phase), 3e3 * np.sin(phase)
+    work = losses = largest = 0.0
+    at_first = stored(scene, contact_of(scene, [A + B - 3e-7, 0.0, 0.0], ZERO), ZERO, ZERO)
+    for done, at, r in drive(scene, velocities, spins, dt):
+        work, contact = work + done, at
+        losses += r.friction_loss + r.rolling_loss + r.dashpot_loss
+        largest = max(largest, work)
+    change = stored(scene, contact, r.tangential_force, r.rolling_moment) - at_first
+    assert losses > 0.1 * largest
+    assert abs(work - losses - change) < 0.02 * largest
+
+
+def test_the_twisting_moment_is_that_of_the_closed_form():
+    """A spring kt r*^2 up to mu_t r* fn; beyond it the loss is moment times angle."""
+    scene = Scene(law="spring_dashpot", rolling_friction=0.0, friction=0.0, beta_n=0.0, beta_t=0.0, **TWISTED)
+    kt = stiffness_of(scene) / 2.0
+    limit, stiffness = 0.15 * REDUCED * stiffness_of(scene) * 3e-7, kt * REDUCED**2
+    rate, dt, steps = 1e3, 1e-8, 4000
+    assert rate * dt * steps > 2.0 * limit / stiffness
+    moments, lost = [], 0.0
+    spins = [((0, 0, 0), (rate, 0, 0))] * steps
+    for _, _, r in drive(scene, np.zeros((steps, 3)), spins, dt):
+        moments.append(r.torque_a.x)
+        lost += r.rolling_loss
+        assert r.torque_b == opposite(r.torque_a) and r.rolling_moment.y == r.rolling_moment.z == 0.0
+    angle = rate * dt * np.arange(1, steps + 1)
+    np.testing.assert_allclose(moments, np.minimum(stiffness * angle, limit), rtol=1e-9)
+    assert np.isclose(lost, limit * (angle[-1] - limit / stiffness), rtol=1e-3)
+
+
+def loop(law):
+    """Shear at a large overlap, unload, shear back and load again: (losses per step, work, change of stored energy)."""
+    scene = Scene(law=law, friction=5.0)  # no sliding: all loss is that of the changing stiffness
+    dt, steps = 1e-9, 2000
+    speed = 1e-7 / (dt * steps)
+    legs = [(0, speed), (0.9 * speed * 3, 0), (0, -speed), (-0.9 * speed * 3, 0)]
+    velocities = np.repeat([(x, y, 0.0) for x, y in legs], steps, axis=0)
+    still = np.zeros(3)
+    losses, work = [], 0.0
+    for done, at, r in drive(scene, velocities, [(still, still)] * len(velocities), dt):
+        losses.append(r.friction_loss)
+        work, contact = work + done, at
+    start = stored(scene, contact_of(scene, [A + B - 3e-7, 0.0, 0.0], ZERO), ZERO, ZERO)
+    return np.array(losses), work, stored(scene, contact, r.tangential_force, ZERO) - start
+
+
+def test_the_rescaled_spring_creates_no_energy():
+    losses, work, change = loop("hertz_mindlin_rescaled")
+    assert losses.min() > -1e-9 * losses.max() and losses.sum() > 0.0
+    assert abs(work - losses.sum() - change) < 0.02 * losses.sum()
+    created, *_ = loop("hertz_mindlin")  # Mindlin's spring creates energy while it is unloaded
+    assert created.min() < -0.1 * created.max()
+
+
+@pytest.mark.parametrize("limits", ["springs", "forces"])
+def test_what_the_limit_of_eq_2_applies_to(limits):
+    scene = Scene(law="spring_dashpot", limits=limits, rolling_friction=0.0)
+    velocity, still = np.array([[0.02, 0.5, 0.0]] * 800), np.zeros(3)
+    ratios = []
+    for _, contact, r in drive(scene, velocity, [(still, still)] * 800, 1e-8):
+        fn = dot(r.force, contact.normal)
+        ratios.append(np.linalg.norm(r.force - fn * contact.normal) / abs(fn))
+    if limits == "forces":
+        assert np.isclose(ratios[-1], scene.friction, rtol=1e-9) and max(ratios) < scene.friction * (1.0 + 1e-9)
+    else:
+        assert ratios[-1] > 1.01 * scene.friction

@@ -1,0 +1,27 @@
+"""The overview of a campaign: one column of panels per loading path, with the recorded curves."""
+
+import numpy as np
+
+from labkit.campaigns.items import PlannedRun
+from labkit.figures.campaign_figure import overview
+from labkit.paths.standard import ConstantMeanStress, ConstantVolume
+from labkit.runs.dataset import open_run
+
+
+def test_the_overview_has_a_column_per_path_and_a_line_per_run(run_file):
+    runs = [
+        (PlannedRun("one", "a", ConstantVolume(), engine="yade"), run_file),
+        (PlannedRun("two", "b", ConstantVolume(), engine="fused"), run_file),
+        (PlannedRun("three", "a", ConstantMeanStress(), engine="yade"), run_file),
+    ]
+    figure = overview(runs)
+    ratio, other_ratio, void_ratio, _ = figure.axes
+    assert [ratio.get_title(), other_ratio.get_title()] == ["cv", "cp"] and len(ratio.lines) == 2
+    run = open_run(run_file)
+    p, q = run.lab.mean_stress().values, run.lab.deviatoric_stress().values
+    above = p > 50e3
+    np.testing.assert_allclose(ratio.lines[0].get_ydata()[above], (q / p)[above])
+    assert np.isnan(ratio.lines[0].get_ydata()[~above]).all()
+    np.testing.assert_array_equal(void_ratio.lines[1].get_ydata(), run["void_ratio"].values)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["a", "b", "yade", "fused"]

@@ -1,0 +1,122 @@
+"""What every figure has: the name of its run, labels, curves inside the frame; and no trace in pyplot."""
+
+import subprocess
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+
+import labkit
+from labkit.figures import plots
+from labkit.figures.frame import describe_run, include_zero, name_of, new_figure, strain_axis
+from labkit.micro.stress import mean_stress
+from labkit.paths.registry import travelled
+from labkit.runs.figures import FIGURES
+from labkit.runs.run import Run
+
+OF_RUNS = [name for name in FIGURES if FIGURES[name].needs != "probes"]
+
+
+@pytest.fixture(scope="module")
+def run(run_file):
+    return labkit.open_run(run_file)
+
+
+def options(figure):
+    return {"variable": "stress"} if figure == "records" else {}
+
+
+@pytest.mark.parametrize("figure", OF_RUNS)
+def test_a_figure_names_its_run_and_stays_out_of_pyplot(figure, run):
+    before = plt.get_fignums()
+    drawn = Run(run).plot(figure, **options(figure))
+    assert plt.get_fignums() == before
+    assert drawn.get_suptitle().startswith("small: path cv, ") and "engine" in drawn.get_suptitle()
+    assert drawn._repr_png_()[:4] == b"\x89PNG"
+    for axes in drawn.axes:
+        if axes.name != "polar":
+            assert axes.get_xlabel() or (axes.get_label() == "<colorbar>" and axes.get_ylabel())
+
+
+def test_a_run_in_memory_is_named_after_its_path(run):
+    memory = run.copy()
+    memory.encoding = {}
+    assert name_of(run) == "small" and name_of(memory) == "cv"
+
+
+def test_the_users_figure_is_given_the_name_once(run):
+    figure = new_figure(3, 3)
+    for _ in range(2):
+        plots.name_run(figure, run)
+    assert figure.get_suptitle() == describe_run(run)
+
+
+def test_importing_the_figures_leaves_the_backend_alone():
+    program = "import matplotlib; matplotlib.use('svg'); import labkit.figures.plots, labkit.figures.micro_figures; "
+    program += "assert matplotlib.get_backend() == 'svg', matplotlib.get_backend()"
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0
+
+
+def test_a_constant_mean_stress_lies_inside_the_frame(run):
+    """As in a CP test: p must neither hide under the frame nor fill the panel with its noise; C0's error is shown."""
+    p = xr.DataArray(mean_stress(run["stress"].values), dims="time")
+    constant = run.assign({name: run[name] / p * 5e5 for name in ("stress", "stress_sff")})
+    _, pressure, error = plots.sff_against_love({"cp": constant}).axes
+    low, high = pressure.get_ylim()
+    assert low < 0.46 and high > 0.54
+    np.testing.assert_allclose(error.lines[0].get_ydata(), 100.0 * constant.lab.sff_error().values)
+
+
+def test_zero_and_a_margin_are_included_on_both_sides():
+    axes = new_figure(3, 3).subplots()
+    axes.plot([0, 1], [-1.0, 2.0])
+    include_zero(axes, "y")
+    assert axes.get_ylim()[0] < -1.0 and axes.get_ylim()[1] > 2.0
+    include_zero(axes, "x")
+    assert axes.get_xlim()[0] == 0.0
+
+
+def test_ticks_of_the_family_are_plain_numbers(run):
+    figure = Run(run).plot("family")
+    figure.canvas.draw()
+    for axes in figure.axes:
+        labels = [tick.get_text() for tick in axes.get_yticklabels() + axes.get_yticklabels(minor=True)]
+        assert any(labels) and all(float(label) > 0.0 for label in labels if label)
+
+
+def test_the_table_of_directions_is_plain_text(run):
+    _, table = FIGURES.require("directions")(run)
+    assert table["function"].nunique() == 3 and not table["function"].str.contains(r"[$\\{}]").any()
+
+
+def test_components_of_tensors(run):
+    legend = Run(run).plot("records", variable="strain").legends[0]
+    assert [text.get_text() for text in legend.get_texts()] == ["xx", "xy = yx", "xz = zx", "yy", "yz = zy", "zz"]
+    asymmetric = run.assign(strain=run["strain"].copy(data=np.random.default_rng(1).normal(size=run["strain"].shape)))
+    _, table = FIGURES.require("records")(asymmetric, variable="strain")
+    assert list(table.columns[1:]) == [f"strain_{i}{j}" for i in "xyz" for j in "xyz"]
+
+
+def test_a_path_that_reverses_is_drawn_over_the_accumulated_strain(run):
+    assert strain_axis(run)[0] == "axial strain (%)"
+    axial = np.sin(np.linspace(0.0, 6.0, run.sizes["time"]))
+    strain = run["strain"].copy(data=axial[:, None, None] * np.diag([0.0, 0.0, 1.0]))
+    back = run.assign_coords(axial_strain=("time", axial)).assign(strain=strain)
+    label, strain = strain_axis(back)
+    assert label == "accumulated axial strain (%)"
+    np.testing.assert_allclose(strain, 100 * travelled(back["axial_strain"].values))
+    np.testing.assert_array_equal(strain_axis(back, at_snapshots=True)[1], strain[back["record"].values])
+
+
+def test_critical_states_list_their_runs(run):
+    figure = plots.e_p_paths({"first": run, "second": run}, list_runs=True)
+    assert [text.get_text() for text in figure.legends[-1].get_texts()] == ["first", "second"]
+
+
+def test_a_prediction_of_the_model_has_no_stress_of_love(run):
+    model = run.copy()
+    model.attrs = {**run.attrs, "engine": "model"}
+    texts = [text.get_text() for text in plots.sff_against_love({"m": model}).legends[0].get_texts()]
+    assert texts == ["C0 (model)"]

@@ -1,0 +1,124 @@
+"""Figures and commands that follow the path of a run: stress path, deviatoric plane, simple shear, cycles."""
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.cli import main
+from labkit.figures import plots
+from labkit.figures.frame import strain_axis
+from labkit.figures.path_figures import cycles, pi_plane, shear, stress_path
+from labkit.figures.watch import draw, read_records, status
+from labkit.model import Model, drive, isotropic_state, model_path
+from labkit.model.run_file import write_result
+from labkit.runs.critical import critical_states, mean_strengths, require_critical
+from labkit.runs.verify import findings_table
+
+
+@pytest.fixture(scope="module")
+def sheared(shear_file):
+    return lk.open_run(shear_file)
+
+
+@pytest.fixture(scope="module")
+def liquefied(liquefied_file):
+    return lk.open_run(liquefied_file)
+
+
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory):
+    """Simple shear of the constitutive model, sigma_z held."""
+    file = tmp_path_factory.mktemp("model") / "model.run.nc"
+    path = model_path("simple_shear", 1e5, strain=0.2)
+    write_result(file, drive(Model(), path, isotropic_state(Model(), 0.7, 1e5)))
+    return file
+
+
+def curve(axes, number=0):
+    return np.asarray(axes.get_lines()[number].get_xdata()), np.asarray(axes.get_lines()[number].get_ydata())
+
+
+def test_simple_shear_is_drawn_against_gamma(sheared):
+    figure, drawn = shear(sheared)
+    x, y = curve(figure.axes[0])
+    np.testing.assert_allclose(x, 100 * sheared.lab.strain().values)
+    np.testing.assert_allclose(y, 0.5e-6 * (sheared["stress"].values[:, 0, 2] + sheared["stress"].values[:, 2, 0]))
+    assert figure.axes[0].get_xlabel() == r"shear strain $\gamma_{xz}$ (%)"
+    assert drawn["sigma_zz_Pa"].iloc[1:].to_numpy() == pytest.approx(1e5, rel=0.02)
+    assert lk.Run(sheared).plot().axes[0].get_ylabel() == figure.axes[0].get_ylabel()  # the default of the path
+
+
+def test_every_figure_of_a_record_uses_the_strain_of_the_path(sheared, liquefied):
+    figure, _ = plots.records(sheared, variable="coordination_number")
+    assert figure.axes[0].get_xlabel().startswith("shear strain")
+    assert strain_axis(liquefied)[0] == "number of cycles N"
+    assert plots.test(sheared)[0].axes[0].get_xlabel().startswith("shear strain")
+
+
+def test_cycles_show_pore_pressure_and_liquefaction(liquefied):
+    figure, drawn = cycles(liquefied)
+    x, y = curve(figure.axes[0])
+    np.testing.assert_allclose(x, liquefied.lab.cycles())
+    np.testing.assert_allclose(y, liquefied.lab.pore_pressure_ratio())
+    assert figure.axes[0].get_ylabel() == "pore pressure ratio $r_u$" and drawn["r_u"].max() > 0.95
+    force = curve(figure.axes[5])[1]
+    assert np.isnan(force).any() and np.nanmax(np.abs(force)) < 5.0  # not drawn where contacts are lost
+
+
+def test_the_deviatoric_plane_has_its_sections_at_the_strength(sheared):
+    figure, _ = pi_plane(sheared, strength=1.2)
+    for number in range(3):  # Mohr-Coulomb, Matsuoka-Nakai, model
+        x, y = curve(figure.axes[0], number)
+        assert np.interp(0.0, x[350:372], y[350:372]) == pytest.approx(1.2, rel=1e-3)
+        assert np.hypot(x, y).max() == pytest.approx(1.2, rel=1e-3)
+    along, ratio = curve(figure.axes[1])
+    assert along.max() < 0.5 and ratio[-1] > 0.2
+    x, y = curve(figure.axes[0], 9)  # after the sections and axes
+    q, p, theta = sheared.lab.q().values, sheared.lab.mean_stress().values, np.radians(sheared.lab.lode_angle().values)
+    np.testing.assert_allclose(x, q / p * np.sin(theta), atol=1e-9)
+    np.testing.assert_allclose(y, q / p * np.cos(theta), atol=1e-9)
+
+
+def test_the_stress_path_shows_grains_and_model_together(sheared, model_file):
+    model = lk.open_run(model_file)
+    figure, drawn = stress_path({"grains": sheared, "model": model})
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert {"grains", "model", "Love", "C0", "C0 (model)"} <= set(labels) and set(drawn["run"]) == {"grains", "model"}
+    assert any("Table 2" in label for label in labels)
+    assert float(model.lab.strain()[-1]) == pytest.approx(0.2)
+
+
+def test_the_critical_state_of_simple_shear_uses_gamma_and_the_invariant_q(sheared, liquefied):
+    kept, left_out = require_critical({"shear": sheared, "cycles": liquefied})
+    assert tuple(kept) == ("shear",) and left_out == {"cycles": "path undrained_cycles is not a shear test"}
+    states = critical_states(kept)
+    last = sheared.lab.strain().values >= 0.75 * float(sheared.lab.strain()[-1])
+    assert states["M"][0] == pytest.approx((sheared.lab.q() / sheared.lab.mean_stress()).values[last].mean())
+    assert states["strain"][0] > 0.19 and states["A_zz"][0] > 0.1
+    assert mean_strengths(kept, states) == [f"mean M of all runs: {states['M'][0]:.3f}"]
+    _, short = require_critical({"shear": sheared, "early": sheared.isel(time=slice(10))})
+    assert "shear strain gamma_xz, before 0.15" in short["early"]
+
+
+def test_text_views_use_the_strain_of_the_path(sheared, shear_file, liquefied_file):
+    assert findings_table(sheared, 3).splitlines()[0].split() == "strain p q Z Lambda A_s F_s Ft_s C0 error".split()
+    assert float(findings_table(sheared, 3).splitlines()[-1].split()[0]) == pytest.approx(20.0, rel=0.03)
+    runs = {"shear": read_records(str(shear_file)), "cycles": read_records(str(liquefied_file))}
+    assert " strain (%)" in draw(runs, 100, 24) and "axial" not in draw(runs, 100, 24)
+    assert "gamma_xz (%)" in draw({"shear": runs["shear"]}, 100, 24)
+    assert "shear strain gamma_xz " in status("shear", runs["shear"], False)
+    assert " cycles, axial strain " in status("cycles", runs["cycles"], False)
+
+
+def test_the_command_draws_several_runs_and_refuses_what_does_not_fit(shear_file, model_file, tmp_path, capsys):
+    files, output = [str(shear_file), str(model_file)], str(tmp_path / "p.png")
+    assert main(["figure", "pi_plane", *files, "--strength", "0.9", "-o", output]) == 0
+    assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
+    for words, said in (
+        (["groups", *files], "groups draws one run"),
+        (["shear", files[0], "--strength", "1"], "only to stress_path, pi_plane"),
+    ):
+        capsys.readouterr()
+        assert main(["figure", *words, "-o", str(tmp_path / "x.png")]) == 2
+        error = capsys.readouterr().err
+        assert said in error and len(error.strip().splitlines()) == 1

@@ -1,0 +1,54 @@
+import netCDF4
+import numpy as np
+import pytest
+
+from labkit.errors import InputError
+from labkit.grains.state import read_state, write_state
+from labkit.io.schema import STATE
+
+
+def test_a_state_file_has_the_documented_names_units_and_attributes(specimen_file):
+    with netCDF4.Dataset(specimen_file) as dataset:
+        assert set(dataset.dimensions) == {"grain", "contact", "side", "i", "j"}
+        names = (
+            "radius position velocity angular_velocity cell velocity_gradient contact_grain contact_shift "
+            "tangential_force rolling_moment"
+        ).split()
+        assert set(names) == set(dataset.variables)
+        for variable in dataset.variables.values():
+            assert variable.units and variable.long_name
+        for name in "scene time time_step step seed engine engine_version labkit_version history".split():
+            assert name in dataset.ncattrs()
+
+
+def test_writing_and_reading_keeps_every_bit(specimen_file, tmp_path):
+    state = read_state(specimen_file)
+    write_state(tmp_path / "copy.state.nc", state)
+    copy = read_state(tmp_path / "copy.state.nc")
+    for name in STATE:
+        np.testing.assert_array_equal(getattr(state, name), getattr(copy, name))
+    assert (copy.scene, copy.time_step, copy.seed, copy.history) == (
+        state.scene,
+        state.time_step,
+        state.seed,
+        state.history,
+    )
+
+
+def test_a_state_without_contacts_can_be_saved(specimen_file, tmp_path):
+    state = read_state(specimen_file)
+    empty = {name: getattr(state, name)[:0] for name, v in STATE.items() if "contact" in v.dimensions}
+    write_state(tmp_path / "empty.state.nc", state.replace(**empty))
+    assert len(read_state(tmp_path / "empty.state.nc").contact_grain) == 0
+
+
+def test_damaged_files_are_refused(specimen_file, tmp_path):
+    whole = specimen_file.read_bytes()
+    for length in (0, 100, len(whole) // 2, len(whole) - 1000):
+        (tmp_path / "cut.state.nc").write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"cut\.state\.nc"):
+            read_state(tmp_path / "cut.state.nc")
+    with netCDF4.Dataset(tmp_path / "bare.state.nc", "w") as dataset:
+        dataset.labkit_file = "state"
+    with pytest.raises(InputError, match=r"bare\.state\.nc"):
+        read_state(tmp_path / "bare.state.nc")

@@ -1,0 +1,120 @@
+"""Cyclic tests on real grains: amplitudes of strain, stress and q/p, drainage, liquefaction, and how they end."""
+
+import re
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.errors import InputError
+from labkit.paths.path import status_of
+from labkit.paths.step import Here
+from labkit.runs.verify import findings
+
+P, FAST = 1e5, {"progress": False, "snapshots": 2, "record_strain": 5e-4}
+
+
+def turns(run):
+    """Strain of the path, q and sigma_xz at the reversals."""
+    at = run.path.strain_measure().reversals(run.data["strain"].values)
+    return run.data.lab.strain().values[at], run.data.lab.q().values[at], run.data["stress"].values[at, 0, 2]
+
+
+def held(run):
+    """Names and verdicts of what the path holds."""
+    return {f.name.split(",")[0].removeprefix("held: "): f.holds for f in findings(run.data) if "held" in f.name}
+
+
+@pytest.mark.parametrize("drained", [True, False])
+def test_strain_amplitudes_are_exact_and_the_drainage_is_kept(soft_specimen, drained):
+    path = lk.paths.StrainCycles(strain_amplitude=0.003, cycles=2, drained=drained, rate=100.0)
+    run = lk.run(soft_specimen, path, **FAST)
+    np.testing.assert_allclose(turns(run)[0], [0.003, -0.003, 0.003], atol=2e-5)
+    assert run.complete and not run.ended_because
+    assert run.data.lab.cycles().values[-1] == pytest.approx(2.0, abs=0.01)
+    assert held(run) == ({"mean stress": True} if drained else {"volume": True})
+
+
+def test_simple_shear_reverses_at_its_stress_or_at_its_strain(soft_specimen):
+    stress = lk.run(soft_specimen, lk.paths.ShearCycles(amplitude=15e3, cycles=2, rate=100.0), **FAST)
+    np.testing.assert_allclose(turns(stress)[2], [15e3, -15e3, 15e3], rtol=0.05)
+    assert held(stress) == {"normal stress": True, "strain in y": True}
+    path = lk.paths.ShearCycles(strain_amplitude=0.005, cycles=1, drained=False, rate=100.0, spin=False)
+    strain = lk.run(soft_specimen, path, **FAST)
+    assert turns(strain)[0] == pytest.approx(0.005, abs=2e-5)
+    assert held(strain) == {"volume": True, "strain in y": True}
+
+
+def test_a_stress_ratio_reverses_an_undrained_test(soft_specimen):
+    run = lk.run(soft_specimen, lk.paths.UndrainedCycles(ratio=0.3, cycles=1, rate=100.0), **FAST)
+    at = run.path.strain_measure().reversals(run.data["strain"].values)
+    assert run.data.lab.stress_ratio().values[[at[0], -1]] == pytest.approx([0.3, -0.3], rel=0.05)
+
+
+def test_liquefaction_ends_the_test_and_nothing_blows_up_at_zero_pressure(liquefied_file):
+    run = lk.Run.open(liquefied_file)
+    p = run.data.lab.mean_stress().values
+    assert run.complete and p.min() < 0.01 * p[0]
+    assert "exceeded strain_limit 0.05 while q was" in run.ended_because and "short of" in run.ended_because
+    for name in ("stress", "stress_sff", "strain", "kinetic_energy", "coordination_number", "energy_balance_error"):
+        assert np.isfinite(run.data[name].values).all(), name
+    assert np.abs(run.data["energy_balance_error"].values).max() < 0.05 and held(run) == {"volume": True}
+    assert "inertial number" in [limit.name for limit in run.exceeded]  # the guard speaks
+    ended = next(finding for finding in findings(run.data) if finding.name.startswith("ended"))
+    assert ended.holds and run.ended_because in ended.name
+
+
+def test_an_amplitude_beyond_the_strength_ends_at_the_strain_limit(soft_specimen):
+    path = lk.paths.ShearCycles(amplitude=90e3, cycles=3, rate=300.0, strain_limit=0.03)
+    run = lk.run(soft_specimen, path, **FAST)
+    assert run.complete and run.data.lab.cycles().values[-1] < 0.5
+    assert "gamma_xz 3" in run.ended_because and "sigma_xz was" in run.ended_because and "90 kPa" in run.ended_because
+
+
+def test_a_path_that_ends_at_its_strain_says_what_it_missed(soft_specimen):
+    run = lk.run(soft_specimen, lk.paths.IsotropicCompression(pressure=2e6, strain=0.002, rate=50.0), progress=False)
+    assert run.complete and "before the stress of 2000 kPa" in run.ended_because
+
+
+def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
+    texts = []
+    path = lk.paths.ShearCycles(strain_amplitude=0.004, cycles=1, rate=100.0)
+    lk.run(soft_specimen, path, **{**FAST, "progress": lambda fraction, text: texts.append((fraction, text))})
+    assert texts[-1][0] == 1.0
+    assert re.fullmatch(r"cycle 1 of 1, shear strain gamma_xz -0\.40%, p \d+(\.\d)? kPa", texts[-1][1])
+    record = {"strain": np.diag([0.0, 0.0, 0.01]), "stress": 1e5 * np.eye(3)}
+    assert status_of(lk.paths.CyclicConstantMeanStress(pressure=P), record, 1, 7).startswith(
+        "leg 2 of 7, axial strain 1.00%"
+    )
+    record["stress"] = np.array([[2e5, 0.0, 1e5], [0.0, 2e5, 0.0], [1e5, 0.0, 2e5]])
+    assert lk.paths.StressRotation(pressure=P).status(record).startswith("sigma_1 at 45 degrees to z, strain |eps|")
+
+
+EXTENSION = {
+    "at constant volume": lk.paths.ConstantVolume(strain=-0.03, rate=100.0),
+    "at constant radial stress": lk.paths.ConstantRadialStress(pressure=P, strain=-0.03, rate=100.0),
+    "at constant mean stress": lk.paths.ConstantMeanStress(pressure=P, strain=-0.03, rate=100.0),
+    "at constant axial stress": lk.paths.ConstantAxialStress(pressure=P, strain=-0.03, rate=100.0),
+}
+
+
+@pytest.fixture(scope="module")
+def isotropic_specimen():
+    """1,000 grains at 100 kPa: equal radial strains of 200 grains cause radial stresses that differ by 20 %."""
+    specimen = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=1000), lk.Scene(), progress=False)
+    return lk.consolidate(specimen, P, progress=False)
+
+
+@pytest.mark.parametrize("name", EXTENSION)
+def test_triaxial_extension(isotropic_specimen, name):
+    """The axial stress becomes the least one, and what the path holds stays; the mean of the last 1 % of strain."""
+    run = lk.run(isotropic_specimen, EXTENSION[name], progress=False, snapshots=2, record_strain=1e-3)
+    stress = run.data["stress"].values[-10:].mean(axis=0)
+    assert stress[2, 2] < min(stress[0, 0], stress[1, 1]) and run.data.lab.q().values[-1] < 0.0
+    assert run.data.lab.lode_angle().values[-10:].mean() > 45.0 and all(held(run).values())
+
+
+def test_one_amplitude_at_a_time():
+    with pytest.raises(InputError, match="strain_amplitude and amplitude are both given"):
+        lk.paths.ShearCycles(amplitude=1e4, strain_amplitude=0.01)
+    assert [step.until.turn for step in lk.paths.ShearCycles(pressure=P).steps_from(Here())][:2] == [0.01, -0.01]

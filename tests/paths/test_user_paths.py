@@ -1,0 +1,99 @@
+"""User-defined paths: plane strain, extension, and directions that are refused."""
+
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.errors import InputError
+from labkit.paths.registry import PATHS
+from labkit.records.schedule import Options, Schedule
+
+PROGRAM = Path(__file__).with_name("user_paths.py")
+
+
+@pytest.fixture(scope="module")
+def state_file(tmp_path_factory):
+    file = tmp_path_factory.mktemp("state") / "s.state.nc"
+    lk.make_specimen(lk.Recipe(0.67, grains=200), file=file, progress=False)
+    return file
+
+
+def run_program(*arguments):
+    """The JSON that the program prints last."""
+    command = [sys.executable, PROGRAM, *map(str, arguments)]
+    environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(PROGRAM.parents[2])}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, tmp_path):
+    result = run_program("plane_strain", state_file, engine, tmp_path / "r.run.nc")
+    assert len(result["checks"]) == 3 and all(result["checks"].values()), result["checks"]
+    strain, stress = np.array(result["strain"]), np.array(result["stress"])
+    assert np.isclose(strain[-1, 2, 2], 0.01, rtol=1e-3) and np.abs(strain[:, 1, 1]).max() < 1e-12
+    assert stress[2, 2] > stress[1, 1] > stress[0, 0]
+    s = (stress + stress.T) / 2 - np.trace(stress) / 3 * np.eye(3)  # the class does not say that it is not axisymmetric
+    assert np.isclose(result["q"], np.sqrt(1.5 * (s * s).sum()), rtol=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["fused", "yade"])
+def test_a_negative_strain_is_extension(engine, state_file, tmp_path):
+    result = run_program("extension", state_file, engine, tmp_path / "r.run.nc")
+    assert result["checks"] == {"held: volume, drift": True}
+    strain, stress = np.array(result["strain"]), np.array(result["stress"])
+    assert np.isclose(strain[-1, 2, 2], -0.005, rtol=1e-3) and np.isclose(strain[-1, 0, 0], 0.0025, rtol=1e-3)
+    assert stress[2, 2] < stress[0, 0]
+
+
+REFUSED = [(0.5, 0.5, -1.0), (0, 1), (0.0, 0.0, float("nan")), "abc", None]
+
+
+@pytest.mark.parametrize("wrong", REFUSED, ids=str)
+def test_a_direction_whose_axial_rate_is_negative_is_refused(wrong):
+    """When the class is registered, when it is used without that, and when it replaces the check."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Wrong(lk.Path):
+        name = "test_wrong"
+        direction = wrong
+
+    with pytest.raises(InputError, match="direction") as registered:
+        lk.register_path(Wrong)
+    with pytest.raises(InputError, match="direction") as created:
+        Wrong(strain=0.01)
+    for error in (registered.value, created.value):
+        assert error.field == "direction" and "for extension, reverse all three signs and make `strain`" in str(error)
+
+    @dataclasses.dataclass(frozen=True)
+    class Unchecked(Wrong):
+        def __post_init__(self):
+            pass
+
+    with pytest.raises(InputError, match="direction"):
+        Schedule.of(Unchecked(rate=10.0, strain=0.01), 1e-7, 200, Options())
+    assert "test_wrong" not in PATHS
+
+
+def test_the_sign_of_the_strain_is_that_of_the_rates():
+    """Also for a path that prescribes only a lateral strain rate."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Lateral(lk.Path):
+        name = "test_lateral"
+        direction = (1.0, 0.0, 0.0)
+
+    @dataclasses.dataclass(frozen=True)
+    class Extension(Lateral):
+        strain: float = lk.parameter(-0.01, low=-1.0, high=-1e-6, help="strain to reach")
+
+    assert Schedule.of(Lateral(rate=10.0, strain=0.01), 1e-7, 200, Options()).sign == 1.0
+    assert Schedule.of(Extension(rate=10.0), 1e-7, 200, Options()).sign == -1.0

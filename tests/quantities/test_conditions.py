@@ -1,0 +1,97 @@
+"""Conditions on recorded quantities: their grammar and units, and the runs that they end."""
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.errors import InputError
+from labkit.model import Model, drive, isotropic_state
+from labkit.quantities.conditions import condition
+
+FIRST = {"stress": np.eye(3) * 200e3, "axial_strain": 0.0}
+RECORD = {"stress": np.diag([100e3, 100e3, 300e3]), "axial_strain": 0.03, "void_ratio": 0.6}
+
+
+@pytest.mark.parametrize(
+    ("text", "met"),
+    [
+        ("q/p > 1.1", True),
+        ("q/p > 1.3", False),
+        ("q >= 200 kPa", True),
+        ("q > 0.2MPa", False),
+        ("stress_ratio < 1.3 and axial_strain>2%", True),
+        ("stress_ratio < 1.1 or e < 0.7", True),
+        ("-stress_zz < -299 kPa", True),
+        ("2*sigma_3 + 100 kPa >= p*1.8", True),
+        ("abs(-q) / (p + 0) <= 1.2001", True),
+        ("r_u > 0.16 and r_u < 0.17", True),
+        ("1e5 < q", True),
+        ("b > 0 or b <= 0", True),
+        ("lode_angle/0 > 1e3", False),
+    ],
+)
+def test_conditions(text, met):
+    assert condition(text).holds(RECORD, FIRST) is met
+
+
+def test_a_comparison_with_nan_is_not_met():
+    isotropic = {"stress": np.eye(3)}
+    assert not condition("b > 0").holds(isotropic, isotropic) and not condition("b <= 0").holds(isotropic, isotropic)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "give comparisons"),
+        ("q", "give comparisons"),
+        ("1 < q < 2", "give comparisons"),
+        ("q == 1", "give comparisons"),
+        ("not q > 1", "give comparisons"),
+        ("(" * 200, "give comparisons"),
+        ("q > \0", "give comparisons"),
+        ("q > 5 kN", "give comparisons"),
+        ("q > 1" + " " * 300, "is longer than"),
+        ("q > 0.3", "0.3 has no unit, and is less than 1000 Pa: write 0.3 MPa or kPa"),
+        ("p > 5 %", "a quantity in Pa cannot be compared"),
+        ("p + e > 5 kPa", "a quantity in Pa cannot be compared"),
+        ("q/p > 100 kPa", "a quantity in 1 cannot be compared"),
+        ("__import__('os') > 1", "neither a quantity nor a number"),
+        ("p.real > 1", "neither a quantity nor a number"),
+        ("9**9 > e", "neither a quantity nor a number"),
+        ("True > e", "neither a quantity nor a number"),
+        ("1e999 > e", "neither a quantity nor a number"),
+        ("q/pp > 1", "quantity 'pp' is unknown: give"),
+        ("inertial_nmber > 1", "'inertial_number'"),
+        ("_0 > 1", "unknown"),
+    ],
+)
+def test_anything_else_is_refused_in_a_sentence(text, said):
+    with pytest.raises(InputError) as error:
+        condition(text, "until")
+    assert said in str(error.value) and str(error.value).startswith("until ")
+    assert "\n" not in str(error.value).replace(repr(text), "")
+
+
+@pytest.mark.filterwarnings("ignore:at the axial strain rate")
+def test_a_run_ends_at_the_record_that_meets_its_condition(tmp_path):
+    state = lk.make_specimen(lk.Recipe(0.67, grains=150), progress=False)
+    path, file = lk.paths.ConstantVolume(strain=0.02, rate=60.0), tmp_path / "r.run.nc"
+    with pytest.raises(InputError, match="is already met at the start"):
+        lk.run(state, path, file=file, stop_when="p > 1 kPa", progress=False)
+    assert not file.exists()
+    run = lk.run(state, path, file=file, stop_when="q/p > 0.2", snapshots=2, progress=False)
+    ratio = run.data.lab.stress_ratio().values
+    assert run.complete and ratio[-1] > 0.2 and (ratio[:-1] <= 0.2).all() and len(ratio) < 20
+    assert int(run.data["record"][-1]) == len(ratio) - 1  # with contacts
+    assert run.met_conditions == ("it ended when q/p > 0.2",) and "q/p > 0.2" in repr(run)
+    with pytest.raises(InputError, match=r"stop_when is q/p > 0\.2 in the file, not set here"):
+        lk.run(state, path, file=file, snapshots=2, progress=False)
+
+
+def test_a_test_of_the_model_ends_too():
+    start = isotropic_state(Model(), 0.67, 3e5)
+    result = drive(Model(), lk.paths.ConstantVolume(strain=0.3), start, stop_when="q/p > 0.5 or Z < 3")
+    ratio = result.q / result.p
+    assert ratio[-1] > 0.5 and (ratio[:-1] <= 0.5).all() and result.failure is None
+    with pytest.raises(InputError, match="needs inertial_number, which is not recorded here"):
+        drive(Model(), lk.paths.ConstantVolume(strain=0.3), start, stop_when="inertial_number > 1")

@@ -1,0 +1,310 @@
+"""The table of parameters: units, ranges, integers, choices, and messages about invalid values."""
+
+import copy
+import dataclasses
+import inspect
+import json
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from labkit.cli.arguments import ParameterTexts, PathOptions
+from labkit.cli.parser import Parser, named
+from labkit.errors import InputError, option_name
+from labkit.grains.laws import LAWS
+from labkit.grains.scene import Scene
+from labkit.parameters import check_parameters, parameter, parameters_of, restored, with_unit
+from labkit.paths.registry import PATHS, make_path, path_of
+from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicConstantMeanStress
+from labkit.paths.variables import increments
+from labkit.records.schedule import Options
+from labkit.specimens.specimen import Recipe
+from labkit.specimens.stratified import Layer
+
+KINDS = [Scene, Recipe, Options, Layer, *(kind for kind in PATHS.values())]
+
+
+def refused(kind, **values):
+    """The InputError that an instance with these values raises."""
+    with pytest.raises(InputError) as error:
+        kind(**values)
+    return error.value
+
+
+# --- units ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "pascal"),
+    [
+        ("0.5 MPa", 0.5e6),
+        ("500 kPa", 0.5e6),
+        ("500kPa", 0.5e6),
+        ("5e5", 0.5e6),
+        (" 5E+5 Pa ", 0.5e6),
+        ("1e-3 GPa", 1e6),
+        (500e3, 0.5e6),
+        (1000, 1000.0),
+        ("1000", 1000.0),
+        ("50 Pa", 50.0),
+        (".5 MPa", 0.5e6),
+        (np.float32(1e5), 1e5),
+    ],
+)
+def test_a_pressure_has_a_unit_or_is_in_pascal(text, pascal):
+    pressure = ConstantMeanStress(pressure=text).pressure
+    assert pressure == pascal and type(pressure) is float
+
+
+@pytest.mark.parametrize(("text", "metre"), [("4 mm", 4e-3), ("0.4cm", 4e-3), ("4e-3", 4e-3), ("4000 um", 4e-3)])
+def test_lengths(text, metre):
+    assert math.isclose(Recipe(0.67, side=text).side, metre, rel_tol=1e-15)
+
+
+def test_rates_densities_and_shares():
+    assert ConstantMeanStress(rate="20 1/s").rate == 20.0
+    assert Scene(density="2.65 g/cm3").density == 2650.0 and Scene(density="2650 kg/m3").density == 2650.0
+    assert ConstantMeanStress(strain="5 %").strain == 0.05 and ConstantMeanStress(strain="5%").strain == 0.05
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "text", "units"),
+    [
+        (ConstantMeanStress, "pressure", "5 bar", "Pa, kPa, MPa, GPa"),
+        (Scene, "mean_diameter", "1 inch", "m, cm, mm, um"),
+        (ConstantMeanStress, "rate", "5 1/h", "1/s"),
+        (Scene, "friction", "30 deg", "%"),
+        (ConstantMeanStress, "pressure", "5 mPa", "Pa, kPa, MPa, GPa"),
+    ],
+)
+def test_an_unknown_unit_is_refused_and_the_known_units_are_listed(kind, field, text, units):
+    unit = text.split()[1]
+    error = refused(kind, **{field: text})
+    assert str(error) == f"{field} {text} has an unknown unit {unit!r}: give it in {units}"
+    assert (error.field, error.value, error.allowed) == (field, text, f"it in {units}")
+
+
+def test_a_bare_number_is_refused_where_a_unit_is_required():
+    known = parameters_of(ConstantMeanStress)["pressure"]
+    assert known.read("0.5 MPa", unit_needed=True) == 0.5e6
+    with pytest.raises(InputError, match=r"^pressure 500000 has no unit: give e\.g\. 0\.5 MPa or 500 kPa$"):
+        known.read("500000", unit_needed=True)
+    assert parameters_of(ConstantMeanStress)["strain"].read("0.05", unit_needed=True) == 0.05
+
+
+@pytest.mark.parametrize("value", [0.5, "0.5", 999.9, 300, "5e-1", np.float64(0.3), 1e-300])
+@pytest.mark.parametrize("name", ["cr", "cp", "cyclic_cp", "isoc", "isod"])
+def test_a_bare_pressure_below_1_kpa_is_refused(name, value):
+    error = refused(PATHS[name], pressure=value)
+    number = f"{float(value):g}"
+    assert str(error) == (
+        f"pressure {number} has no unit, and is less than 1000 Pa: "
+        f"give {number} MPa or kPa, or {number} Pa if that is meant"
+    )
+    assert error.field == "pressure" and float(error.value) == float(value)
+    assert PATHS[name](pressure=f"{number} Pa").pressure == float(value)
+
+
+def test_the_check_of_bare_pressures_applies_only_to_unbounded_ranges():
+    assert Scene(young_modulus=50.0).young_modulus == 50.0
+    assert refused(Layer, pressure=0.1).problem == "is not valid"
+
+
+# --- ranges -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_every_parameter_is_limited_to_its_range(kind):
+    """The default is inside; values beyond either end, NaN and infinity are refused."""
+    needed = {name: "0.67" for name, known in parameters_of(kind).items() if known.default is dataclasses.MISSING}
+    kind(**needed)
+    for name, known in parameters_of(kind).items():
+        assert known.help and known.unit != ""
+        assert known.kind in (float, int, bool, str, tuple) or dataclasses.is_dataclass(known.kind)
+        if known.kind not in (float, int):
+            continue
+        beyond = [math.nan, math.inf, -math.inf]
+        beyond += [known.low - max(1.0, abs(known.low))] if math.isfinite(known.low) else []
+        beyond += [known.high + max(1.0, abs(known.high))] if math.isfinite(known.high) else []
+        beyond += [known.above] if math.isfinite(known.above) else []
+        for value in beyond:
+            error = refused(kind, **{**needed, name: value})
+            assert error.field == name and (error.value == value or value != value), (name, value)
+        for value in (known.low, known.high):
+            if math.isfinite(value):
+                assert known.read(with_unit(value, known.unit)) == value
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "message"),
+    [
+        (Scene, {"friction": -0.1}, "friction -0.1 is not valid: give 0 to 10"),
+        (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not valid: give 1e-09 to 1000 m"),
+        (ConstantMeanStress, {"rate": 0.0}, "rate 0 is not valid: give a number above 0, at most 1e+10 1/s"),
+        (
+            ConstantMeanStress,
+            {"pressure": -1e5},
+            "pressure -100000 is not valid: give a number above 0, at most 1e+12 Pa",
+        ),
+        (PATHS["isod"], {"strain": 0.1}, "strain 0.1 is not valid: give a negative number from -2"),
+        (ConstantMeanStress, {"strain": "nan"}, "strain nan is not valid: give -2 to 2"),
+        (ConstantMeanStress, {"strain": "far"}, "strain 'far' is not a number: give e.g. 0.67"),
+        (ConstantMeanStress, {"strain": ""}, "strain '' is not a number: give e.g. 0.67"),
+        (ConstantMeanStress, {"strain": [0.1]}, "strain [0.1] is not a number: give -2 to 2"),
+        (ConstantMeanStress, {"strain": True}, "strain True is not a number: give -2 to 2"),
+        (ConstantMeanStress, {"strain": None}, "strain is not a number: give -2 to 2"),
+        (Options, {"snapshots": -1}, "snapshots -1 is not valid: give 0 to 1e+06"),
+        (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not valid: give a number above 0, at most 0.1 m"),
+    ],
+)
+def test_the_message_names_the_field_the_value_and_the_allowed_range(kind, values, message):
+    assert str(refused(kind, **values)) == message
+
+
+def test_a_front_end_can_rename_the_field_in_a_message():
+    error = refused(Recipe, void_ratio=0.67, step1_friction=-1)
+    assert (error.field, error.value, error.allowed, error.problem) == (
+        "step1_friction",
+        -1,
+        "0 to 10",
+        "is not valid",
+    )
+    assert error.said(named) == "--step1-friction -1 is not valid: give 0 to 10"
+    assert error.said(option_name) == error.said(named) and str(error).startswith("step1_friction -1")
+    assert named("path") == "path" and isinstance(error, ValueError)
+
+
+# --- integers, flags, choices, lists --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [500, "500", 500.0, "5e2", np.int64(500), "500.0"])
+def test_integers(value):
+    grains = Recipe(0.67, grains=value).grains
+    assert grains == 500 and type(grains) is int
+
+
+@pytest.mark.parametrize("value", [500.5, "500.5", math.nan, math.inf, "1e30"])
+def test_numbers_that_are_not_integers_are_refused(value):
+    error = refused(Recipe, void_ratio=0.67, grains=value)
+    assert error.field == "grains" and error.problem in ("is not a whole number", "is not valid")
+    assert refused(Recipe, void_ratio=0.67, seed=True).problem == "is not a number"
+
+
+@pytest.mark.parametrize("value", [True, "true", "True", False, "FALSE"])
+def test_flags(value):
+    assert Scene(planar=value).planar is (str(value).lower() == "true")
+
+
+@pytest.mark.parametrize("value", [1, "yes", None, 0.0])
+def test_values_that_are_not_flags_are_refused(value):
+    error = refused(Scene, planar=value)
+    assert (error.field, error.allowed) == ("planar", "True or False")
+
+
+def test_choices_accept_their_former_names():
+    assert Scene(law="paper").law == "spring_dashpot" and Scene(law="yade").law == "rolling_resistance"
+    for value in ("hertz", "", "Paper", 3, None):
+        error = refused(Scene, law=value)
+        assert (error.field, error.problem) == ("law", "is unknown") and error.value == value
+        assert error.allowed == LAWS.allowed and error.allowed.startswith("one of rolling_resistance, spring_dashpot")
+    assert str(refused(Scene, law="hertz")).startswith(
+        "law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot"
+    )
+
+
+@pytest.mark.parametrize(
+    "value", ["0.01,-0.01,0.02", "(0.01, -0.01, 0.02)", [0.01, -0.01, 0.02], "1%,-1%,2%", np.array([0.01, -0.01, 0.02])]
+)
+def test_lists_of_numbers(value):
+    path = CyclicConstantMeanStress(reversals=value, pressure=1e5)
+    assert path.reversals == (0.01, -0.01, 0.02) and path.strain == 0.02
+    assert all(type(x) is float for x in path.reversals)
+
+
+@pytest.mark.parametrize("value", [0.01, None, "up,down", ["up"], [None], [], "", [math.nan], [0.01, 0.02], [3.0]])
+def test_values_that_are_not_strains_are_refused(value):
+    assert refused(CyclicConstantMeanStress, reversals=value, pressure=1e5).field == "reversals"
+
+
+# --- files, front ends, user-defined fields --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_a_path_is_restored_from_its_file_to_the_last_bit(name):
+    given = {"rate": 10.0 / 3.0, **({"pressure": "0.1 Pa"} if "pressure" in parameters_of(PATHS[name]) else {})}
+    path = make_path(name, given)
+    assert path_of(name, json.loads(json.dumps({**dataclasses.asdict(path), "record_strain": 1e-3}))) == path
+
+
+def test_a_value_that_was_checked_is_restored_without_another_check_of_its_unit():
+    scene = Scene(young_modulus=1.0, friction=1 / 3)
+    assert restored(Scene, dataclasses.asdict(scene)) == scene
+    assert make_path("cp", {"pressure": with_unit(0.1, "Pa")}).pressure == 0.1
+    assert with_unit(0.1, "1") == "0.1"
+
+
+@dataclasses.dataclass(frozen=True)
+class Own:
+    """User-defined parameters, one of them with a unit that labkit does not define."""
+
+    wanted: float = parameter(help="without a default", low=0.0)
+    torque: float = parameter(1.0, unit="N m", low=0.0, high=5.0, help="of the shaft")
+    twice: bool = parameter(False, help="of it")
+    note: str = "no parameter"
+
+    def __post_init__(self):
+        check_parameters(self)
+
+
+def test_user_defined_parameters():
+    assert list(parameters_of(Own)) == ["wanted", "torque", "twice"]
+    assert Own(torque="2.5 N m", wanted="3", twice="true", note=7) == Own(3.0, 2.5, True, 7)
+    assert str(refused(Own, torque="2 Nmm", wanted=1)) == "torque 2 Nmm has an unknown unit 'Nmm': give it in N m"
+    assert refused(Own, wanted=-1).field == "wanted"
+
+
+def test_the_command_line_has_every_parameter_with_its_unit_and_default():
+    parser = Parser("labkit")
+    ParameterTexts(Recipe, "specimen").add(parser)
+    ParameterTexts(Scene, "material").add(parser)
+    text = " ".join(parser.format_help().split())
+    for name, known in (parameters_of(Recipe) | parameters_of(Scene)).items():
+        assert (f"{option_name(name)} " in text) == known.option, name
+    assert "--mean-diameter" in text and "mean diameter D of the grains in m (default: 0.00017)" in text
+    assert "one of rolling_resistance, spring_dashpot" in text and "--planar" not in text
+
+
+def test_the_help_of_an_option_lists_differences_between_paths():
+    parser = Parser("labkit")
+    PathOptions().add(parser)
+    text = " ".join(parser.format_help().split())
+    grains = "for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains)"
+    assert (
+        f": axial strain rate in 1/s (default: 10 {grains}" in text
+        and "cv, cr, cp, cyclic_cp, c1, true_triaxial" in text
+    )
+    assert f"isoc, isotropic_reloading: strain rate in each direction in 1/s (default: 5 {grains}" in text
+    assert f"isod: strain rate in each direction in 1/s (default: 2.5 {grains}" in text
+    assert "cr, cp, cyclic_cp, c1, true_triaxial, plane_strain, simple_shear, stress_rotation, drained_cycles" in text
+
+
+def test_a_class_shows_the_arguments_of_its_init():
+    """Which notebooks and the reference show; a misspelled name is an InputError, one that is missing a TypeError."""
+    assert list(inspect.signature(Recipe).parameters)[:2] == ["void_ratio", "step1_friction"]
+    assert copy.deepcopy(Scene(friction=0.3)) == pickle.loads(pickle.dumps(Scene(friction=0.3)))
+    with pytest.raises(TypeError, match="void_ratio"):
+        Recipe()
+
+
+def test_increments_may_have_units():
+    plain = increments(strain={"zz": 0.01}, stress={"xx": 40e3})
+    assert increments(strain={"zz": "1 %"}, stress={"xx": "40 kPa"}) == plain
+    with pytest.raises(InputError, match="xx 40 psi has an unknown unit 'psi': give it in Pa, kPa"):
+        increments(stress={"xx": "40 psi"})
+
+
+def test_a_strain_in_per_cent_is_recognised():
+    error = refused(ConstantVolume, strain=5)
+    assert str(error) == "strain 5 is not valid: give -2 to 2, or 5 % if that is meant"

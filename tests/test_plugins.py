@@ -1,0 +1,114 @@
+"""Every plug-in can be deleted, alone or with the others: the commands of the demo run without it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import labkit
+from labkit.plugins import PLUGINS
+
+PACKAGE = Path(labkit.__file__).parent
+ADDS = {
+    "exchange": (["import", "export", "statistics"], [], ["exchange", "import_state", "register_format"]),
+    "incremental": (["driver"], [], []),
+    "umat": (["umat"], [], []),
+    "engines.cuda": ([], ["cuda"], []),
+    "engines.lammps": ([], ["lammps"], []),
+}  # commands, engines and public names
+DEMO = """
+import contextlib, io, json, sys
+import labkit
+from labkit.cli import main
+
+def run(*words):
+    assert main([str(word) for word in words]) == 0, words
+
+def refused(*words):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        return main(list(words)), said.getvalue()
+
+run("specimen", "--void-ratio", 0.67, "--grains", 200, "--seed", 1, "--engine", "fused", "-o", "s.state.nc")
+run("run", "cv", "s.state.nc", "--strain", 0.002, "--engine", "fused", "-o", "r.run.nc")
+assert main(["verify", "r.run.nc", "--csv", "v.csv"]) in (0, 1)  # 1: C0 errs more than allowed with 200 grains
+run("figure", "family", "r.run.nc", "-o", "f.png")
+run("info", "r.run.nc")
+run("model", "cv", "--void-ratio", 0.67, "--pressure", "500kPa", "--strain", 0.01, "-o", "m.run.nc")
+commands, engines = json.loads(sys.argv[1])
+test = ["run", "cv", "s.state.nc", "--strain", "0.002", "-o", "x.run.nc", "--engine"]
+print(json.dumps({
+    "names": labkit.__all__,
+    "commands": {name: refused(name, "x") for name in commands},
+    "engines": {name: refused(*test, name) for name in engines},
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """A copy of the package without its repository; its compiled kernels are shared by the tests."""
+    root = tmp_path_factory.mktemp("copy")
+    shutil.copytree(PACKAGE, root / "labkit", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE.parent / "yade_scripts", root / "labkit" / "yade_scripts")
+    return root
+
+
+@pytest.fixture(params=[*((name,) for name in PLUGINS), PLUGINS], ids=" ".join)
+def deleted(request, copy):
+    """Names of plug-ins that are missing from the copy."""
+    folders = [copy / "labkit" / name.replace(".", "/") for name in request.param]
+    for folder in folders:
+        folder.rename(copy / folder.name)
+    yield request.param
+    for folder in folders:
+        (copy / folder.name).rename(folder)
+
+
+def python(copy: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
+    return subprocess.run(
+        [sys.executable, "-P", *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=600
+    )
+
+
+def test_the_demo_runs_without_a_plugin(copy, deleted, tmp_path):
+    absent = (
+        [name for plugin in deleted for name in ADDS[plugin][0]],
+        [n for plugin in deleted for n in ADDS[plugin][1]],
+    )
+    done = python(copy, tmp_path, "-c", DEMO, json.dumps(absent))
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    listed = python(copy, tmp_path, "-m", "labkit.cli", "--help")
+    assert listed.returncode == 0, listed.stderr
+    commands = {line.split()[0] for line in listed.stdout.splitlines() if line.startswith("  ")}
+    for plugin, (adds_commands, _, adds_names) in ADDS.items():
+        assert {name in commands for name in adds_commands} <= {plugin not in deleted}, plugin
+        assert {name in found["names"] for name in adds_names} <= {plugin not in deleted}, plugin
+    for name, (code, said) in (found["commands"] | found["engines"]).items():
+        assert code == 2 and said.count("\n") == 1, said
+        assert name in said and "is unknown" in said and f"(not installed: {', '.join(deleted)})" in said, said
+
+
+def test_a_command_of_the_benchmarks_says_where_it_is(copy, tmp_path):
+    done = python(copy, tmp_path, "-m", "labkit.cli", "bench", "s.state.nc")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "./lab bench" in done.stderr
+
+
+def test_every_plugin_is_tested():
+    assert set(ADDS) == set(PLUGINS)
+
+
+def test_a_users_engine_may_not_have_the_name_of_a_plugins(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "import labkit as lk\n\n\n@lk.register_engine\nclass Mine(lk.Engine):\n    name = 'cuda'\n"
+    )
+    command = ["specimen", "--void-ratio", "0.67", "--engine", "cuda", "--use", "mine.py", "-o", "s.state.nc"]
+    done = python(PACKAGE.parent, tmp_path, "-m", "labkit.cli", *command)
+    assert done.returncode == 2 and "is the name of another engine" in done.stderr, done.stderr

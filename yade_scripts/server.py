@@ -1,0 +1,300 @@
+"""labkit's server inside YADE: holds the grains of one State, moves them, and answers with their stress or State.
+
+    yade -n -x -j2 yade_scripts/server.py FD     serves the open socket with this number; labkit starts it so
+
+The other scripts of this folder start labkit themselves and serve it. Only numpy and YADE are needed here: the laws of
+labkit arrive as names of YADE's classes with their arguments. A message, in both directions, is
+
+    4 bytes    length of the header, little-endian
+    header     JSON {"name": "advance", "values": {"steps": 10}, "arrays": [["velocity_gradient", "<f8", [3, 3]]]}
+    arrays     the bytes of each array of the header, in C order
+
+The server starts with `hello` (protocol, version, threads), and then answers each message with one of the same name:
+
+    load           a State, its law and time step   -> stress, cell
+    advance        steps; velocity_gradient         -> stress, cell; `alive` before that if it takes long
+    stress                                          -> stress, cell
+    state                                           -> grains and contacts; time, work on the cell and losses since load
+    stop_grains                                     -> kinetic energy lost, J
+    quit           ends the server, as does the end of the socket; it is not answered
+
+or with `error` and a text. SI units; stress positive in compression; contacts in any order, history on the first grain.
+
+The cycle of YADE's engines is rotated so that a time step starts with the motion: Newton, reset, collider, forces.
+Positions, cell, overlaps and forces between two steps then belong to the same instant, and a velocity gradient set
+there applies to cell and grains in the same step. The cyclic order is YADE's own.
+"""
+
+import gc
+import json
+import os
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+
+import numpy as np
+from yade import Matrix3, Vector3, config, utils, wrapper
+
+PROTOCOL = 1
+SILENCE = 10.0  # s, after which a long `advance` says that it is alive
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0])))
+
+
+def send(peer, name, values=None, **arrays):
+    """Send a message; the end of the socket raises OSError."""
+    arrays = {key: np.asarray(value) for key, value in arrays.items()}
+    listed = [(key, array.dtype.str, array.shape) for key, array in arrays.items()]
+    header = json.dumps({"name": name, "values": values or {}, "arrays": listed}).encode()
+    peer.sendall(b"".join([struct.pack("<I", len(header)), header, *(array.tobytes() for array in arrays.values())]))
+
+
+def receive(peer):
+    """The next message: name, values, arrays. Raises EOFError at the end of the socket."""
+    header = json.loads(_read(peer, struct.unpack("<I", _read(peer, 4))[0]).decode())
+    arrays = {}
+    for name, kind, shape in header["arrays"]:
+        kind = np.dtype(kind)
+        content = _read(peer, kind.itemsize * int(np.prod(shape, dtype=np.int64)))
+        arrays[name] = np.frombuffer(content, kind).reshape(shape)
+    return header["name"], header["values"], arrays
+
+
+def _read(peer, size):
+    content = bytearray(size)
+    view = memoryview(content)
+    while view:
+        count = peer.recv_into(view)
+        if not count:
+            raise EOFError
+        view = view[count:]
+    return content
+
+
+def build(call):
+    """The object of YADE that a pair [class name, {argument: value}] describes; values may be such pairs."""
+    name, arguments = call
+    given = {key: build(value) if isinstance(value, list) else value for key, value in arguments.items()}
+    return getattr(wrapper, name)(**given)
+
+
+def matrix(values):
+    """Convert (3, 3) to a YADE matrix."""
+    return Matrix3(*np.asarray(values, dtype=float).ravel().tolist())
+
+
+def components(vectors):
+    """Convert YADE vectors to an array (n, 3); indexing them is ten times faster than unpacking or np.array."""
+    return np.array([(v[0], v[1], v[2]) for v in vectors], dtype=float).reshape(-1, 3)
+
+
+class Server:
+    """YADE with the grains of one State. Each public method answers the message of its name."""
+
+    def __init__(self, peer):
+        """peer: the socket to labkit."""
+        self._peer, self._omega = peer, wrapper.Omega()
+
+    def load(self, values, arrays):
+        omega = self._omega
+        omega.reset()
+        law = self._law = values["law"]
+        geometry, physics, self._functor = (build(law[name]) for name in ("geometry", "physics", "law"))
+        self._time, self._time_step, self._work = values["time"], values["time_step"], 0.0
+        omega.periodic = True
+        omega.cell.setBox(1, 1, 1)
+        omega.cell.hSize = matrix(arrays["cell"])
+        self._add_grains(values, arrays)
+        gradient = matrix(arrays["velocity_gradient"])
+        omega.cell.updateAttrs({"velGrad": gradient, "prevVelGrad": gradient})
+        newton = wrapper.NewtonIntegrator(damping=values["damping"], prevVelGrad=gradient, warnNoForceReset=False)
+        forces = [
+            wrapper.ForceResetter(),
+            wrapper.InsertionSortCollider([wrapper.Bo1_Sphere_Aabb()], verletDist=values["verlet_distance"]),
+            wrapper.InteractionLoop([geometry], [physics], [self._functor]),
+        ]
+        omega.engines = [newton, *forces]
+        newton.dead = True
+        omega.dt = law["loading_step"]  # finds the contacts without motion and without an increment of their history
+        omega.step()
+        self._set_history(arrays)
+        omega.forces.f(0, True)  # sums the forces as Newton would: YADE resets only summed forces
+        omega.step()
+        newton.dead = False
+        omega.dt = self._time_step
+        omega.trackEnergy = True
+        self._stress = self._sum_stress()
+        return self.stress()
+
+    def _add_grains(self, values, arrays):
+        """Add the bodies in the order of the state, in which grains close in space are close in memory."""
+        materials = [build(call) for call in values["materials"]]
+        names = ("material", "radius", "position", "velocity", "angular_velocity")
+        for kind, radius, position, velocity, spin in zip(*(arrays[name].tolist() for name in names), strict=True):
+            grain = utils.sphere(position, radius, material=materials[kind])
+            grain.state.vel = velocity
+            grain.state.angVel = spin
+            if values["blocked"]:
+                grain.state.blockedDOFs = values["blocked"]
+            self._omega.bodies.append(grain)
+
+    def _set_history(self, arrays):
+        """Copy the tangential forces and rolling moments, which act on the first grain, to YADE's contacts."""
+        pairs = [tuple(pair) for pair in arrays["contact_grain"].tolist()]
+        kept = zip(arrays["tangential_force"], arrays["rolling_moment"], strict=True)
+        history = dict(zip(pairs, kept, strict=True))
+        for contact in self._omega.interactions:
+            first, second = contact.id1, contact.id2
+            sign = -1.0  # YADE stores the force on the second grain
+            if (first, second) not in history:
+                first, second, sign = second, first, 1.0
+            if (first, second) in history:
+                force, moment = history[first, second]
+                setattr(contact.phys, self._law["tangential_force"], Vector3(*(sign * force)))
+                setattr(contact.phys, self._law["rolling_moment"], Vector3(*(sign * moment)))
+
+    def advance(self, values, arrays):
+        omega, steps, gradient = self._omega, values["steps"], arrays["velocity_gradient"]
+        omega.cell.updateAttrs({"velGrad": matrix(gradient)})
+        gas = omega.interactions.countReal() < len(omega.bodies)
+        for part in [1] * steps if gas else [steps]:  # in a gas, collisions would be missed between two stress sums
+            self._step(part)
+            self._time += part * self._time_step
+            before, self._stress = self._stress, self._sum_stress()
+            strain = -gradient * part * self._time_step
+            self._work += omega.cell.volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
+        return self.stress()
+
+    def _step(self, steps):
+        step, now = self._omega.step, time.monotonic
+        due = now() + SILENCE
+        for _ in range(steps):
+            step()
+            if now() > due:
+                send(self._peer, "alive")
+                due = now() + SILENCE
+
+    def _sum_stress(self):
+        return -np.array(utils.getStress(), dtype=float).reshape(3, 3).T
+
+    def stress(self, values=None, arrays=None):
+        """Summed at the end of the last `load` or `advance`."""
+        return {}, {"stress": self._stress, "cell": self._cell()}
+
+    def _cell(self):
+        return np.array(self._omega.cell.hSize, dtype=float).reshape(3, 3)
+
+    def stop_grains(self, values, arrays):
+        energy = utils.kineticEnergy()
+        utils.calm()
+        return {"kinetic_energy": energy}, {}
+
+    def state(self, values, arrays):
+        gc.disable()  # collecting the many small objects created here would double the time
+        try:
+            grains = [body.state for body in self._omega.bodies]
+            contacts = list(self._omega.interactions)
+            physics = [contact.phys for contact in contacts]
+            return {"time": self._time, "work": self._work, "losses": self._losses()}, {
+                "position": components([grain.pos for grain in grains]),
+                "velocity": components([grain.vel for grain in grains]),
+                "angular_velocity": components([grain.angVel for grain in grains]),
+                "cell": self._cell(),
+                "velocity_gradient": np.array(self._omega.cell.velGrad, dtype=float).reshape(3, 3),
+                "contact_grain": np.array([(c.id1, c.id2) for c in contacts], np.int32).reshape(-1, 2),
+                "contact_shift": components([c.cellDist for c in contacts]).astype(np.int32),
+                "tangential_force": -components([getattr(p, self._law["tangential_force"]) for p in physics]),
+                "rolling_moment": -components([getattr(p, self._law["rolling_moment"]) for p in physics]),
+            }
+        finally:
+            gc.enable()
+
+    def _losses(self):
+        """Friction, rolling and damping losses since `load`, J: from YADE's energy tracker and from the functor."""
+        tracked = dict(self._omega.energy.items())
+        return [
+            tracked.get(name, 0.0) + sum(getattr(self._functor, one) for one in attributes)
+            for name, attributes in self._law["losses"]
+        ]
+
+    def serve(self):
+        """Answer until labkit ends, or says that it will."""
+        values = {"protocol": PROTOCOL, "version": config.version, "threads": self._omega.numThreads}
+        try:
+            send(self._peer, "hello", values)
+            while True:
+                name, values, arrays = receive(self._peer)
+                if name == "quit":
+                    return
+                try:
+                    values, arrays = getattr(self, name)(values, arrays)
+                except OSError:  # from `alive`
+                    return
+                except Exception as error:
+                    name, values, arrays = "error", {"text": f"YADE stopped: {type(error).__name__}: {error}"}, {}
+                send(self._peer, name, values, **arrays)
+        except (EOFError, OSError):
+            return
+
+
+def labkit_program():
+    """The command that starts labkit. Exits with one line if there is none."""
+    python = os.environ.get("LABKIT_PYTHON")
+    if python:
+        return [python, "-m", "labkit.cli"]
+    own = os.path.join(ROOT, ".venv", "bin", "labkit")
+    program = own if os.path.exists(own) else shutil.which("labkit")
+    if not program:
+        print(
+            "labkit: no Python with labkit is found: run ./lab once, put `labkit` on the PATH, or name the Python in "
+            "LABKIT_PYTHON",
+            file=sys.stderr,
+        )
+        sys.exit(2)
+    return [program]
+
+
+def words(positional):
+    """The command line: that of the script, or a row of the table of yade-batch.
+
+    A column has the name of an option with `_` for `-`; strings are quoted, and `*` stands for the default.
+    """
+    if not os.environ.get("YADE_BATCH"):
+        return sys.argv[1:]
+    table, _, line = os.environ["YADE_BATCH"].rpartition(":")
+    row = utils.TableParamReader(table).paramDict()[int(line)]
+    columns = {name: text.strip("'\"") for name, text in row.items() if name != "description" and name[0] != "!"}
+    given = {name: text for name, text in columns.items() if text != "*"}
+    first = [given.pop(name) for name in positional if name in given]
+    return first + [f"--{name.replace('_', '-')}={text}" for name, text in given.items()]
+
+
+def run_labkit(command, positional=()):
+    """Run a command of labkit in its own Python, serve it, and exit with its code.
+
+    positional: the arguments of the command that are not options, in their order.
+    """
+    mine, its = socket.socketpair()
+    line = [*labkit_program(), command, *words(positional)]
+    environment = {**os.environ, "LABKIT_YADE": str(its.fileno())}
+    if os.path.exists(os.path.join(ROOT, "labkit", "__init__.py")):  # a clone
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [ROOT, environment.get("PYTHONPATH")]))
+    ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN  # as after `nohup`
+    for number in SIGNALS[: 2 if ignored else 3]:  # labkit decides how to stop
+        signal.signal(number, lambda number, frame: child.send_signal(number))
+    child = subprocess.Popen(line, env=environment, pass_fds=[its.fileno()], start_new_session=True)
+    its.close()
+    Server(mine).serve()
+    mine.close()
+    code = child.wait()
+    sys.exit(code if code >= 0 else 128 - code)
+
+
+if __name__ == "__main__":
+    for number in SIGNALS:  # of a terminal, or of a queue: labkit decides how to stop, and then closes the socket
+        signal.signal(number, signal.SIG_IGN)
+    Server(socket.socket(fileno=int(sys.argv[1]))).serve()
