@@ -81,15 +81,17 @@ def test_a_backend_of_matplotlib_that_does_not_exist_is_not_used(small, tmp_path
     assert done.returncode == 0, done.stderr
 
 
-def test_a_yade_that_does_nothing_is_not_believed(small, tmp_path, monkeypatch, capsys):
+def test_a_yade_that_does_nothing_is_not_believed(small, tmp_path):
+    """In a process of its own: this one may have an idle YADE."""
     program = tmp_path / "bin" / "yade"
     program.parent.mkdir()
     program.write_text("#!/bin/sh\nexit 0\n")
     program.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
     output = tmp_path / "r.run.nc"
-    assert main(["run", "cv", str(small), "--engine", "yade", "-o", str(output)]) == 1
-    assert "yade ended without an error, but did nothing" in capsys.readouterr().err and not output.exists()
+    path = f"{program.parent}:{os.environ['PATH']}"
+    done = shell("", "run", "cv", small, "--engine", "yade", "-o", output, PATH=path)
+    assert done.returncode == 1 and not output.exists()
+    assert "YADE ended with exit status 0 (start)" in done.stderr, done.stderr
 
 
 def test_little_memory_ends_in_one_line(small):

@@ -13,6 +13,7 @@ import pytest
 import labkit as lk
 from labkit.errors import InputError
 from labkit.paths.registry import PATHS
+from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
 
 PROGRAM = Path(__file__).with_name("user_paths.py")
@@ -95,5 +96,6 @@ def test_the_sign_of_the_strain_is_that_of_the_rates():
     class Extension(Lateral):
         strain: float = lk.parameter(-0.01, low=-1.0, high=-1e-6, help="strain to reach")
 
-    assert Schedule.of(Lateral(rate=10.0, strain=0.01), 1e-7, 200, Options()).sign == 1.0
-    assert Schedule.of(Extension(rate=10.0), 1e-7, 200, Options()).sign == -1.0
+    for path, sign in ((Lateral(rate=10.0, strain=0.01), 1.0), (Extension(rate=10.0), -1.0)):
+        (step,) = path.steps_from(Here())
+        assert (step.rates(0.0) == np.diag([sign, 0.0, 0.0])).all()
