@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from labkit.errors import InputError
+
+if TYPE_CHECKING:
+    from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +60,15 @@ def require_contacts(contacts: Contacts, grains: int) -> None:
 NO_CONTACTS = Contacts(
     np.zeros((0, 2), int), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
 )
+
+
+def contacts_of(snapshot: Snapshot) -> Contacts:
+    """The contacts of a Snapshot. Raises InputError for a value of another type."""
+    contacts: Contacts | None = getattr(snapshot, "contacts", None)
+    if contacts is None:
+        kind = type(snapshot).__name__
+        raise InputError(f"a {kind} is not a Snapshot: give one, such as run.snapshots[-1] or state.snapshot()")
+    return contacts
 
 
 def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, shift: np.ndarray) -> np.ndarray:

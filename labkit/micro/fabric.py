@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.contacts import contacts_of
 from labkit.micro.directions import DirectionalFit, directional_fit, normal_density
 from labkit.micro.normalised import Vectors, vectors_of_contacts
-from labkit.micro.snapshot import Snapshot, contacts_of
+from labkit.micro.snapshot import Snapshot
 
 
 @dataclasses.dataclass(frozen=True)

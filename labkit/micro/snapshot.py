@@ -8,9 +8,9 @@ import typing
 
 import numpy as np
 
-from labkit.errors import InputError
 from labkit.io.html import html_table
 from labkit.micro.contacts import Contacts
+from labkit.micro.summary import summary
 
 
 class Law(typing.Protocol):
@@ -69,8 +69,6 @@ class Snapshot:
 
     def _repr_html_(self) -> str:
         """A table for notebooks."""
-        from labkit.micro.summary import summary
-
         strain = {} if self.axial_strain is None else {"axial strain": f"{self.axial_strain:.2%}"}
         return html_table("Snapshot", strain | summary(self))
 
@@ -119,12 +117,3 @@ def contact_arms(snapshot: Snapshot) -> np.ndarray:
 def contacts_per_grain(snapshot: Snapshot) -> np.ndarray:
     """Number of contacts of each grain, shape (grain,)."""
     return np.bincount(snapshot.contacts.grain.ravel(), minlength=snapshot.number_of_grains)
-
-
-def contacts_of(snapshot: Snapshot) -> Contacts:
-    """The contacts of a Snapshot. Raises InputError for a value of another type."""
-    contacts: Contacts | None = getattr(snapshot, "contacts", None)
-    if contacts is None:
-        kind = type(snapshot).__name__
-        raise InputError(f"a {kind} is not a Snapshot: give one, such as run.snapshots[-1] or state.snapshot()")
-    return contacts

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot, contacts_of
+from labkit.micro.contacts import contacts_of
 from labkit.micro.tensors import symmetric
+
+if TYPE_CHECKING:
+    from labkit.micro.snapshot import Snapshot
 
 
 def love_stress(snapshot: Snapshot) -> np.ndarray:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio
+
+if TYPE_CHECKING:
+    from labkit.micro.snapshot import Snapshot
 
 
 def summary(snapshot: Snapshot) -> dict[str, str]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot
+if TYPE_CHECKING:
+    from labkit.micro.snapshot import Snapshot
 
 
 def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ Also, `import labkit` loads no library.
 
 from __future__ import annotations
 
+import graphlib
 import importlib
 import subprocess
 import sys
@@ -105,6 +106,13 @@ def test_the_base_modules_import_no_package(file):
     for line, module in imports(file):
         package, *rest = module.split(".")
         assert package != "labkit" or not rest or LAYER[rest[0]] == BOTTOM, f"line {line}: imports {module}"
+
+
+def test_modules_import_each_other_without_circles():
+    """Whether at the top of a file or inside a function."""
+    modules = {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in files("labkit")}
+    graph = {name: {found for _, found in imports(file)} - {name} for name, file in modules.items()}
+    assert list(graphlib.TopologicalSorter(graph).static_order())  # raises CycleError, which names the modules
 
 
 @pytest.mark.parametrize("library", ALLOWED)
