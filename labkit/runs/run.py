@@ -7,18 +7,18 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path as File
-from typing import Any
-
-import xarray
+from typing import TYPE_CHECKING, Any
 
 from labkit.grains.scene import Scene
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
 from labkit.records.limits import RECORDED, Exceeded, exceeded
-from labkit.runs.dataset import open_run
 from labkit.runs.endings import met_conditions
 from labkit.runs.figures import FIGURES
+
+if TYPE_CHECKING:
+    import xarray
 
 
 class Snapshots(Sequence[Snapshot]):
@@ -53,6 +53,8 @@ class Run:
     @classmethod
     def open(cls, file: str | os.PathLike[str]) -> Run:
         """Open a run file; values are read when they are accessed. Raises InputError if it is not a run file."""
+        from labkit.runs.dataset import open_run  # imports xarray, which `labkit run` does without
+
         return cls(open_run(file), File(file))
 
     @property

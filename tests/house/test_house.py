@@ -149,6 +149,13 @@ def test_import_labkit_loads_no_library():
     assert done.stdout.strip() == ""
 
 
+def test_a_run_starts_without_xarray():
+    """It costs a third of a second; only who reads the run file needs it."""
+    code = "import sys, labkit.cli.simulate, labkit.runs.tasks, labkit.engines.fused; print('xarray' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
 @pytest.mark.parametrize("package", ["labkit", *(f"labkit.{name}" for name in PACKAGES)])
 def test_public_names_resolve(package):
     module = importlib.import_module(package)
