@@ -4,7 +4,8 @@
     python benchmarks/speed_pairs.py BEFORE AFTER --grains 1000 --rounds 3 --strain 0.005 --only cv help
 
 BEFORE and AFTER are folders that contain labkit/. Each command starts a new Python. In each round it runs once in each
-checkout, in alternating order; the first run of each, which compiles, is not counted. Ratios are those of AFTER to
+checkout, in alternating order; the first run of each, which compiles, is not counted. Modules are compiled once, as in
+an installation, also where PYTHONDONTWRITEBYTECODE is set. Ratios are those of AFTER to
 BEFORE in the same round: below 1, AFTER is faster.
 """
 
@@ -30,11 +31,12 @@ COLD = "first run, no compiled code"
 def timed(checkout: Path, words: str, folder: Path, environment: Mapping[str, str] | None = None) -> Times:
     """Wall and CPU time of a labkit command in a checkout, s. Raises RuntimeError if it fails."""
     own = {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(folder / "compiled"), **(environment or {})}
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     start = time.perf_counter()
     process = subprocess.Popen(
         [sys.executable, "-m", "labkit.cli", *words.split()],
         cwd=folder,
-        env={**os.environ, **own},
+        env={**kept, **own},
         stdout=subprocess.DEVNULL,
         stderr=(folder / "stderr").open("w"),
     )
