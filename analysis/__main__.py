@@ -6,13 +6,13 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 from labkit.cli.arguments import History
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
 
-STUDIES = {  # name -> (module with add_options(parser) and main(options, command), help); imported on first use
+STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and main(options, command); help)
     "paper": ("analysis.paper.command", "run the paper's tests; write their tables, figures and report"),
     "notebooks": ("analysis.paper.notebooks", "execute the notebooks of analysis/, which plot stored results"),
     "report": ("analysis.paper.report", "write the HTML report of the paper's tests: figures, tables, provenance"),
@@ -21,7 +21,7 @@ STUDIES = {  # name -> (module with add_options(parser) and main(options, comman
     "model-evidence": ("analysis.model_evidence.command", "judge the constitutive model on paths it was not fitted to"),
     "constants": ("analysis.constants.command", "do the constants of Table 2 hold for other grains? a sweep"),
     "critical-state": (
-        "analysis.critical_state.command",
+        "analysis.critical_state.study",
         "shear specimens to 100 % strain on many paths; is there one critical state?",
     ),
     "initial-fabric": ("analysis.initial_fabric.command", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
@@ -44,7 +44,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run_command(list(sys.argv[1:] if argv is None else argv))
 
 
-class Study:
+def study(module: str) -> Any:
+    """The study in a module, which is imported when it is needed."""
+    found = importlib.import_module(module)
+    return getattr(found, "STUDY", found)
+
+
+class StudyOptions:
     """The options of a study, which its module defines."""
 
     def __init__(self, module: str) -> None:
@@ -53,7 +59,7 @@ class Study:
 
     def add(self, parser: argparse.ArgumentParser) -> None:
         """Adds the options."""
-        importlib.import_module(self.module).add_options(parser)
+        study(self.module).add_options(parser)
 
     def read(self, options: argparse.Namespace) -> argparse.Namespace:
         """All options."""
@@ -64,10 +70,10 @@ def register(name: str, module: str, help: str) -> None:
     """Registers a study as a command."""
 
     def execute(options: argparse.Namespace, history: History) -> int | None:
-        code: int | None = importlib.import_module(module).main(options, history.replace("labkit", "./lab", 1))
+        code: int | None = study(module).main(options, history.replace("labkit", "./lab", 1))
         return code
 
-    execute.__annotations__["options"] = Annotated[argparse.Namespace, Study(module)]
+    execute.__annotations__["options"] = Annotated[argparse.Namespace, StudyOptions(module)]
     command(name, help)(execute)
 
 

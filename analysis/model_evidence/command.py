@@ -10,7 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from analysis.campaigns import save_figures, write_tables
-from analysis.critical_state.command import DATA
+from analysis.critical_state.study import STUDY as CRITICAL_STATE
 from analysis.model_evidence.calibrations import calibrate_all
 from analysis.model_evidence.errors import combined, error_summary, test_errors
 from analysis.model_evidence.figures import error_figure
@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--new",
-        default=os.path.join(results_folder("critical_state"), DATA),
+        default=os.path.join(results_folder("critical_state"), CRITICAL_STATE.data),
         help="data set of ./lab critical-state, whose tests no model was fitted to (default: the stored one)",
     )
     parser.add_argument(

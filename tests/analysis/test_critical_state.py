@@ -1,18 +1,11 @@
-"""The critical state at large strain: what is asked of the tests, with planted answers, and the stored tables."""
-
-from pathlib import Path
+"""The critical state at large strain: what is asked of the tests, with planted answers."""
 
 import numpy as np
 import pandas
-import pytest
 
-from analysis.critical_state.command import DATA, write
 from analysis.critical_state.ends import factors, packing
 from analysis.critical_state.questions import direction, one_critical_state, stationarity
 from analysis.paper.lines import critical_Lambda, critical_Z
-from analysis.places import results_folder
-
-STORED = Path(results_folder("critical_state"))
 
 
 def planted(lower_M=0.0):
@@ -85,11 +78,3 @@ def test_a_drift_is_resolved_only_where_there_is_one():
     table = stationarity(pandas.concat(tests)).set_index(["window", "quantity"])["verdict"]
     assert table["30-40 %", "M"] == "drifts" and table["70-100 %", "M"] == "stationary"
     assert table["30-40 %", "Z"] == "stationary"
-
-
-@pytest.mark.skipif(not (STORED / DATA).exists(), reason="results/critical_state holds no data set")
-def test_the_stored_tables_follow_from_the_stored_data(tmp_path):
-    (tmp_path / DATA).write_bytes((STORED / DATA).read_bytes())
-    list(write(tmp_path, "again", lambda done, text: None))
-    for file in STORED.glob("*.csv"):
-        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name

@@ -1,0 +1,103 @@
+"""Pages of the studies: Markdown templates with named numbers and tables (Jinja2)."""
+
+from __future__ import annotations
+
+import functools
+import math
+import string
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas
+
+from analysis import markdown
+from analysis.paper.estimates import text
+
+
+def render(template: str | Path, values: Mapping[str, Any]) -> str:
+    """The page that a template file makes of named values. A name without a value is an error."""
+    template = Path(template)
+    page = environment().from_string(template.read_text(encoding="utf-8"))
+    page.filename = str(template)
+    return page.render(values)
+
+
+@functools.cache
+def environment() -> jinja2.Environment:
+    """Jinja2 with the filters of the pages.
+
+    A comment is `{%# ... #%}`, because pandoc's names of headings are `{#...}`. The filters:
+
+    pm(within, digits)      0.938 ± 0.057
+    fmt(".2g")              a number in one of Python's formats; nothing for NaN
+    percent(1)              0.023 as `2.3 %`
+    number(4)               a number for readers, as of markdown.number
+    table({heading: cell})  a data frame as a Markdown table, see `table`
+    lines("- {name}")       a data frame as a list, a line per row in the form of a cell of a table
+    """
+    made = jinja2.Environment(
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        comment_start_string="{%#",
+        comment_end_string="#%}",
+        autoescape=False,
+    )
+    made.filters |= {
+        "pm": text,
+        "fmt": fmt,
+        "percent": percent,
+        "number": markdown.number,
+        "table": table,
+        "lines": lines,
+    }
+    made.filters |= {"literal": markdown.literal, "frame_table": markdown.frame_table}
+    return made
+
+
+def fmt(value: float, spec: str) -> str:
+    """A number in one of Python's formats; "" for NaN and infinity."""
+    return format(value, spec) if math.isfinite(value) else ""
+
+
+def percent(value: float, decimals: int = 0) -> str:
+    """A fraction in percent."""
+    return fmt(100.0 * value, f".{decimals}f") + " %"
+
+
+def table(frame: pandas.DataFrame, columns: Mapping[str, str] | None = None, right: Sequence[int] = ()) -> str:
+    """A data frame as a Markdown table.
+
+    Args:
+        frame: one row per row of the table.
+        columns: heading -> cell, in which `{name}` is the value of a column, `{name:.2g}` the value in one of Python's
+            formats, and `{name ± within}` the value with its interval. Default: all columns by their own names.
+        right: indices of the columns that are aligned on the right.
+    """
+    cells = columns if columns is not None else {str(name): f"{{{name}}}" for name in frame.columns}
+    rows = [[CELL.vformat(cell, (), row) for cell in cells.values()] for row in frame.to_dict("records")]
+    return markdown.table(list(cells), rows, right)
+
+
+def lines(frame: pandas.DataFrame, line: str) -> str:
+    """A line for each row of a data frame, in the form of a cell of `table`."""
+    return "\n".join(CELL.vformat(line, (), row) for row in frame.to_dict("records"))
+
+
+class _Cell(string.Formatter):
+    """The format of a cell: see `table`. A number without a format is rounded to three digits, NaN is nothing."""
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> tuple[Any, str]:
+        name, _, within = field_name.partition(" ± ")
+        return (text(kwargs[name], kwargs[within]) if within else kwargs[name]), name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if not isinstance(value, float):
+            return "" if value is None else format(value, format_spec)
+        return fmt(value, format_spec) if format_spec else text(value)
+
+
+CELL = _Cell()

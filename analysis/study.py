@@ -1,0 +1,102 @@
+"""The frame of a study: a campaign is run, its runs are gathered, and tables, figures and a page are made of them."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas
+from matplotlib.figure import Figure
+
+from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.pages import render
+from labkit.campaigns import read_campaign
+from labkit.engines import Progress
+from labkit.errors import InputError
+from labkit.io import make_folder, reporter, write_with_provenance
+
+Tables = dict[str, pandas.DataFrame]
+STEPS = ("campaign", "gather", "tables", "figures", "page")
+
+
+class Study:
+    """A study in a folder of analysis/, with `campaign.yaml` and the template `page.md`.
+
+    A subclass says what it gathers, computes and draws, and which numbers its page names.
+    """
+
+    data: str  # the data set, a file in the folder of the results, from which everything else follows
+
+    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+        """Reduces finished runs to the data set `file`."""
+        raise NotImplementedError
+
+    def read(self, file: Path) -> Any:
+        """The data set."""
+        raise NotImplementedError
+
+    def tables(self, data: Any, progress: Progress) -> Tables:
+        """All tables by name, computed from the data set; each is stored as NAME.csv."""
+        raise NotImplementedError
+
+    def figures(self, data: Any, tables: Tables) -> Mapping[str, Figure]:
+        """All figures by name, from the data set and the stored tables; each is stored as NAME.png."""
+        raise NotImplementedError
+
+    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+        """Values for the page, beside `tables`, `command` and `planned`, the number of tests in the campaign."""
+        return {}
+
+    @property
+    def home(self) -> Path:
+        """Folder of the study's code; that of its results has the same name."""
+        return Path(inspect.getfile(type(self))).parent
+
+    @property
+    def campaign(self) -> Path:
+        """The campaign file."""
+        return self.home / "campaign.yaml"
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        """Adds the options of the command."""
+        otherwise = f"the tables and figures are written again from {self.data} in the output folder"
+        add_campaign_options(parser, self.home.name, otherwise)
+        parser.add_argument("--steps", choices=STEPS, nargs="+", default=STEPS, help="what to do (default: everything)")
+
+    def main(self, options: argparse.Namespace, command: str) -> int:
+        """Carries out the steps and prints the files written; returns 1 if a run failed."""
+        code, folder = 0, Path(make_folder(options.output, "--output"))
+        if options.campaign and "campaign" in options.steps and not options.as_is:
+            code = simulate(options.campaign, options.cores, reporter("campaign"), self.campaign)
+        if options.campaign and "gather" in options.steps:
+            self.gather(finished(options.campaign), folder / self.data, command)
+        if not (folder / self.data).exists():
+            raise InputError(f"{folder} contains no {self.data}: give the folder of a campaign")
+        for file in self.write(folder, command, reporter("tables"), options.steps):
+            print(file)
+        return int(code != 0)
+
+    def write(self, folder: Path, command: str, progress: Progress, steps: Sequence[str] = STEPS) -> list[Path]:
+        """Writes tables, figures and page from the data set in a folder; returns the files.
+
+        Figures and page are made of the tables as they are stored, so that they can be written again alone.
+        """
+        source, files = [folder / self.data], list[Path]()
+        data = self.read(source[0]) if {"tables", "figures"} & set(steps) else None
+        if "tables" in steps:
+            made = self.tables(data, lambda done, text: progress(0.7 * done, text))
+            files += write_tables(made, folder, source, command)
+        progress(0.7, "figures")
+        tables = {file.stem: pandas.read_csv(file) for file in sorted(folder.glob("*.csv"))}
+        if "figures" in steps:
+            files += save_figures(self.figures(data, tables), folder, source, command)
+        if "page" in steps:
+            planned = len(read_campaign(self.campaign).runs)
+            values = {"tables": tables, "command": command, "planned": planned, **self.numbers(tables)}
+            write_with_provenance(folder / "README.md", render(self.home / "page.md", values), source, command)
+            files.append(folder / "README.md")
+        progress(1.0, "done")
+        return files

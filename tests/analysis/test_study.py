@@ -1,0 +1,49 @@
+"""The frame of the studies: pages from templates, and every stored table and page from the stored data."""
+
+import json
+import math
+from pathlib import Path
+
+import jinja2
+import pandas
+import pytest
+
+from analysis.__main__ import STUDIES, study
+from analysis.pages import environment, lines, render, table
+from analysis.places import results_folder
+from analysis.study import STEPS, Study
+
+FRAMED = {name: one for name, (module, _) in STUDIES.items() if isinstance(one := study(module), Study)}
+ROWS = pandas.DataFrame({"name": ["a", "b"], "value": [1.23456, math.nan], "within": [0.012, math.nan], "n": [3, 4]})
+
+
+def test_a_table_takes_the_form_of_its_cells():
+    text = table(ROWS, {"name": "*{name}*", "value": "{value ± within}", "p": "{value:.1f}", "n": "{n} of {n}"}, [3])
+    assert text == (
+        "| name | value | p | n |\n|---|---|---|---:|\n| *a* | 1.235 ± 0.012 | 1.2 | 3 of 3 |\n| *b* |  |  | 4 of 4 |"
+    )
+    assert table(ROWS[["value", "n"]]).splitlines()[2:] == ["| 1.23 | 3 |", "|  | 4 |"]
+    assert lines(ROWS, "- {name}: {n}") == "- a: 3\n- b: 4"
+
+
+def test_a_page_has_numbers_and_names_of_headings_and_no_unknown_name(tmp_path):
+    file = tmp_path / "page.md"
+    file.write_text("# Page {#top}\n\n{%# nobody reads this #%}\n{{ x | percent(1) }}, {{ x | pm(0.002) }}\n")
+    assert render(file, {"x": 0.0234}) == "# Page {#top}\n\n2.3 %, 0.0234 ± 0.0020\n"
+    with pytest.raises(jinja2.UndefinedError, match="x"):
+        render(file, {})
+    assert environment() is environment()
+
+
+@pytest.mark.parametrize("name", FRAMED)
+def test_the_stored_tables_and_page_follow_from_the_stored_data(name, tmp_path):
+    one = FRAMED[name]
+    stored = Path(results_folder(one.home.name))
+    if not (stored / one.data).exists():
+        pytest.skip(f"{stored} holds no {one.data}")
+    (tmp_path / one.data).write_bytes((stored / one.data).read_bytes())
+    tables = sorted(stored.glob("*.csv"))
+    command = json.loads(Path(f"{tables[0]}.provenance.json").read_text())["command"]
+    one.write(tmp_path, command, lambda done, text: None, [step for step in STEPS if step != "figures"])
+    for file in (*tables, stored / "README.md"):
+        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name
