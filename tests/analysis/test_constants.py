@@ -1,15 +1,12 @@
-"""Constants of other grains: what is computed from planted states, the scaling of E and p, and the stored tables."""
+"""Constants of other grains: what is computed from planted states, and the scaling of E and p."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pandas
 import pytest
 
 import labkit as lk
-from analysis.campaigns import write_tables
-from analysis.constants.command import tables_of
 from analysis.constants.materials import (
     CONSTANTS,
     MEASURED,
@@ -20,11 +17,8 @@ from analysis.constants.materials import (
     material_of,
     slope_table,
 )
-from analysis.curves import CURVES, read_curves
 from analysis.paper.lines import critical_Lambda, critical_Z
-from analysis.places import results_folder
 
-STORED = Path(results_folder("constants"))
 TIMES = 4.0  # E and stresses; a power of two, so that every product is exact
 
 
@@ -97,10 +91,3 @@ def test_young_modulus_and_pressure_scale_together_to_the_last_bit(path):
     assert (TIMES * one["stress"].values == other["stress"].values).all()
     for name in ("mean_normalised_force", "coordination_number", "contact_anisotropy", "void_ratio", "mobilisation"):
         assert (one[name].values == other[name].values).all(), name
-
-
-@pytest.mark.skipif(not (STORED / CURVES).exists(), reason="results/constants holds no curves")
-def test_the_stored_tables_follow_from_the_stored_curves(tmp_path):
-    write_tables(tables_of(read_curves(STORED / CURVES)), tmp_path, [], "again")
-    for file in STORED.glob("*.csv"):
-        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name
