@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 import string
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,14 +15,16 @@ import pandas
 
 from analysis import markdown
 from analysis.paper.estimates import text
+from analysis.places import STUDIES
 
 
 def render(template: str | Path, values: Mapping[str, Any]) -> str:
-    """The page that a template file makes of named values. A name without a value is an error."""
-    template = Path(template)
-    page = environment().from_string(template.read_text(encoding="utf-8"))
-    page.filename = str(template)
-    return page.render(values)
+    """The page that a template file makes of named values. A name without a value is an error.
+
+    Templates include others by their paths in analysis/. Of several blank lines one is left.
+    """
+    page = environment().from_string(Path(template).read_text(encoding="utf-8")).render(values)
+    return re.sub(r"\n{3,}", "\n\n", page).strip() + "\n"
 
 
 @functools.cache
@@ -38,6 +41,7 @@ def environment() -> jinja2.Environment:
     lines("- {name}")       a data frame as a list, a line per row in the form of a cell of a table
     """
     made = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(STUDIES),
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

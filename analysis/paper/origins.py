@@ -14,40 +14,27 @@ from typing import Any
 import netCDF4
 import pandas
 
-from analysis.paper.pieces import join, missing, table
 from labkit.io import file_sha256, provenance_json, provenance_of, provenance_rows
 
 DIGITS = 12  # of a hash, enough to distinguish files
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
-HEADINGS = {"machine": "computer"}
 
 
-def origins(folder: Path, files: Iterable[Path], output: str | Path, command: str, runs_command: str) -> str:
-    """The last section of the report.
+def provenance(folder: Path, files: Iterable[Path], output: str | Path, command: str) -> dict[str, Any]:
+    """Tables of the last section of the report.
 
-    `files`: the files shown; `command`: the command that wrote the page; `runs_command`: the one that writes the runs.
+    `files`: the files shown; `command`: the command that wrote the page.
     """
     here = provenance_rows(json.loads(provenance_json(command, output=output)))
-    page = pandas.DataFrame([row for row in here.items() if row[0] != "inputs"], columns=["", " "])
     runs = run_origins(folder)
-    return join(
-        "## Provenance {#provenance}",
-        "### This page",
-        table(page, "this page"),
-        "### The runs",
-        missing("runs", runs_command)
-        if runs.empty
-        else join(
-            table(
-                runs.groupby(ALIKE, sort=False).size().rename("runs").reset_index().rename(columns=HEADINGS),
-                "software and computers of the runs",
-            ),
-            table(runs.drop(columns=ALIKE), "provenance of every run", fold=True),
-        ),
-        "### The files behind this page",
-        f"The first {DIGITS} digits of the SHA-256 hash of each file, and the command that wrote it if known.",
-        table(file_origins(folder, files), "files and their hashes", fold=True),
-    )
+    alike = runs.groupby(ALIKE, sort=False).size().rename("runs").reset_index() if len(runs) else runs
+    return {
+        "digits": DIGITS,
+        "page": pandas.DataFrame([row for row in here.items() if row[0] != "inputs"], columns=["", " "]),
+        "computers": alike.rename(columns={"machine": "computer"}),
+        "runs": runs.drop(columns=ALIKE, errors="ignore"),
+        "files": file_origins(folder, files),
+    }
 
 
 def run_origins(folder: Path) -> pandas.DataFrame:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.paper import fidelity, model_comparison, model_summary, number_table, sources
+from analysis.pages import render
+from analysis.paper import fidelity, model_comparison, report_numbers, sources
 from analysis.paper.c0_bias import c0_bias, c0_errors
 from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
@@ -15,6 +16,8 @@ from analysis.paper.sff_errors import sff_errors
 from analysis.paper.stationarity import components, stationarity
 from labkit.engines import Progress
 from labkit.io import make_folder, write_with_provenance
+
+HERE = Path(__file__).parent
 
 
 def write_tables(
@@ -66,8 +69,9 @@ def write_tables(
         "engines.csv": engine_table(known),
     }
     texts = {name: table.to_csv(index=False, float_format="%.6g") for name, table in tables.items()}
-    texts["fidelity.md"] = number_table.page(numbers) + "\n"
-    texts["model_errors.md"] = model_summary.summary(errors) + "\n"
+    pages = {"fidelity": report_numbers.fidelity(numbers), "model": report_numbers.model_errors(errors)}
+    for name in ("fidelity.md", "model_errors.md"):
+        texts[name] = render(HERE / name, {**pages, "box": lambda text, label: text})
     if found:
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():

@@ -1,16 +1,20 @@
 """The numbers of a campaign with a known answer: Table 2 is recovered, and a changed campaign is detected."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from analysis.pages import render
 from analysis.paper import lines
 from analysis.paper.causes import end_comparisons
 from analysis.paper.ends import ends, main, sheared
 from analysis.paper.fidelity import NO_RUNS, fidelity
-from analysis.paper.number_table import HEADER, page, rows
+from analysis.paper.report_numbers import fidelity as values_of
 from labkit.model.parameters import Parameters
 
 TABLE_2 = Parameters()
+PAGE = Path(lines.__file__).with_name("fidelity.md")
 CRITICAL = (
     "M CV",
     "A_zz",
@@ -62,14 +66,14 @@ def test_table_2_is_recovered(tables):
 
 
 def test_the_page_has_a_row_per_number_and_explains_the_differences(tables):
-    text, off = page(tables[0]), tables[0][tables[0]["agrees"] == "no"]
+    text, off = render(PAGE, {"fidelity": values_of(tables[0])}), tables[0][tables[0]["agrees"] == "no"]
     assert sum(line.startswith("| ") for line in text.splitlines()) == len(tables[0]) + 1
     assert all(f"- **{label}**: " in text for label in off["label"])
 
 
 def test_a_row_shows_the_difference_and_what_is_allowed(tables):
-    for row, (_, known) in zip(rows(tables[0]), tables[0].iterrows(), strict=True):
-        cells = dict(zip(HEADER, row, strict=True))
+    rows = values_of(tables[0])["rows"]
+    for (_, cells), (_, known) in zip(rows.iterrows(), tables[0].iterrows(), strict=True):
         if known["within"] > 0.0 and known["paper_rounding"] > 0.0:
             assert float(cells["allowed"]) == pytest.approx(known["within"] + known["paper_rounding"], rel=0.05)
             assert float(cells["difference"]) == pytest.approx(known["difference"], rel=0.05)

@@ -8,9 +8,9 @@ import pytest
 
 import labkit
 from analysis.paper import model_comparison as comparison
-from analysis.paper import model_summary
 from analysis.paper.drawing import curves
 from analysis.paper.ends import in_memory
+from analysis.paper.report_numbers import model_errors
 from analysis.paper.tables import write_tables
 from labkit.figures import plots
 from labkit.model import Model
@@ -70,13 +70,13 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
     longer = run.assign(axial_strain=run["axial_strain"] * 4.0)
     errors = comparison.compare({"isod-loose": longer}, comparison.models(None))[0]
     assert errors["reached"][0] < 1.0 and errors["status"][0]
-    assert any("isod-loose" in sentence for sentence in model_summary.failures(errors))
+    assert [row["run"] for row in model_errors(errors)["stopped"]] == ["isod-loose"]
     longest = run.assign(axial_strain=run["axial_strain"] * 40.0)
     errors = comparison.compare({"isod-loose": longest}, comparison.models(None))[0]
     assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(
         errors["p_error"][0]
     )  # NaN rather than a small error
-    assert "| isod-loose | ended | ended | ended |" in model_summary.summary(errors)
+    assert model_errors(errors)["per_test"].iloc[0].tolist() == ["isod-loose", "ended", "ended", "ended"]
 
 
 def test_the_error_due_to_chance_is_that_of_another_seed(known):
