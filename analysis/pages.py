@@ -63,13 +63,15 @@ def environment() -> jinja2.Environment:
 
 
 def fmt(value: float, spec: str) -> str:
-    """A number in one of Python's formats; "" for NaN and infinity."""
-    return format(value, spec) if math.isfinite(value) else ""
+    """A number in one of Python's formats, or in percent with a space, `.1 %`; "" for NaN and infinity."""
+    if not math.isfinite(value):
+        return ""
+    return f"{100.0 * value:{spec[:-2]}f} %" if spec.endswith(" %") else format(value, spec)
 
 
 def percent(value: float, decimals: int = 0) -> str:
     """A fraction in percent."""
-    return fmt(100.0 * value, f".{decimals}f") + " %"
+    return fmt(value, f".{decimals} %")
 
 
 def table(frame: pandas.DataFrame, columns: Mapping[str, str] | None = None, right: Sequence[int] = ()) -> str:

@@ -64,28 +64,42 @@ class Study:
         """Adds the options of the command."""
         otherwise = f"the tables and figures are written again from {self.data} in the output folder"
         add_campaign_options(parser, self.home.name, otherwise)
-        parser.add_argument("--steps", choices=STEPS, nargs="+", default=STEPS, help="what to do (default: everything)")
+        self.add_steps(parser, STEPS)
 
-    def main(self, options: argparse.Namespace, command: str) -> int:
-        """Carries out the steps and prints the files written; returns 1 if a run failed."""
-        code, folder = 0, Path(make_folder(options.output, "--output"))
+    def add_steps(self, parser: argparse.ArgumentParser, steps: Sequence[str]) -> None:
+        """Adds --steps."""
+        parser.add_argument("--steps", choices=steps, nargs="+", default=steps, help="what to do (default: everything)")
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        """Runs the campaign and gathers its runs in the data set; returns 1 if a run failed."""
+        code = 0
         if options.campaign and "campaign" in options.steps and not options.as_is:
             code = simulate(options.campaign, options.cores, reporter("campaign"), self.campaign)
         if options.campaign and "gather" in options.steps:
             self.gather(finished(options.campaign), folder / self.data, command)
         if not (folder / self.data).exists():
             raise InputError(f"{folder} contains no {self.data}: give the folder of a campaign")
+        return int(code != 0)
+
+    def sources(self, folder: Path) -> Sequence[str | Path]:
+        """Files that the results are made of, for their provenance."""
+        return [folder / self.data]
+
+    def main(self, options: argparse.Namespace, command: str) -> int:
+        """Carries out the steps and prints the files written; returns 1 if a run failed."""
+        folder = Path(make_folder(options.output, "--output"))
+        code = self.prepare(options, folder, command)
         for file in self.write(folder, command, reporter("tables"), options.steps):
             print(file)
-        return int(code != 0)
+        return code
 
     def write(self, folder: Path, command: str, progress: Progress, steps: Sequence[str] = STEPS) -> list[Path]:
         """Writes tables, figures and page from the data set in a folder; returns the files.
 
         Figures and page are made of the tables as they are stored, so that they can be written again alone.
         """
-        source, files = [folder / self.data], list[Path]()
-        data = self.read(source[0]) if {"tables", "figures"} & set(steps) else None
+        source, files = self.sources(folder), list[Path]()
+        data = self.read(folder / self.data) if {"tables", "figures"} & set(steps) else None
         if "tables" in steps:
             made = self.tables(data, lambda done, text: progress(0.7 * done, text))
             files += write_tables(made, folder, source, command)
@@ -94,7 +108,7 @@ class Study:
         if "figures" in steps:
             files += save_figures(self.figures(data, tables), folder, source, command)
         if "page" in steps:
-            planned = len(read_campaign(self.campaign).runs)
+            planned = len(read_campaign(self.campaign).runs) if self.campaign.exists() else 0
             values = {"tables": tables, "command": command, "planned": planned, **self.numbers(tables)}
             write_with_provenance(folder / "README.md", render(self.home / "page.md", values), source, command)
             files.append(folder / "README.md")

@@ -1,0 +1,138 @@
+"""`./lab model-evidence`: how well the model predicts tests, from the reduced run files of results/paper."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.critical_state.study import STUDY as CRITICAL_STATE
+from analysis.model_evidence.calibrations import calibrate_all
+from analysis.model_evidence.errors import combined, error_summary, test_errors
+from analysis.model_evidence.figures import NAMES, error_figure
+from analysis.model_evidence.increments import increments
+from analysis.model_evidence.inversion import inversion_errors
+from analysis.model_evidence.new_tests import STRAIN, new_combined, new_errors, new_tests
+from analysis.model_evidence.residuals import forms_of_c4, missing_elements
+from analysis.paper import runs, sources
+from analysis.paper.ends import ends, in_memory, sheared
+from analysis.paper.ends import main as of_the_paper
+from analysis.paper.lines import both_lines
+from analysis.places import results_folder
+from analysis.study import STEPS, Study, Tables
+from labkit.engines import Progress
+
+SHORT = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
+
+
+class ModelEvidence(Study):
+    """Errors of the model on paths it was not calibrated on, and what C1 to C5 lack."""
+
+    data = "calibrations.json"  # the fits; they are repeated if they are missing
+    paper = Path(results_folder("paper"))
+    new = Path(results_folder("critical_state")) / CRITICAL_STATE.data
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        paper = "results of ./lab paper (default: results/paper)"
+        parser.add_argument("--paper", default=str(self.paper), help=paper)
+        new = "data set of ./lab critical-state, whose tests no model was fitted to (default: the stored one)"
+        parser.add_argument("--new", default=str(self.new), help=new)
+        again = "repeat the calibrations, about 20 minutes on one core, instead of reading them"
+        parser.add_argument("--refit", action="store_true", help=again)
+        output = "output folder (default: results/model_evidence)"
+        parser.add_argument("-o", "--output", default=results_folder("model_evidence"), help=output)
+        self.add_steps(parser, STEPS[2:])
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        self.paper, self.new = Path(options.paper), Path(options.new)
+        if options.refit:
+            (folder / self.data).unlink(missing_ok=True)
+        return 0
+
+    def sources(self, folder: Path) -> list[str]:
+        return [*sources(runs(self.paper)), *([str(self.new)] if self.new.exists() else [])]
+
+    def read(self, file: Path) -> tuple[Mapping[str, xr.Dataset], Path]:
+        return of_the_paper(in_memory(runs(self.paper))), file
+
+    def tables(self, data: tuple[Mapping[str, xr.Dataset], Path], progress: Progress) -> Tables:
+        known, fits = data
+        calibrations = calibrate_all(known, fits, lambda share, text: progress(0.8 * share, text))
+        progress(0.8, "comparing the models with the tests")
+        errors = test_errors(known, calibrations)
+        progress(0.9, "fitting the increments")
+        changes, fitted = increments(known), both_lines(ends(sheared(known)))
+        monotonic = {name: run for name, run in known.items() if run.attrs["path"] != "cyclic_cp"}
+        tables = {
+            "errors": errors,
+            "summary": error_summary(errors),
+            "combined": combined(errors),
+            "missing_elements": missing_elements(changes, fitted),
+            "forms_of_c4": forms_of_c4(changes, fitted),
+            "inversion": inversion_errors(monotonic),
+        }
+        if self.new.exists():
+            progress(0.95, "comparing the models with new tests")
+            found = new_errors(new_tests(xr.load_dataset(self.new)), calibrations)
+            tables |= {"new_errors": found, "new_summary": error_summary(found), "new_combined": new_combined(found)}
+        return tables
+
+    def figures(self, data: object, tables: Tables) -> Mapping[str, Figure]:
+        return {"errors": error_figure(tables["errors"])}
+
+    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+        missing = with_gain(tables["missing_elements"])
+        of_F = missing[(missing["equation"] == "C1") & missing["candidate"].str.startswith("F")]
+        return {
+            "summary": wide(tables["summary"]),
+            "new": new_numbers(tables) if "new_combined" in tables else None,
+            "missing": missing,
+            "better": list(of_F["candidate"][of_F["verdict"] == "better"]),
+            "largest": of_F.loc[of_F["high"].idxmax()],
+            "forms": with_gain(tables["forms_of_c4"]),
+        }
+
+
+STUDY = ModelEvidence()
+
+
+def new_numbers(tables: Tables) -> dict[str, Any]:
+    """Values of the section on tests that no model was fitted to."""
+    tests = tables["new_errors"].drop_duplicates("run")
+    return {
+        "strain": STRAIN,
+        "tests": len(tests),
+        "specimens": tests["specimen"].nunique(),
+        "summary": wide(tables["new_summary"]),
+        "combined": tables["new_combined"].groupby("direction", sort=False),
+    }
+
+
+def wide(summary: pandas.DataFrame) -> pandas.DataFrame:
+    """Errors in % as text, a row per path and quantity and a column per model; specimens: the most of any model."""
+    names, rows = {NAMES.get(path, path): path for path in dict.fromkeys(summary["path"])}, []
+    for name, path in names.items():
+        for quantity, own in summary[summary["path"] == path].groupby("quantity", sort=False):
+            cells = {row.model: percent(row.value, row.within) for row in own.itertuples()}
+            rows.append({"path": name, "error of": SHORT[str(quantity)], "specimens": own["specimens"].max(), **cells})
+    return pandas.DataFrame(rows).fillna("")
+
+
+def with_gain(table: pandas.DataFrame) -> pandas.DataFrame:
+    """The table with the gain and its interval in % as text; none, and no verdict, for what was not tested."""
+    tested = np.isfinite(table["p_value"])
+    gains = [f"{percent(row.gain)} ({percent(row.low)} to {percent(row.high)})" for row in table.itertuples()]
+    return table.assign(gain_text=np.where(tested, gains, ""), verdict=table["verdict"].where(tested, ""))
+
+
+def percent(value: float, within: float = np.nan) -> str:
+    """A fraction in %, with its interval if there is one; "" for NaN."""
+    if not np.isfinite(value):
+        return ""
+    return f"{100 * value:.1f}" + (f" ± {100 * within:.1f}" if np.isfinite(within) else "")
