@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.boundary_value.problem import Biaxial
+from analysis.pages import render
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
@@ -57,7 +58,7 @@ def main(options: argparse.Namespace, command: str) -> int:
     programs = _programs(options.program, options.python)
     if not 0.0 < options.strain < 0.2:
         raise InputError(field="strain", value=options.strain, allowed="an axial strain from 0 to 0.2")
-    from analysis.boundary_value.report import Solution, figure, page, table
+    from analysis.boundary_value.report import Solution, figure, numbers
 
     folder = Path(make_folder(options.output, "--output"))
     solutions = []
@@ -68,12 +69,12 @@ def main(options: argparse.Namespace, command: str) -> int:
                 problem = make(columns)
                 report = reporter(f"{problem.program}, {problem.elements} elements")
                 solutions.append(Solution(problem, problem.run(options.strain, options.increments, report)))
-        rows = table(solutions)
         plots.save(figure(solutions, options.strain), folder / "biaxial.png")
-        write_with_provenance(folder / "biaxial.csv", rows.to_csv(index=False, float_format="%.7g"), command=command)
-        law = "law in Python" if options.python else "compiled law"
-        text = page(rows, solutions, law, options.strain, command)
-        write_with_provenance(folder / "README.md", text, command=command)
+        values = numbers(solutions, "law in Python" if options.python else "compiled law", options.strain)
+    rows = values["rows"]
+    write_with_provenance(folder / "biaxial.csv", rows.to_csv(index=False, float_format="%.7g"), command=command)
+    page = render(Path(__file__).with_name("page.md"), values | {"command": command})
+    write_with_provenance(folder / "README.md", page, command=command)
     print(rows.to_string(index=False))
     return int(any(solution.history.strain[-1] < options.strain * (1 - 1e-9) for solution in solutions))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas
@@ -22,7 +23,6 @@ from analysis.boundary_value.problem import (
     Biaxial,
     History,
 )
-from analysis.markdown import frame_table
 from labkit.figures import plots
 from labkit.umat import TOLERANCE
 
@@ -99,44 +99,34 @@ def table(solutions: Sequence[Solution]) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def page(rows: pandas.DataFrame, solutions: Sequence[Solution], law: str, strain: float, command: str) -> str:
-    """README.md of the study."""
+def numbers(solutions: Sequence[Solution], law: str, strain: float) -> dict[str, Any]:
+    """Values for the page."""
     last = finest(solutions)
-    elements = "; ".join(f"{name}: {found.problem.element}" for name, found in last.items())
-    parts = [
-        "# A boundary value problem",
-        f"Plane-strain biaxial test with labkit's model (Table 2, {law}): one quarter, {WIDTH * 1e3:g} mm x "
-        f"{HEIGHT * 1e3:g} mm, smooth platens, constant lateral stress {PRESSURE / 1e6:g} MPa, e = {VOID_RATIO} + "
-        f"{LOOSER} exp(-(r/{RADIUS * 1e3:g} mm)^2), r from the centre of the specimen (the lower left corner). Axial "
-        f"strain {strain:.1%}, before localisation. Newton's method with the consistent tangent until the residual is "
-        "below 1e-9 of the external forces.",
-        f"Elements: {elements}. Kratos (GeoMechanicsApplication) loads `liblabkit_umat.so` and calls UMAT at every "
-        "point; scikit-fem calls the same library for all points at once.",
-        f"Written by `{command}`. The computer also ran other jobs, so wall times are upper bounds.",
-        "![fields and convergence](biaxial.png)",
-        frame_table(rows),
-        *(_residuals(name, found.history) for name, found in last.items()),
-    ]
-    if len(last) == 2:
-        one, other = (found.history.stress[-1] for found in last.values())
-        parts.append(
-            f"On the finest meshes the axial stresses of the two programs differ by {abs(one / other - 1.0):.1e}."
-        )
-    return "\n\n".join(parts) + "\n"
+    ends = [found.history.stress[-1] for found in last.values()]
+    return {
+        "law": law,
+        "strain": strain,
+        "width": WIDTH,
+        "height": HEIGHT,
+        "pressure": PRESSURE,
+        "void_ratio": VOID_RATIO,
+        "looser": LOOSER,
+        "radius": RADIUS,
+        "tolerance": TOLERANCE,
+        "rows": table(solutions),
+        "finest": [residuals(name, found) for name, found in last.items()],
+        "difference": abs(ends[0] / ends[1] - 1.0) if len(ends) == 2 else None,
+    }
 
 
-def _residuals(name: str, history: History) -> str:
-    """A paragraph on the residuals r of one program; their bound has the error of the tangent as its linear term."""
-    longest, middle = max(history.residuals, key=len), history.residuals[len(history.residuals) // 2]
-    pairs = [pair for found in history.residuals for pair in itertools.pairwise(found) if pair[1] > ROUNDING]
-    largest = max(after / (before**2 + TOLERANCE * before) for before, after in pairs)
-    return (
-        f"{name}, finest mesh: the residuals r, relative to the external forces, are {_text(longest)} in the increment "
-        f"with most iterations and {_text(middle)} in the middle of the test. Every iteration leaves at most "
-        f"{largest:.1f} (r^2 + {TOLERANCE:g} r): the convergence is quadratic until r is near {TOLERANCE:g}, the "
-        "tolerance of the substeps, whose sizes the tangent takes as constant."
-    )
-
-
-def _text(values: list[float]) -> str:
-    return ", ".join(f"{value:.0e}" for value in values)
+def residuals(name: str, found: Solution) -> dict[str, Any]:
+    """Residuals r of one program as text, and their bound, which has the error of the tangent as its linear term."""
+    every = found.history.residuals
+    pairs = [pair for one in every for pair in itertools.pairwise(one) if pair[1] > ROUNDING]
+    return {
+        "name": name,
+        "element": found.problem.element,
+        "longest": [f"{value:.0e}" for value in max(every, key=len)],
+        "middle": [f"{value:.0e}" for value in every[len(every) // 2]],
+        "largest": max(after / (before**2 + TOLERANCE * before) for before, after in pairs),
+    }
