@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas
 
 from analysis.critical_state.ends import BEGIN, QUANTITIES
-from analysis.paper.estimates import jackknife
-from analysis.paper.lines import LINES, PAPER, Fit, both_lines, critical_Lambda, critical_Z, e_p_line, line_slopes
+from analysis.paper.lines import LINES, PAPER, critical_Lambda, critical_Z, line_parameters, line_slopes
 from analysis.statistics import adjusted, adjusted_once, cluster_mean, one_line, slope_table, stationarity_table
 
 # (begin, end) of the strain over which slopes are fitted; the first is the end of the paper's tests
@@ -73,21 +72,12 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
             found = one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
             numeric = factor == "Lode angle"
             for row in found.offsets.itertuples():
-                rows.append(
-                    {
-                        "quantity": quantity,
-                        "factor": factor,
-                        "group": "per 60 degrees" if numeric else row.group,
-                        "tests": row.tests,
-                        "specimens": row.specimens,
-                        "offset": row.offset * (60.0 if numeric else 1.0),
-                        "within": row.within * (60.0 if numeric else 1.0),
-                        "scatter": found.scatter,
-                        "shared": found.shared,
-                        "p_value": found.p_value,
-                    }
-                )
-    table = pandas.DataFrame(rows)
+                group = "per 60 degrees" if numeric else row.group
+                offset = (size * (60.0 if numeric else 1.0) for size in (row.offset, row.within))
+                of_line = found.scatter, found.shared, found.p_value
+                rows.append((quantity, factor, group, row.tests, row.specimens, *offset, *of_line))
+    columns = "quantity factor group tests specimens offset within scatter shared p_value".split()
+    table = pandas.DataFrame(rows, columns=columns)
     table["corrected"] = adjusted_once(table, ["quantity", "factor"])
     return table
 
@@ -109,38 +99,12 @@ def lines(ends: pandas.DataFrame) -> pandas.DataFrame:
 
     A row per rule, line and parameter: value, within (95 %, jackknife over specimens), paper, tests, specimens.
     """
-    rows = []
+    parts = []
     compressed = ends[[direction(test) == "compression" for test in ends["test"]]]
     for rule, tests in compressed.groupby("stiffness", sort=False):
-        for line, names, fit in (
-            ("e(p)", ("e0", "a", "b"), e_p_line),
-            ("Z(e), Lambda(e)", ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"), both_lines),
-        ):
-            for k, name in enumerate(names):
-                found = jackknife(
-                    _parameter(fit, tests, k),
-                    len(tests),
-                    len(names),
-                    tests["specimen"].tolist(),
-                )
-                rows.append(
-                    {
-                        "stiffness": rule,
-                        "line": line,
-                        "parameter": name,
-                        "value": found.value,
-                        "within": found.within,
-                        "paper": getattr(PAPER, name, math.nan),
-                        "tests": len(tests),
-                        "specimens": found.n,
-                    }
-                )
-    return pandas.DataFrame(rows)
-
-
-def _parameter(fit: Fit, tests: pandas.DataFrame, k: int) -> Callable[[np.ndarray], float]:
-    """The k-th parameter of a fit as a function of the rows that it uses."""
-    return lambda rows: float(fit(tests.iloc[rows])[k])
+        parts.append(line_parameters(tests, tests["specimen"].tolist(), ("e(p)", "Z(e), Lambda(e)")))
+        parts[-1].insert(0, "stiffness", rule)
+    return pandas.concat(parts, ignore_index=True)
 
 
 def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
@@ -162,9 +126,10 @@ def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
     for (rule, size), tests in compressed.groupby(["stiffness", "size"], sort=False):
         for quantity, line in at.items():
             found = cluster_mean(tests[quantity] - np.asarray(line(tests), dtype=float), tests["specimen"])
-            row = {"stiffness": rule, "size": size, "quantity": quantity, "offset": found.value, "within": found.within}
-            rows.append(row | {"tests": len(tests), "specimens": found.n, "p_value": found.p_value})
-    table = pandas.DataFrame(rows)
+            row = {"stiffness": rule, "size": size, "quantity": quantity, "tests": len(tests)}
+            rows.append(row | found.columns("offset"))
+    columns = "stiffness size quantity offset within tests specimens p_value".split()
+    table = pandas.DataFrame(rows, columns=columns)
     table["corrected"] = adjusted(table["p_value"])
     return table
 

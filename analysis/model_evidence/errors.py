@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pandas
 
@@ -92,22 +90,10 @@ def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
     return table
 
 
-SUMMARY: Sequence[str] = (
-    "path",
-    "quantity",
-    "model",
-    "tests",
-    "completed",
-    "specimens",
-    "value",
-    "within",
-    "against",
-    "difference",
-    "difference_within",
-    "p_value",
-    "corrected",
-    "verdict",
-)
+SUMMARY = (
+    "path quantity model tests completed specimens value within against difference difference_within p_value "
+    "corrected verdict"
+).split()
 
 
 def combined(errors: pandas.DataFrame) -> pandas.DataFrame:

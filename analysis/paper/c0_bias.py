@@ -27,19 +27,9 @@ def c0_errors(runs: Runs) -> pandas.DataFrame:
             error = errors[quantity].values[judged].astype(float)
             error = error[np.isfinite(error)]
             if len(error):
-                rows.append(
-                    {
-                        "run": name,
-                        "specimen": specimen_of(name),
-                        "path": run.attrs["path"],
-                        "quantity": quantity,
-                        "records": len(error),
-                        "bias": error.mean(),
-                        "rms": float(np.sqrt(np.mean(error**2))),
-                        "lowest": error.min(),
-                        "highest": error.max(),
-                    }
-                )
+                rms = float(np.sqrt(np.mean(error**2)))
+                test = name, specimen_of(name), run.attrs["path"]
+                rows.append((*test, quantity, len(error), error.mean(), rms, error.min(), error.max()))
     columns = ["run", "specimen", "path", "quantity", "records", "bias", "rms", "lowest", "highest"]
     return pandas.DataFrame(rows, columns=columns)
 
@@ -59,10 +49,7 @@ def c0_bias(errors: pandas.DataFrame) -> pandas.DataFrame:
                 "path": path,
                 "quantity": quantity,
                 "tests": len(group),
-                "specimens": found.n,
-                "bias": found.value,
-                "within": found.within,
-                "p_value": found.p_value,
+                **found.columns("bias"),
                 "rms": group["rms"].mean(),
                 "least_rms": group["rms"].min(),
                 "most_rms": group["rms"].max(),

@@ -91,15 +91,8 @@ def extrapolated(runs: Runs) -> pandas.DataFrame:
         values = recorded_numbers(run)[late]
         fits = [_exponential(strain[late] - strain[-1], values, relaxation) for relaxation in RELAXATIONS]
         best = int(np.argmin([misfit for misfit, _ in fits]))
-        rows.append(
-            {
-                "run": name,
-                "path": run.attrs["path"],
-                "strain": strain[-1],
-                **dict(zip(values, fits[best][1], strict=True)),
-                "relaxation_strain": RELAXATIONS[best],
-            }
-        )
+        row = {"run": name, "path": run.attrs["path"], "strain": strain[-1], "relaxation_strain": RELAXATIONS[best]}
+        rows.append(row | dict(zip(values, fits[best][1], strict=True)))
     return pandas.DataFrame(rows, columns=[*COLUMNS, "relaxation_strain"]).drop(columns="M_scatter")
 
 
@@ -143,19 +136,10 @@ def starts(runs: Runs) -> pandas.DataFrame:
     """
     rows = []
     for name, run in runs.items():
-        recipe = json.loads(run.attrs.get("recipe") or "{}")
-        rows.append(
-            {
-                "run": name,
-                "path": run.attrs["path"],
-                "e": float(run["void_ratio"][0]),
-                "e_nominal": float(run["void_ratio_nominal"][0]),
-                "e_made": float(recipe.get("void_ratio", "nan")),
-                "p0_MPa": float(run.lab.mean_stress()[0]) / 1e6,
-                "Z": float(run["coordination_number"][0]),
-                "held_MPa": _held(run),
-            }
-        )
+        made = float(json.loads(run.attrs.get("recipe") or "{}").get("void_ratio", "nan"))
+        e, nominal, Z = (float(run[key][0]) for key in ("void_ratio", "void_ratio_nominal", "coordination_number"))
+        p0 = float(run.lab.mean_stress()[0]) / 1e6
+        rows.append((name, run.attrs["path"], e, nominal, made, p0, Z, _held(run)))
     return pandas.DataFrame(rows, columns=["run", "path", "e", "e_nominal", "e_made", "p0_MPa", "Z", "held_MPa"])
 
 

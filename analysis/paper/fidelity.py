@@ -25,26 +25,9 @@ from analysis.statistics.multiplicity import Method
 from labkit.runs import WINDOW
 
 COLUMNS = (
-    "number",
-    "label",
-    "kind",
-    "ours",
-    "within",
-    "uncertainty_of",
-    "tests",
-    "specimens",
-    "seed_scatter",
-    "window_scatter",
-    "paper",
-    "paper_says",
-    "paper_rounding",
-    "difference",
-    "judged",
-    "in_units",
-    "agrees",
-    "explanation",
-    "runs",
-)
+    "number label kind ours within uncertainty_of tests specimens seed_scatter window_scatter paper paper_says "
+    "paper_rounding difference judged in_units agrees explanation runs"
+).split()
 
 
 def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFrame, pandas.DataFrame]:
@@ -81,20 +64,8 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
 
 
 CAUSES = (
-    "number",
-    "cause",
-    "alternative",
-    "effect",
-    "within",
-    "p_value",
-    "holm",
-    "fdr",
-    "matters",
-    "tests",
-    "difference",
-    "difference_left",
-    "runs",
-)
+    "number cause alternative effect within p_value holm fdr matters tests difference difference_left runs"
+).split()
 CORRECTED: dict[str, Method] = {"holm": "holm", "fdr": "fdr_bh"}  # column -> correction, over all rows
 
 

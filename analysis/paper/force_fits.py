@@ -41,18 +41,8 @@ def force_fits(runs: Runs) -> pandas.DataFrame:
     for name, strain, snapshot in _sheared(runs):
         fits = _fits(snapshot)
         for method, label in METHODS.items():
-            F = float(fits[method].second[2, 2])
-            rows.append(
-                {
-                    "run": name,
-                    "strain": strain,
-                    "method": method,
-                    "description": label,
-                    "F_zz": F,
-                    "change": F - float(fits[PAPER].second[2, 2]),
-                    "Lambda": fits[method].mean,
-                }
-            )
+            F, papers = (float(fits[key].second[2, 2]) for key in (method, PAPER))
+            rows.append((name, strain, method, label, F, F - papers, fits[method].mean))
     return pandas.DataFrame(rows, columns=["run", "strain", "method", "description", "F_zz", "change", "Lambda"])
 
 
@@ -71,14 +61,7 @@ def printed_force(runs: Runs) -> pandas.DataFrame:
         arm = contact_arms(snapshot) / (0.5 * D)  # lambda'
         printed = 1.5 * arm * E * overlap / effective
         corrected = printed * (effective / D) ** 2
-        rows.append(
-            {
-                "run": name,
-                "strain": strain,
-                "printed_over_defined": float(printed.mean() / defined.mean()),
-                "corrected_over_defined": float(corrected.mean() / defined.mean()),
-            }
-        )
+        rows.append((name, strain, *(float(force.mean() / defined.mean()) for force in (printed, corrected))))
     return pandas.DataFrame(rows, columns=["run", "strain", "printed_over_defined", "corrected_over_defined"])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -138,28 +138,19 @@ def critical_lines(ends: pandas.DataFrame) -> pandas.DataFrame:
     Columns: value, within (95 % half-width over specimens), paper, tests and specimens. The line e(p) is
     e = e0 - a p^b with p in MPa.
     """
+    return line_parameters(ends, specimens_of(ends["run"]), ("e(p)", "Z(e) and Lambda(e)"))
 
-    def parameter_of(fit: Fit, k: int) -> Callable[[np.ndarray], float]:
-        return lambda rows: fit(ends.iloc[rows])[k]
 
+def line_parameters(ends: pandas.DataFrame, specimens: Sequence[str], lines: Sequence[str]) -> pandas.DataFrame:
+    """The table of critical_lines. lines: names that begin with one of LINES."""
     rows = []
-    for line in ("e(p)", "Z(e) and Lambda(e)"):
+    for line in lines:
         names, fit, _, _ = LINES[line[:4]]
         for k, name in enumerate(names):
-            estimate = jackknife(parameter_of(fit, k), len(ends), len(names), specimens_of(ends["run"]))
+            found = jackknife(lambda rows, fit=fit, k=k: fit(ends.iloc[rows])[k], len(ends), len(names), specimens)  # type: ignore[misc]
             paper = getattr(PAPER, name, math.nan)
-            rows.append(
-                {
-                    "line": line,
-                    "parameter": name,
-                    "value": estimate.value,
-                    "within": estimate.within,
-                    "paper": paper,
-                    "tests": len(ends),
-                    "specimens": estimate.n,
-                }
-            )
-    return pandas.DataFrame(rows)
+            rows.append((line, name, found.value, found.within, paper, len(ends), found.n))
+    return pandas.DataFrame(rows, columns="line parameter value within paper tests specimens".split())
 
 
 FACTORS: dict[str, Callable[[pandas.DataFrame], list[str]]] = {  # factor -> group of each test
@@ -209,19 +200,7 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
     return table
 
 
-ONE_LINE = (
-    "line",
-    "factor",
-    "group",
-    "tests",
-    "specimens",
-    "offset",
-    "within",
-    "scatter",
-    "shared",
-    "p_value",
-    "corrected",
-)
+ONE_LINE = "line factor group tests specimens offset within scatter shared p_value corrected".split()
 
 
 def line_slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:

@@ -25,15 +25,9 @@ LABELS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
 CALIBRATED_ON = r"(cv|cp_500kPa|cr_1MPa)-(dense|medium|loose)|iso[cd]-.*"
 CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # of these, the tests that do not match CALIBRATED_ON
 STORED = (
-    "axial_strain",
-    "stress",
-    "void_ratio",
-    "coordination_number",
-    "mean_normalised_force",
-    "contact_anisotropy",
-    "normal_force_anisotropy",
-    "mobilisation",
-)
+    "axial_strain stress void_ratio coordination_number mean_normalised_force contact_anisotropy "
+    "normal_force_anisotropy mobilisation"
+).split()
 
 
 def calibrate(runs: Runs) -> tuple[Fit | None, Fit | None]:
@@ -78,17 +72,7 @@ def parameters(found: Fit | None, other: Fit | None) -> pandas.DataFrame:
     return rows.reset_index().reindex(columns=list(PARAMETER_COLUMNS))
 
 
-PARAMETER_COLUMNS = (
-    "parameter",
-    "table_2",
-    "ours",
-    "low",
-    "high",
-    "determined",
-    "table_2_inside",
-    "other_tests",
-    "other_inside",
-)
+PARAMETER_COLUMNS = "parameter table_2 ours low high determined table_2_inside other_tests other_inside".split()
 
 
 def models(found: Fit | None) -> dict[str, Model]:
@@ -135,18 +119,7 @@ def _followed(run: xr.Dataset, model: Model) -> tuple[Result | None, str]:
 
 
 FAR_ENOUGH = 0.1  # share of the strain of a test; a model that stops earlier has no error
-ERROR_COLUMNS = (
-    "run",
-    "path",
-    "parameters",
-    "calibrated_on",
-    "q_error",
-    "p_error",
-    "e_error",
-    "e_error_of_change",
-    "reached",
-    "status",
-)
+ERROR_COLUMNS = "run path parameters calibrated_on q_error p_error e_error e_error_of_change reached status".split()
 
 
 def _of_result(result: Result) -> tuple[np.ndarray, dict[str, np.ndarray]]:

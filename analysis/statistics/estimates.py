@@ -36,8 +36,8 @@ class Tested(Estimate):
     p_value: float
 
     def columns(self, name: str) -> dict[str, float]:
-        """The number as columns of a table: `name`, within, specimens and p_value."""
-        return {name: self.value, "within": self.within, "specimens": self.n, "p_value": self.p_value}
+        """The number as columns of a table: specimens, `name`, within and p_value."""
+        return {"specimens": self.n, name: self.value, "within": self.within, "p_value": self.p_value}
 
 
 NOTHING = Tested(math.nan, math.nan, 0, math.nan)

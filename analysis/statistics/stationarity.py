@@ -84,9 +84,7 @@ def slope_table(
                     **kept,
                     "quantity": quantity,
                     "mean": float(test[quantity].mean()),
-                    "slope": found.value,
-                    "within": found.within,
-                    "p_value": found.p_value,
+                    **found.columns("slope"),
                     "independent": found.n,
                 }
             )
@@ -122,12 +120,8 @@ def stationarity_table(
             {
                 **dict(zip((*by, "quantity"), key, strict=True)),
                 "tests": len(kept),
-                "specimens": found.n,
                 "mean": mean,
-                "slope": found.value,
-                "within": found.within,
-                "p_value": found.p_value,
-                "corrected": math.nan,
+                **found.columns("slope"),
                 "judged": limits.get(str(key[-1]), RELATIVE * abs(mean)),
                 "passed": int((kept["slope"].abs() <= kept["within"]).sum()),
             }

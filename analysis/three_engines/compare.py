@@ -11,6 +11,7 @@ import pandas
 from matplotlib.figure import Figure
 
 import labkit as lk
+from analysis.paper.ends import recorded_numbers
 from analysis.statistics import adjusted, cluster_mean
 from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
 from labkit.figures import WIDTH, colors_for, new_figure
@@ -32,19 +33,9 @@ LABELS = {
 def quantities(file: Path) -> dict[str, float]:
     """Peak and end of a test: name -> value."""
     data = lk.open_run(file)
-    p, q = data.lab.mean_stress().values, data.lab.deviatoric_stress().values
-    end = np.abs(data["axial_strain"].values) >= END - 1e-9
-    curves = {
-        "M": q / p,
-        "e": data["void_ratio"].values,
-        "p_MPa": p / 1e6,
-        "Z": data["coordination_number"].values,
-        "Lambda": data["mean_normalised_force"].values,
-        "A": data["contact_anisotropy"].values[:, 2, 2],
-        "F": data["normal_force_anisotropy"].values[:, 2, 2],
-        "Ft": data["mobilisation"].values[:, 2, 2],
-    }
-    return {"peak": float((q / p).max()), **{name: float(values[end].mean()) for name, values in curves.items()}}
+    records = recorded_numbers(data).rename(columns=lambda name: name.removesuffix("_zz"))
+    end = records[np.abs(data["axial_strain"].values) >= END - 1e-9].mean()
+    return {"peak": records["M"].max(), **{name: end[name] for name in LABELS if name != "peak"}}
 
 
 def values(folder: Path, tests: Sequence[Test]) -> pandas.DataFrame:
@@ -61,27 +52,20 @@ def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
     for (grains, law), some in measured.groupby(["grains", "law"], sort=False):
         for path in PATHS:
             compared = _differences(some[some["path"] == path], OTHER[str(law)], path)
-            rows += [{"grains": grains, "path": path, "engine": OTHER[str(law)], **row} for row in compared]
-    return pandas.DataFrame(rows)
+            rows += [(grains, path, OTHER[str(law)], *row) for row in compared]
+    columns = "grains path engine quantity fused difference interval scatter specimens".split()
+    return pandas.DataFrame(rows, columns=columns)
 
 
-def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[dict[str, object]]:
+def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[tuple[object, ...]]:
     fused = measured[measured["engine"] == "fused"].set_index("seed")
     theirs = measured[measured["engine"] == other].set_index("seed")
     both = fused.index.intersection(theirs.index)
     rows = []
     for name in (name for name in LABELS if len(both) and _varies(name, path)):
         mean = cluster_mean((theirs.loc[both, name] - fused.loc[both, name]).to_numpy(dtype=float))
-        rows.append(
-            {
-                "quantity": name,
-                "fused": fused[name].mean(),
-                "difference": mean.value,
-                "interval": mean.within,
-                "scatter": fused[name].std(ddof=1),
-                "specimens": mean.n,
-            }
-        )
+        scatter = fused[name].std(ddof=1)
+        rows.append((name, fused[name].mean(), mean.value, mean.within, scatter, mean.n))
     return rows
 
 
@@ -105,19 +89,11 @@ def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
             of_fused = fused.loc[both, name].to_numpy(dtype=float)
             apart = np.where(judged, theirs.loc[both, name].to_numpy(dtype=float) - of_fused, np.nan)
             mean = cluster_mean(apart, specimens)
-            rows.append(
-                {
-                    "engine": other,
-                    "quantity": name,
-                    "specimens": mean.n,
-                    "difference": mean.value,
-                    "interval": mean.within,
-                    "percent": 100.0 * mean.value / of_fused[judged].mean(),
-                    "p_value": mean.p_value,
-                }
-            )
-    table = pandas.DataFrame(rows)
-    return table.assign(corrected=adjusted(table["p_value"]) if len(table) else [])
+            percent = 100.0 * mean.value / of_fused[judged].mean()
+            rows.append((other, name, mean.n, mean.value, mean.within, percent, mean.p_value))
+    columns = "engine quantity specimens difference interval percent p_value".split()
+    table = pandas.DataFrame(rows, columns=columns)
+    return table.assign(corrected=adjusted(table["p_value"]))
 
 
 def _varies(name: str, path: str) -> bool:
