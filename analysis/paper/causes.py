@@ -42,14 +42,8 @@ if TYPE_CHECKING:
 SAME_SPECIMENS = ("share_cv", "share_cr", "share_cp", "full_cv")
 AT_20 = ", at 15 to 20 % strain"
 STUDY_FACTORS = ("rate", "time step", "local damping", "grains", "Young's modulus", "settings")
-STUDY_COLUMNS = {
-    "M": "ratio_critical",
-    "A_zz": "A_critical",
-    "F_zz": "F_critical",
-    "Ft_zz": "Ft_critical",
-    "Z": "Z_critical",
-    "Lambda": "Lambda_critical",
-}
+STUDY_COLUMNS = {name: f"{name.removesuffix('_zz')}_critical" for name in ("A_zz", "F_zz", "Ft_zz", "Z", "Lambda")}
+STUDY_COLUMNS["M"] = "ratio_critical"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,11 +64,7 @@ class Comparison:
     @property
     def runs(self) -> tuple[str, ...]:
         """Names of the runs compared."""
-        return tuple(
-            dict.fromkeys(
-                [*self.ours.attrs.get("runs", self.ours["run"]), *self.other.attrs.get("runs", self.other["run"])]
-            )
-        )
+        return tuple(dict.fromkeys([*self.ours["run"], *self.other["run"]]))
 
     def of_paths(self, paths: Collection[str]) -> Comparison:
         """The same comparison with only the tests along some paths."""
@@ -88,27 +78,17 @@ class Comparison:
             return two_samples(statistic, ours, other)
         if len(other) == 0 or (self.how != "part" and len(ours) != len(other)):
             return NOTHING
-        if self.how != "part":
-            estimate = jackknife(
-                lambda rows: statistic(other.iloc[rows]) - statistic(ours.iloc[rows]),
-                len(ours),
-                parameters,
-                specimens_of(ours["run"]),
-            )
-            exact = self.how == "definition" and len(ours) == 1
-            return dataclasses.replace(estimate, within=0.0) if exact else estimate
         inside = ours["run"].isin(other["run"]).to_numpy()
-        return NOTHING if inside.all() else _part_against_all(statistic, ours, inside, parameters)
+        if self.how == "part" and inside.all():
+            return NOTHING
 
+        def difference(rows: np.ndarray) -> float:
+            own = ours.iloc[rows[inside[rows]]] if self.how == "part" else other.iloc[rows]
+            return statistic(own) - statistic(ours.iloc[rows]) if len(own) else math.nan
 
-def _part_against_all(
-    statistic: Callable[[pandas.DataFrame], float], ours: pandas.DataFrame, inside: np.ndarray, parameters: int
-) -> Tested:
-    def difference(rows: np.ndarray) -> float:
-        own = ours.iloc[rows[inside[rows]]]
-        return statistic(own) - statistic(ours.iloc[rows]) if len(own) else math.nan
-
-    return jackknife(difference, len(ours), parameters, specimens_of(ours["run"]))
+        found = jackknife(difference, len(ours), parameters, specimens_of(ours["run"]))
+        exact = self.how == "definition" and len(ours) == 1
+        return dataclasses.replace(found, within=0.0) if exact else found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,15 +133,11 @@ def end_comparisons(runs: Runs) -> list[Comparison]:
         ("formula for q/p", "q/p = 3/2 (2/5 A_zz + 2/5 F_zz + 3 F^t_zz)", ours.assign(M=linear)),
     ]
     comparisons = [Comparison(cause, label, "paired", ours, other) for cause, label, other in same_tests]
-    comparisons += [
-        Comparison("path", f"{path.upper()} tests only", "part", ours, ours[ours["path"] == path]) for path in SHEAR
-    ]
-    comparisons += [
-        Comparison(
-            "density", f"{density} specimens only", "part", ours, ours[ours["run"].astype(str).str.contains(density)]
-        )
-        for density in ("dense", "medium", "loose")
-    ]
+    for path in SHEAR:
+        comparisons.append(Comparison("path", f"{path.upper()} tests only", "part", ours, ours[ours["path"] == path]))
+    for density in ("dense", "medium", "loose"):
+        some = ours[ours["run"].astype(str).str.contains(density)]
+        comparisons.append(Comparison("density", f"{density} specimens only", "part", ours, some))
     law = "YADE's rolling-resistance law instead of the spring-dashpot law (e differs too in CR and CP)"
     comparisons.append(_same_specimens(runs, "law", law, "paper", "fused"))
     engine = "YADE instead of the fused engine, both with the rolling-resistance law"
@@ -253,15 +229,9 @@ def guarded_study(file: Path | None) -> xr.Dataset | None:
 def start_comparisons(number: Number, runs: Runs) -> list[Comparison]:
     """Comparisons for a number measured on specimens before shearing."""
     ours = starts(number.select(runs))
-    comparisons = [
-        Comparison(
-            "definition of e",
-            "the nominal void ratio (not corrected for overlaps)",
-            "definition",
-            ours,
-            ours.assign(e=ours["e_nominal"]),
-        )
-    ]
+    alternative = "the nominal void ratio (not corrected for overlaps)"
+    nominal = ours.assign(e=ours["e_nominal"])
+    comparisons = [Comparison("definition of e", alternative, "definition", ours, nominal)]
     if ours["path"].isin(HOLDS_A_STRESS).any():
         alternative = "the void ratio of the specimen as generated, before consolidation"
         made = ours.assign(e=ours["e_made"])

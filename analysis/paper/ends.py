@@ -123,9 +123,7 @@ def _exponential(strain: np.ndarray, values: pandas.DataFrame, relaxation: float
 def blocks(name: str, run: xr.Dataset, begin: float, end: float) -> pandas.DataFrame:
     """Table of critical_states of BLOCKS equal parts between two axial strains of one test."""
     edges = begin + (end - begin) * np.linspace(0.0, 1.0, BLOCKS + 1)
-    states = table({f"{name} {k + 1}": between(run, edges[k], edges[k + 1]) for k in range(BLOCKS)})
-    states.attrs["runs"] = (name,)
-    return states
+    return table({f"{name} {k + 1}": between(run, edges[k], edges[k + 1]) for k in range(BLOCKS)})
 
 
 def starts(runs: Runs) -> pandas.DataFrame:

@@ -1,6 +1,6 @@
 """Every number of the paper that the campaign measures: ours with its interval, the paper's, and causes of differences.
 
-`numbers.py` lists the numbers, `number_table.py` lays the table out for readers.
+`numbers.py` lists the numbers, `report_numbers.py` lays the table out for readers.
 """
 
 from __future__ import annotations
@@ -42,25 +42,18 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
     `not determined` if the runs do not determine the number; `no runs`.
     """
     comparisons = end_comparisons(runs)
-    rows, tested = [], []
     parts: dict[str, pandas.DataFrame] = {}
-    for number in NUMBERS:
-        row, some = _row(number, runs, comparisons, study, parts)
-        rows.append(row)
-        tested.append(some)
-    causes = pandas.DataFrame(
-        [_cause(row, item) for row, some in zip(rows, tested, strict=True) for item in some], columns=CAUSES
-    )
+    found = [_row(number, runs, comparisons, study, parts) for number in NUMBERS]
+    causes = pandas.DataFrame([_cause(row, item) for row, some in found for item in some], columns=CAUSES)
     for name, method in CORRECTED.items():
         causes[name] = adjusted(causes["p_value"].to_numpy(dtype=float), method)
     causes["matters"] = causes["fdr"] <= SIGNIFICANT
-    first = 0
-    for row, some in zip(rows, tested, strict=True):
-        own = causes.iloc[first : first + len(some)]
-        first += len(some)
+    matters = iter(causes["matters"].tolist())
+    for row, some in found:
+        resolved = [next(matters) for _ in some]
         if row["agrees"] == "no":
-            row["explanation"] = explanation(row["difference"], row["allowed"], some, own["matters"].tolist())
-    return pandas.DataFrame([*limits(runs), *rows], columns=COLUMNS), causes
+            row["explanation"] = explanation(row["difference"], row["allowed"], some, resolved)
+    return pandas.DataFrame([*limits(runs), *(row for row, _ in found)], columns=COLUMNS), causes
 
 
 CAUSES = (
@@ -74,9 +67,7 @@ def _cause(row: dict[str, Any], item: Effect) -> dict[str, Any]:
         "number": row["number"],
         "cause": item.cause,
         "alternative": item.alternative,
-        "effect": item.effect.value,
-        "within": item.effect.within,
-        "p_value": item.effect.p_value,
+        **item.effect.columns("effect"),
         "tests": item.effect.n,
         "difference": row["difference"],
         "difference_left": row["difference"] + item.effect.value,
@@ -110,6 +101,9 @@ def _row(
     known = ours.within if math.isfinite(ours.within) else 0.0
     tested = effects(start_comparisons(number, runs) if number.at_start else comparisons, number)
     tested += study_effects(number, study)
+    agrees = "yes" if abs(difference) <= known + number.rounding else "no"
+    if number.kind == "measured":
+        agrees = AGREES[verdict(difference, ours.within, number.resolution, rounding=number.rounding)]
     return {
         **row,
         "ours": ours.value,
@@ -121,20 +115,13 @@ def _row(
         "difference": difference,
         "allowed": known + number.rounding,
         "judged": number.resolution if number.kind == "measured" else math.nan,
-        "agrees": _agrees(number, difference, ours),
+        "agrees": agrees,
         "in_units": abs(difference) / known if known else math.nan,
         "explanation": "",
     }, tested
 
 
 AGREES = {"agrees": "yes", "differs": "no", "not resolved": "not resolved"}
-
-
-def _agrees(number: Number, difference: float, ours: Estimate) -> str:
-    if number.kind == "measured":
-        return AGREES[verdict(difference, ours.within, number.resolution, rounding=number.rounding)]
-    known = ours.within if math.isfinite(ours.within) else 0.0
-    return "yes" if abs(difference) <= known + number.rounding else "no"
 
 
 def _basis(ours: Estimate, tests: int) -> str:

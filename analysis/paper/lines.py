@@ -90,7 +90,7 @@ def _both_lines(*columns: tuple[float, ...]) -> np.ndarray:
         return np.full(4, np.nan)
 
     def misfit(x: np.ndarray) -> np.ndarray:
-        at = np.minimum(e, x[0] - 1e-9), _parameters(x)  # Z^c has no derivative at e = e_cmax
+        at = np.minimum(e, x[0] - 1e-9), CriticalLines(*x)  # Z^c has no derivative at e = e_cmax
         return np.concatenate([(critical_Z(*at) - Z) / SCATTER[0], (critical_Lambda(*at) - Lam) / SCATTER[1]])
 
     start = [PAPER.e_cmax, PAPER.c_cZ, PAPER.gamma_cZ, PAPER.c_cLam]
@@ -107,26 +107,16 @@ def e_p_line(ends: pandas.DataFrame) -> np.ndarray:
     return optimize.least_squares(lambda x: x[0] - x[1] * p ** x[2] - e, start, bounds=bounds, x_scale=start).x
 
 
-def _parameters(x: np.ndarray) -> CriticalLines:
-    """The four parameters of `both_lines` by name."""
-    return CriticalLines(*x)
-
-
 Fit = Callable[[pandas.DataFrame], np.ndarray]
 Line = Callable[[np.ndarray, pandas.DataFrame], ArrayLike]
 # name -> (parameters, fit, fitted values at the ends of the tests, fitted column)
 LINES: dict[str, tuple[tuple[str, ...], Fit, Line, str]] = {
     "e(p)": (("e0", "a", "b"), e_p_line, lambda x, t: x[0] - x[1] * t["p_MPa"] ** x[2], "e"),
-    "Z(e)": (
-        ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"),
-        both_lines,
-        lambda x, t: critical_Z(t["e"], _parameters(x)),
-        "Z",
-    ),
+    "Z(e)": (CriticalLines._fields, both_lines, lambda x, t: critical_Z(t["e"], CriticalLines(*x)), "Z"),
     "Lambda(e)": (
-        ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam"),
+        CriticalLines._fields,
         both_lines,
-        lambda x, t: critical_Lambda(t["e"], _parameters(x)),
+        lambda x, t: critical_Lambda(t["e"], CriticalLines(*x)),
         "Lambda",
     ),
 }
@@ -181,26 +171,14 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
             offsets = found.offsets.set_index("group") if found else pandas.DataFrame()
             for group in dict.fromkeys(groups):
                 known = offsets.loc[group] if group in offsets.index else {}
-                rows.append(
-                    {
-                        "line": line,
-                        "factor": factor,
-                        "group": group,
-                        "tests": groups.count(group),
-                        "specimens": len({s for s, g in zip(specimens, groups, strict=True) if g == group}),
-                        "offset": known.get("offset", math.nan),
-                        "within": known.get("within", math.nan),
-                        "scatter": found.scatter if found else math.nan,
-                        "shared": found.shared if found else math.nan,
-                        "p_value": found.p_value if found else math.nan,
-                    }
-                )
-    table = pandas.DataFrame(rows, columns=list(ONE_LINE))
+                own = {s for s, g in zip(specimens, groups, strict=True) if g == group}
+                offset = (known.get(name, math.nan) for name in ("offset", "within"))
+                of_line = (found.scatter, found.shared, found.p_value) if found else [math.nan] * 3
+                rows.append((line, factor, group, groups.count(group), len(own), *offset, *of_line))
+    columns = "line factor group tests specimens offset within scatter shared p_value".split()
+    table = pandas.DataFrame(rows, columns=columns)
     table["corrected"] = adjusted_once(table, ["line", "factor"])
     return table
-
-
-ONE_LINE = "line factor group tests specimens offset within scatter shared p_value corrected".split()
 
 
 def line_slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:

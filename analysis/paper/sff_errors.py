@@ -15,22 +15,8 @@ from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE
 from labkit.sff import PARTS
 
 BETTER = ("c0_volume", "fourth")  # forms without C0's assumption of equal stress in all sizes, and of second order too
-COLUMNS = (
-    "run",
-    "path",
-    "grains",
-    "records",
-    "worst",
-    "worst_strain",
-    "worst_p_MPa",
-    "mean",
-    "over",
-    "snapshot_strain",
-    "snapshot_error",
-    *BETTER,
-    *PARTS,
-    "explanation",
-)
+RECORDED = "run path grains records worst worst_strain worst_p_MPa mean over snapshot_strain snapshot_error".split()
+COLUMNS = (*RECORDED, *BETTER, *PARTS, "explanation")
 
 
 def sff_errors(runs: Runs) -> pandas.DataFrame:
@@ -48,12 +34,7 @@ def sff_errors(runs: Runs) -> pandas.DataFrame:
 def _row(name: str, run: xr.Dataset) -> dict[str, Any]:
     p, error = run.lab.mean_stress().values, run.lab.sff_error().values
     judged = np.flatnonzero((p > SFF_PRESSURE) & np.isfinite(error))
-    row: dict[str, Any] = {
-        "run": name,
-        "path": run.attrs["path"],
-        "grains": run.sizes["grain"],
-        "records": len(judged),
-    }
+    row: dict[str, Any] = {"run": name, "path": run.attrs["path"], "grains": run.sizes["grain"], "records": len(judged)}
     if not len(judged):
         return {**row, "explanation": "no record with p > 50 kPa"}
     worst = judged[np.argmax(error[judged])]

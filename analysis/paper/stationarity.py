@@ -65,20 +65,8 @@ def components(ends: pandas.DataFrame) -> pandas.DataFrame:
         error = np.sqrt((count - 1) / count * ((left - left.mean(axis=0)) ** 2).sum(axis=0))
         path = one_line(y, line, ends["path"].to_numpy(dtype=str), specimens)
         density = one_line(y, line, np.array([density_of(str(run)) for run in ends["run"]]), specimens)
-        rows.append(
-            {
-                "quantity": name,
-                "e": REFERENCE,
-                "value": fit[0],
-                "within": student(float(error[0]), count - 2),
-                "slope": fit[1],
-                "slope_within": student(float(error[1]), count - 2),
-                "scatter": path.scatter,
-                "tests": len(ends),
-                "specimens": count,
-                "p_path": path.p_value,
-                "p_density": density.p_value,
-            }
-        )
-    columns = ["quantity", "e", "value", "within", "slope", "slope_within", "scatter", "tests", "specimens"]
-    return pandas.DataFrame(rows, columns=[*columns, "p_path", "p_density"])
+        value, slope = zip(fit, (student(float(one), count - 2) for one in error), strict=True)
+        p_values = path.p_value, density.p_value
+        rows.append((name, REFERENCE, *value, *slope, path.scatter, len(ends), count, *p_values))
+    columns = "quantity e value within slope slope_within scatter tests specimens p_path p_density".split()
+    return pandas.DataFrame(rows, columns=columns)
