@@ -15,7 +15,7 @@ import numpy as np
 import pandas
 from scipy import stats
 
-from analysis.statistics import Tested, adjusted, student, verdict
+from analysis.statistics import NOTHING, Tested, adjusted, student, verdict
 
 PAPER = "paper"
 VARIED = {  # parameter -> {material: value}; `paper` is Table 1
@@ -138,21 +138,14 @@ def constant_table(cells: Cells) -> pandas.DataFrame:
                 n = sum(cell.specimens for cell in cells[material])
                 found = tested(values[k], variances[k], freedom, n)
                 other = tested(values[k] - known[PAPER][0][k], variances[k] + known[PAPER][1][k], freedom, n)
-                rows.append(
-                    {
-                        "parameter": PAPER if own else parameter,
-                        "value": math.nan if own else at,
-                        "constant": constant,
-                        "estimate": found.value,
-                        "within": found.within,
-                        "difference": math.nan if own else other.value,
-                        "difference_within": math.nan if own else other.within,
-                        "specimens": n,
-                        "p_value": math.nan if own else other.p_value,
-                        "judged": LOOSEST if constant == "e_cmax" else JUDGED * abs(known[PAPER][0][k]),
-                    }
-                )
-    table = pandas.DataFrame(rows)
+                judged = LOOSEST if constant == "e_cmax" else JUDGED * abs(known[PAPER][0][k])
+                if own:
+                    other = NOTHING
+                label = (PAPER, math.nan) if own else (parameter, at)
+                difference = other.value, other.within
+                rows.append((*label, constant, found.value, found.within, *difference, n, other.p_value, judged))
+    columns = "parameter value constant estimate within difference difference_within specimens p_value judged".split()
+    table = pandas.DataFrame(rows, columns=columns)
     table["corrected"] = adjusted(table["p_value"])
     table["verdict"] = [
         "" if row.parameter == PAPER else verdict(row.difference, row.difference_within, row.judged, row.corrected)
@@ -186,16 +179,7 @@ def slope_table(cells: Cells) -> pandas.DataFrame:
             covariance = np.linalg.inv(design.T @ (design / variance[:, None]))
             slope = (covariance @ design.T @ (y / variance))[1]
             found = tested(float(slope), float(covariance[1, 1]), freedom, len(present))
-            rows.append(
-                {
-                    "parameter": parameter,
-                    "constant": constant,
-                    "slope": found.value,
-                    "within": found.within,
-                    "materials": len(present),
-                    "p_value": found.p_value,
-                }
-            )
+            rows.append((parameter, constant, found.value, found.within, len(present), found.p_value))
     columns = ["parameter", "constant", "slope", "within", "materials", "p_value"]
     table = pandas.DataFrame(rows, columns=columns)
     table["corrected"] = adjusted(table["p_value"])

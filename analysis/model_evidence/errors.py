@@ -9,7 +9,7 @@ from analysis.model_evidence.calibrations import CALIBRATED, PATHS, TABLE_2, VAR
 from analysis.paper.ends import Runs
 from analysis.paper.model_comparison import compare
 from analysis.paper.specimens import specimen_of
-from analysis.statistics import adjusted, cluster_mean, paired_difference
+from analysis.statistics import NOTHING, SIGNIFICANT, adjusted, cluster_mean, paired_difference
 from labkit.model import Model
 
 COMPLETE = 0.999  # share of the strain of a test
@@ -62,38 +62,23 @@ def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
                 if not np.isfinite(mine[quantity]).any():
                     continue
                 found = cluster_mean(mine[quantity], mine["specimen"])
-                row = {
-                    "path": path,
-                    "quantity": quantity,
-                    "model": model,
-                    "tests": len(mine),
-                    "completed": int((np.isfinite(mine[quantity]) & (mine["reached"] >= COMPLETE)).sum()),
-                    "specimens": found.n,
-                    "value": found.value,
-                    "within": found.within,
-                    "against": TESTED.get(str(model), ""),
-                }
-                if row["against"]:
-                    pair = paired_difference(own, quantity, "model", row["against"], model)
-                    row |= {
-                        "difference": pair.value,
-                        "difference_within": pair.within,
-                        "p_value": pair.p_value,
-                    }
+                completed = int((np.isfinite(mine[quantity]) & (mine["reached"] >= COMPLETE)).sum())
+                against = TESTED.get(str(model), "")
+                pair = paired_difference(own, quantity, "model", against, model) if against else NOTHING
+                compared = against, pair.value, pair.within, pair.p_value
+                row = path, quantity, model, len(mine), completed, found.n, found.value, found.within, *compared
                 rows.append(row)
-    table = pandas.DataFrame(rows, columns=SUMMARY)
-    table["corrected"] = adjusted(table["p_value"].to_numpy(dtype=float))
-    table["verdict"] = [
-        "" if not against else "not resolved" if not p <= 0.05 else "better" if difference < 0.0 else "worse"
-        for against, p, difference in zip(table["against"], table["corrected"], table["difference"], strict=True)
-    ]
-    return table
+    columns = "path quantity model tests completed specimens value within against difference difference_within p_value"
+    table = pandas.DataFrame(rows, columns=columns.split())
+    table = judged(table, table["difference"] < 0.0)
+    return table.assign(verdict=table["verdict"].where(table["against"] != "", ""))
 
 
-SUMMARY = (
-    "path quantity model tests completed specimens value within against difference difference_within p_value "
-    "corrected verdict"
-).split()
+def judged(table: pandas.DataFrame, better: pandas.Series) -> pandas.DataFrame:
+    """The table with `corrected`, p_value for the number of rows (Holm), and `verdict`: better, worse, not resolved."""
+    corrected = adjusted(table["p_value"].to_numpy(dtype=float))
+    verdict = np.where(corrected <= SIGNIFICANT, np.where(better, "better", "worse"), "not resolved")
+    return table.assign(corrected=corrected, verdict=verdict)
 
 
 def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
@@ -113,23 +98,9 @@ def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
         ratio = np.log(both["error"] / both["error_other"]).groupby([both["specimen"], both["run"]]).mean()
         found = cluster_mean(ratio.to_numpy(), ratio.index.get_level_values("specimen"))
         reached = errors.pivot_table(index="run", columns="model", values="reached")
-        rows.append(
-            {
-                "model": model,
-                "against": other,
-                "tests": len(ratio),
-                "specimens": found.n,
-                "ratio": float(np.exp(found.value)),
-                "low": float(np.exp(found.value - found.within)),
-                "high": float(np.exp(found.value + found.within)),
-                "p_value": found.p_value,
-                "failed": int(((reached[model] < COMPLETE) & (reached[other] >= COMPLETE)).sum()),
-            }
-        )
-    table = pandas.DataFrame(rows)
-    table["corrected"] = adjusted(table["p_value"].to_numpy(dtype=float))
-    table["verdict"] = [
-        "not resolved" if not row.corrected <= 0.05 else "better" if row.ratio < 1.0 else "worse"
-        for row in table.itertuples()
-    ]
-    return table
+        failed = int(((reached[model] < COMPLETE) & (reached[other] >= COMPLETE)).sum())
+        interval = (float(np.exp(found.value + by)) for by in (0.0, -found.within, found.within))
+        rows.append((model, other, len(ratio), found.n, *interval, found.p_value, failed))
+    columns = "model against tests specimens ratio low high p_value failed".split()
+    table = pandas.DataFrame(rows, columns=columns)
+    return judged(table, table["ratio"] < 1.0)

@@ -38,14 +38,9 @@ def observe_inverted(name: str, run: xr.Dataset) -> Observation:
     """The Observation of a run (labkit.model.observe) with Lambda and F inverted from its stress, and F^t = 0."""
     Lam, F = _of_run(run)
     tensor = F[:, None, None] * np.diag([-0.5, -0.5, 1.0])
-    return observe(
-        name,
-        run.assign(
-            mean_normalised_force=("time", Lam),
-            normal_force_anisotropy=(("time", "i", "j"), tensor),
-            mobilisation=(("time", "i", "j"), 0.0 * tensor),
-        ),
-    )
+    tensors = {"normal_force_anisotropy": tensor, "mobilisation": 0.0 * tensor}
+    known = {name: (("time", "i", "j"), values) for name, values in tensors.items()}
+    return observe(name, run.assign(mean_normalised_force=("time", Lam), **known))
 
 
 def inversion_errors(runs: Runs) -> pandas.DataFrame:
@@ -75,27 +70,12 @@ def inversion_errors(runs: Runs) -> pandas.DataFrame:
     summary = []
     for quantity, group in table.groupby("quantity", sort=False):
         found = cluster_mean(group["mean"], group["specimen"])
-        summary.append(
-            {
-                "quantity": quantity,
-                "tests": len(group),
-                "specimens": found.n,
-                "mean": found.value,
-                "within": found.within,
-                "rms": group["rms"].mean(),
-            }
-        )
-    return pandas.DataFrame(summary)
+        summary.append((quantity, len(group), found.n, found.value, found.within, group["rms"].mean()))
+    return pandas.DataFrame(summary, columns=["quantity", "tests", "specimens", "mean", "within", "rms"])
 
 
 def _of_run(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     zz = run["contact_anisotropy"].values.astype(float)
     A = (2.0 * zz[:, 2, 2] - zz[:, 0, 0] - zz[:, 1, 1]) / 3.0
-    return inverted(
-        run.lab.mean_stress().values.astype(float),
-        run.lab.deviatoric_stress().values.astype(float),
-        run["void_ratio_nominal"].values.astype(float),
-        run["coordination_number"].values.astype(float),
-        A,
-        run.lab.scene.young_modulus,
-    )
+    recorded = run.lab.mean_stress(), run.lab.deviatoric_stress(), run["void_ratio_nominal"], run["coordination_number"]
+    return inverted(*(values.values.astype(float) for values in recorded), A, run.lab.scene.young_modulus)

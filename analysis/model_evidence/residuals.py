@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas
 
+from analysis.model_evidence.errors import judged
 from analysis.model_evidence.increments import (
     C4_FORMS,
     EQUATIONS,
@@ -18,7 +19,7 @@ from analysis.model_evidence.increments import (
     fit_rate,
     lines_of,
 )
-from analysis.statistics import adjusted, cluster_mean
+from analysis.statistics import cluster_mean
 
 Candidate = Callable[[Increments, Lines], np.ndarray]  # increments (steps,)
 OF_TENSORS: dict[str, Candidate] = {
@@ -72,7 +73,8 @@ def missing_elements(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
         explained = float((1.0 - table["before"] / table["size"]).median())
         for name, group in table.groupby("candidate", sort=False):
             rows.append({"equation": equation, "explained": explained, "candidate": name, **_gain(group, paths)})
-    return _corrected(rows)
+    table = pandas.DataFrame(rows)
+    return judged(table, table["gain"] > 0.0)
 
 
 def forms_of_c4(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
@@ -98,24 +100,18 @@ def forms_of_c4(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
             parts.append(part)
         rows.append({"form": name, **explained, **_gain(pandas.concat(parts), paths)})
     rows[0] |= dict.fromkeys(("gain", "low", "high", "p_value"), math.nan)  # compared with itself
-    return _corrected(rows)
+    table = pandas.DataFrame(rows)
+    return judged(table, table["gain"] > 0.0)
 
 
 def _by_run(
     data: Increments, own: np.ndarray, before: np.ndarray, after: np.ndarray, variable: str
 ) -> pandas.DataFrame:
     """Sums of squares of the changes and of two residuals, a row per test on the left-out path."""
-    squares = pandas.DataFrame(
-        {
-            "run": data.run[own],
-            "specimen": data.specimen[own],
-            "path": data.path[own],
-            "size": data.change[variable][own] ** 2,
-            "before": before[own] ** 2,
-            "after": after[own] ** 2,
-        }
-    )
-    return squares.groupby(["run", "specimen", "path"], sort=False).sum().reset_index()
+    labels = {name: getattr(data, name)[own] for name in ("run", "specimen", "path")}
+    values = {"size": data.change[variable], "before": before, "after": after}
+    squares = pandas.DataFrame(labels | {name: value[own] ** 2 for name, value in values.items()})
+    return squares.groupby(list(labels), sort=False).sum().reset_index()
 
 
 def _gain(table: pandas.DataFrame, paths: Sequence[str]) -> dict[str, float]:
@@ -131,13 +127,3 @@ def _gain(table: pandas.DataFrame, paths: Sequence[str]) -> dict[str, float]:
         "p_value": found.p_value,
         **by_path,
     }
-
-
-def _corrected(rows: Sequence[dict[str, object]]) -> pandas.DataFrame:
-    table = pandas.DataFrame(list(rows))
-    table["corrected"] = adjusted(table["p_value"].to_numpy(dtype=float))
-    table["verdict"] = [
-        "not resolved" if not row.corrected <= 0.05 else "better" if row.gain > 0.0 else "worse"
-        for row in table.itertuples()
-    ]
-    return table
