@@ -87,20 +87,12 @@ def cost_table(runs: Runs) -> pandas.DataFrame:
 
     wall_time: s, with the number of threads used, including the effect of any other load on the computer.
     """
+    rows = []
+    for name, run in runs.items():
+        law, threads = json.loads(run.attrs["scene"])["law"], threads_of(run.attrs)
+        grains, steps, wall_time = run.sizes["grain"], int(run.attrs["steps"]), float(run.attrs["wall_time"])
+        kind = name, run.attrs["path"], run.attrs["engine"], law
+        rows.append((*kind, threads, grains, run.sizes["time"], steps, steps * grains, wall_time))
     return pandas.DataFrame(
-        [
-            {
-                "run": name,
-                "path": run.attrs["path"],
-                "engine": run.attrs["engine"],
-                "law": json.loads(run.attrs["scene"])["law"],
-                "threads": threads_of(run.attrs),
-                "grains": run.sizes["grain"],
-                "records": run.sizes["time"],
-                "steps": int(run.attrs["steps"]),
-                "grain_steps": int(run.attrs["steps"]) * run.sizes["grain"],
-                "wall_time": float(run.attrs["wall_time"]),
-            }
-            for name, run in runs.items()
-        ]
+        rows, columns="run path engine law threads grains records steps grain_steps wall_time".split()
     )

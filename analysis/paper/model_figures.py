@@ -135,13 +135,7 @@ def fig_10() -> Figure:
 
 
 FIGURES = {
-    "model_fig4": fig_4,
-    "model_fig5": fig_5,
-    "model_fig6": fig_6,
-    "model_fig7": fig_7,
-    "model_fig8": fig_8,
-    "model_fig9": fig_9,
-    "model_fig10": fig_10,
+    f"model_{draw.__name__.replace('_', '')}": draw for draw in (fig_4, fig_5, fig_6, fig_7, fig_8, fig_9, fig_10)
 }
 
 

@@ -7,7 +7,7 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ DIGITS = 12  # of a hash, enough to distinguish files
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
 
 
-def provenance(folder: Path, files: Iterable[Path], output: str | Path, command: str) -> dict[str, Any]:
+def provenance(folder: Path, files: Sequence[Path], output: str | Path, command: str) -> dict[str, Any]:
     """Tables of the last section of the report.
 
     `files`: the files shown; `command`: the command that wrote the page.
@@ -46,21 +46,12 @@ def run_origins(folder: Path) -> pandas.DataFrame:
             digest = getattr(run, "source_sha256", getattr(run, "data_sha256", ""))
             engine = getattr(run, "engine", ""), str(getattr(run, "engine_version", ""))
         machine = known.get("machine", {})
-        rows.append(
-            {
-                "run": file.name.removesuffix(".run.nc"),
-                "engine": engine[0],
-                "engine version": engine[1],
-                "labkit": known.get("labkit_version", ""),
-                "commit": short_commit(known.get("commit", "")),
-                "machine": f"{machine.get('cores', '?')} x {machine.get('processor', '?')}",
-                "libraries": ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items()),
-                "made": known.get("made", ""),
-                "data": digest[:DIGITS],
-                "command": known.get("command", ""),
-            }
-        )
-    return pandas.DataFrame(rows)
+        computer = f"{machine.get('cores', '?')} x {machine.get('processor', '?')}"
+        libraries = ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items())
+        code = known.get("labkit_version", ""), short_commit(known.get("commit", "")), computer, libraries
+        data = known.get("made", ""), digest[:DIGITS], known.get("command", "")
+        rows.append((file.name.removesuffix(".run.nc"), *engine, *code, *data))
+    return pandas.DataFrame(rows, columns=["run", *ALIKE, "made", "data", "command"])
 
 
 def short_commit(commit: str) -> str:
@@ -68,17 +59,14 @@ def short_commit(commit: str) -> str:
     return re.sub(r"^([0-9a-f]{12})[0-9a-f]+", r"\1", commit)
 
 
-def file_origins(folder: Path, files: Iterable[Path]) -> pandas.DataFrame:
+def file_origins(folder: Path, files: Sequence[Path]) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per file shown on the page."""
     return pandas.DataFrame(
-        [
-            {
-                "file": os.path.relpath(file, folder.parent),
-                "hash": file_sha256(file)[:DIGITS],
-                "made by": (provenance_of(file) or {}).get("command", ""),
-            }
-            for file in files
-        ]
+        {
+            "file": [os.path.relpath(file, folder.parent) for file in files],
+            "hash": [file_sha256(file)[:DIGITS] for file in files],
+            "made by": [(provenance_of(file) or {}).get("command", "") for file in files],
+        }
     )
 
 

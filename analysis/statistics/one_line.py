@@ -19,6 +19,7 @@ from scipy import stats
 
 from analysis.statistics.estimates import student
 
+OFFSETS = ["group", "tests", "specimens", "offset", "within"]
 DRAWS = 1999  # of the simulated reference distribution
 RATIOS = np.concatenate([[0.0], np.geomspace(0.05, 50.0, 24)])  # variance of u over that of r
 
@@ -60,21 +61,25 @@ def one_line(
     added = full.shape[1] - columns.shape[1]
     count = len(np.unique(specimen))
     if added < 1 or min(len(y), count) <= full.shape[1]:
-        empty = pandas.DataFrame(columns=["group", "tests", "specimens", "offset", "within"])
-        return OneLine(math.nan, math.nan, len(y), count, math.nan, math.nan, empty)
-    if count == len(y):
-        return _least_squares(y, columns, full, names, members, specimen)
-    same = specimen[:, None] == specimen[None, :]
-    null = _Mixed(columns, same)
-    other = _Mixed(full, same)
-    ratio = 2.0 * (other.likelihood(y[:, None]) - null.likelihood(y[:, None]))[0]
-    deviation, share = null.scatter(y)
-    covariance = (1.0 - share) * np.eye(len(y)) + share * same
-    drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1).normal(size=(len(y), draws))
-    simulated = 2.0 * (other.likelihood(drawn) - null.likelihood(drawn))
-    p_value = (1.0 + np.sum(simulated >= ratio)) / (1.0 + draws)
+        return OneLine(math.nan, math.nan, len(y), count, math.nan, math.nan, pandas.DataFrame(columns=OFFSETS))
+    if count == len(y):  # specimens tested once each: the F test
+        one, apart = (float(np.sum((y - basis @ (basis.T @ y)) ** 2)) for basis in (columns, full))
+        freedom = len(y) - full.shape[1]
+        statistic = (one - apart) / added / (apart / freedom)
+        p_value = float(stats.f.sf(statistic, added, freedom))
+        deviation, share = math.sqrt(one / (len(y) - columns.shape[1])), 0.0
+        covariance = np.eye(len(y))
+    else:
+        same = specimen[:, None] == specimen[None, :]
+        null, other = _Mixed(columns, same), _Mixed(full, same)
+        statistic = float(2.0 * (other.likelihood(y[:, None]) - null.likelihood(y[:, None]))[0])
+        deviation, share = null.scatter(y)
+        covariance = (1.0 - share) * np.eye(len(y)) + share * same
+        drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1).normal(size=(len(y), draws))
+        simulated = 2.0 * (other.likelihood(drawn) - null.likelihood(drawn))
+        p_value = float((1.0 + np.sum(simulated >= statistic)) / (1.0 + draws))
     offsets = _offsets(y, columns, names, members, specimen, covariance)
-    return OneLine(float(ratio), float(p_value), len(y), count, deviation, share, offsets)
+    return OneLine(statistic, p_value, len(y), count, deviation, share, offsets)
 
 
 def _groups(factor: np.ndarray) -> tuple[list[str], np.ndarray]:
@@ -125,24 +130,6 @@ class _Mixed:
         return math.sqrt(own * (1.0 + RATIOS[best])), float(RATIOS[best] / (1.0 + RATIOS[best]))
 
 
-def _least_squares(
-    y: np.ndarray,
-    columns: np.ndarray,
-    full: np.ndarray,
-    names: list[str],
-    members: np.ndarray,
-    specimen: np.ndarray,
-) -> OneLine:
-    """The F test, for specimens tested once each."""
-    one, apart = (float(np.sum((y - basis @ (basis.T @ y)) ** 2)) for basis in (columns, full))
-    n, added = len(y), full.shape[1] - columns.shape[1]
-    freedom = n - full.shape[1]
-    statistic = (one - apart) / added / (apart / freedom)
-    scatter = math.sqrt(one / (n - columns.shape[1]))
-    offsets = _offsets(y, columns, names, members, specimen, np.eye(n))
-    return OneLine(statistic, float(stats.f.sf(statistic, added, freedom)), n, n, scatter, 0.0, offsets)
-
-
 def _offsets(
     y: np.ndarray,
     columns: np.ndarray,
@@ -162,18 +149,11 @@ def _offsets(
         rest = target - basis @ (basis.T @ target)
         size = float(own @ own)
         inside = member != 0.0
-        specimens = len(np.unique(specimen[inside]))
-        row = {
-            "group": name,
-            "tests": int(inside.sum()),
-            "specimens": specimens,
-            "offset": math.nan,
-            "within": math.nan,
-        }
+        found = math.nan, math.nan
         if size > 1e-12 * float(member @ member):
             offset = float(own @ rest) / size
             squares = float(np.sum((rest - offset * own) ** 2)) / (len(y) - columns.shape[1] - 1)
             freedom = len(np.unique(specimen)) - columns.shape[1] - 1
-            row |= {"offset": offset, "within": student(math.sqrt(squares / size), freedom)}
-        rows.append(row)
-    return pandas.DataFrame(rows)
+            found = offset, student(math.sqrt(squares / size), freedom)
+        rows.append((name, int(inside.sum()), len(np.unique(specimen[inside])), *found))
+    return pandas.DataFrame(rows, columns=OFFSETS)
