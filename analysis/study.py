@@ -28,7 +28,8 @@ class Study:
     A subclass says what it gathers, computes and draws, and which numbers its page names.
     """
 
-    data: str  # the data set, a file in the folder of the results, from which everything else follows
+    data: str  # the data set in the folder of the results, from which everything else follows
+    tests = "campaign.yaml"
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
         """Reduces finished runs to the data set `file`."""
@@ -58,7 +59,7 @@ class Study:
     @property
     def campaign(self) -> Path:
         """The campaign file."""
-        return self.home / "campaign.yaml"
+        return self.home / self.tests
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         """Adds the options of the command."""

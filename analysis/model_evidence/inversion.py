@@ -39,8 +39,8 @@ def observe_inverted(name: str, run: xr.Dataset) -> Observation:
     Lam, F = _of_run(run)
     tensor = F[:, None, None] * np.diag([-0.5, -0.5, 1.0])
     tensors = {"normal_force_anisotropy": tensor, "mobilisation": 0.0 * tensor}
-    known = {name: (("time", "i", "j"), values) for name, values in tensors.items()}
-    return observe(name, run.assign(mean_normalised_force=("time", Lam), **known))
+    known: dict[str, object] = {name: (("time", "i", "j"), values) for name, values in tensors.items()}
+    return observe(name, run.assign(known | {"mean_normalised_force": ("time", Lam)}))
 
 
 def inversion_errors(runs: Runs) -> pandas.DataFrame:
@@ -77,5 +77,6 @@ def inversion_errors(runs: Runs) -> pandas.DataFrame:
 def _of_run(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     zz = run["contact_anisotropy"].values.astype(float)
     A = (2.0 * zz[:, 2, 2] - zz[:, 0, 0] - zz[:, 1, 1]) / 3.0
-    recorded = run.lab.mean_stress(), run.lab.deviatoric_stress(), run["void_ratio_nominal"], run["coordination_number"]
-    return inverted(*(values.values.astype(float) for values in recorded), A, run.lab.scene.young_modulus)
+    e, Z = (run[name].values.astype(float) for name in ("void_ratio_nominal", "coordination_number"))
+    p, q = (stress.values.astype(float) for stress in (run.lab.mean_stress(), run.lab.deviatoric_stress()))
+    return inverted(p, q, e, Z, A, run.lab.scene.young_modulus)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas
 
-from analysis.campaigns import add_campaign_options, finished, simulate
 from analysis.paper import runs, sources
 from analysis.paper.condense import condense
 from analysis.paper.drawn import draw_all
@@ -17,69 +16,61 @@ from analysis.paper.ends import Runs
 from analysis.paper.origins import threads_of
 from analysis.paper.report import report
 from analysis.paper.tables import write_tables
+from analysis.study import STEPS, Study
 from labkit.engines import Progress, find_yade
 from labkit.figures import draw_grains, plots
-from labkit.io import make_folder, reporter, write_with_provenance
+from labkit.io import reporter, write_with_provenance
 from labkit.runs import snapshots
 
-TESTS = Path(__file__).with_name("paper.yaml")
 PICTURED = "cv-dense"  # run shown in gallery.png, at its start and end
-CONDENSED, TABLES, FIGURES = 0.3, 0.5, 0.95  # fractions of the progress at which these steps are finished
+TABLES, FIGURES = 0.4, 0.9  # fractions of the progress at which these steps are finished
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of `./lab paper`."""
-    add_campaign_options(parser, "paper", "everything is rebuilt from the reduced run files in the output folder")
+class Paper(Study):
+    """The paper's tests at full size."""
+
+    data = "runs"
+    tests = "paper.yaml"
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        (folder / self.data).mkdir(exist_ok=True)
+        if options.campaign and "campaign" in options.steps and not options.as_is:
+            find_yade()
+        return super().prepare(options, folder, command)
+
+    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+        progress = reporter("reducing")
+        for k, run in enumerate(runs):
+            progress(k / len(runs), f"run {k + 1} of {len(runs)}")
+            condense(run, file / run.name, command)
+
+    def write(self, folder: Path, command: str, progress: Progress, steps: Sequence[str] = STEPS) -> list[Path]:
+        progress(0.0, "reading the runs")
+        stored, files = runs(folder), list[Path]()
+        if "tables" in steps:
+            text = cost_table(stored).to_csv(index=False, float_format="%.6g")
+            write_with_provenance(folder / "campaign.csv", text, sources(stored), command)
+            study = folder.parent / "speed_error" / "study.nc"
+            known = study if study.exists() else None
+            done = write_tables(stored, folder, known, command, lambda share, text: progress(TABLES * share, text))
+            files += [folder / "campaign.csv", *done]
+        if "figures" in steps:
+            if PICTURED in stored and stored[PICTURED].sizes["snapshot"]:
+                progress(TABLES, "drawing the grains")
+                source = stored[PICTURED].encoding["source"]
+                plots.save(draw_grains(snapshots(source, [0, -1])), folder / "gallery.png", [source], command)
+                files.append(folder / "gallery.png")
+            rest = FIGURES - TABLES
+            files += draw_all(stored, folder, lambda share, text: progress(TABLES + rest * share, text))
+        if "page" in steps:
+            progress(FIGURES, "writing the report")
+            report(folder, folder / "report.html", command)
+            files.append(folder / "report.html")
+        progress(1.0, "done")
+        return files
 
 
-def main(options: argparse.Namespace, command: str) -> int:
-    """Runs the campaign if one is given and writes all results from its runs; returns 1 if a run failed."""
-    code = 0
-    if options.campaign and not options.as_is:
-        find_yade()
-        code = simulate(options.campaign, options.cores, reporter("campaign"), TESTS)
-    for file in paper(options.campaign, options.output, command, reporter("paper")):
-        print(file)
-    return int(code != 0)
-
-
-def paper(campaign: str | Path | None, output: str | Path, command: str, progress: Progress) -> Iterator[Path]:
-    """Writes all tables, figures and the report from the reduced run files in `output`; yields the files written.
-
-    If a `campaign` folder is given, its finished runs are reduced first. `progress`: called with (fraction, text).
-    """
-    folder = Path(make_folder(output, "--output"))
-    (folder / "runs").mkdir(exist_ok=True)
-    if campaign:
-        for k, file in enumerate(files := finished(campaign)):
-            progress(CONDENSED * k / len(files), f"reducing run {k + 1} of {len(files)}")
-            condense(file, folder / "runs" / file.name, command)
-    start = CONDENSED if campaign else 0.0
-    progress(start, "reading the runs")
-    stored = runs(folder)
-    text = cost_table(stored).to_csv(index=False, float_format="%.6g")
-    write_with_provenance(folder / "campaign.csv", text, sources(stored), command)
-    yield folder / "campaign.csv"
-
-    def tables(fraction: float, text: str) -> None:
-        progress(start + (TABLES - start) * fraction, text)
-
-    study = folder.parent / "speed_error" / "study.nc"
-    yield from write_tables(stored, folder, study if study.exists() else None, command, tables)
-    if PICTURED in stored and stored[PICTURED].sizes["snapshot"]:
-        progress(TABLES, "drawing the grains")
-        source = stored[PICTURED].encoding["source"]
-        plots.save(draw_grains(snapshots(source, [0, -1])), folder / "gallery.png", [source], command)
-        yield folder / "gallery.png"
-
-    def drawn(fraction: float, text: str) -> None:
-        progress(TABLES + (FIGURES - TABLES) * fraction, text)
-
-    yield from draw_all(stored, folder, drawn)
-    progress(FIGURES, "writing the report")
-    report(folder, folder / "report.html", command)
-    progress(1.0, "done")
-    yield folder / "report.html"
+STUDY = Paper()
 
 
 def cost_table(runs: Runs) -> pandas.DataFrame:

@@ -61,7 +61,7 @@ def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[tupl
     fused = measured[measured["engine"] == "fused"].set_index("seed")
     theirs = measured[measured["engine"] == other].set_index("seed")
     both = fused.index.intersection(theirs.index)
-    rows = []
+    rows: list[tuple[object, ...]] = []
     for name in (name for name in LABELS if len(both) and _varies(name, path)):
         mean = cluster_mean((theirs.loc[both, name] - fused.loc[both, name]).to_numpy(dtype=float))
         scatter = fused[name].std(ddof=1)

@@ -14,7 +14,8 @@ from analysis.places import results_folder
 from analysis.study import Study
 
 SLOW = ("model-evidence",)  # its tables take minutes
-FRAMED = {name: one for name, (module, _) in STUDIES.items() if isinstance(one := study(module), Study)}
+FOUND = {name: study(module) for name, (module, _) in STUDIES.items()}
+FRAMED = {name: one for name, one in FOUND.items() if isinstance(one, Study) and (one.home / "page.md").exists()}
 ROWS = pandas.DataFrame({"name": ["a", "b"], "value": [1.23456, math.nan], "within": [0.012, math.nan], "n": [3, 4]})
 
 
