@@ -47,7 +47,7 @@ from analysis.paper.drawing import (
 from analysis.paper.ends import Runs, ends, sheared
 from analysis.paper.lines import LINES, both_lines, critical_Lambda, critical_stress, critical_Z
 from analysis.paper.model_runs import TABLE_2
-from labkit.errors import InputError
+from analysis.paper.specimens import density_of
 from labkit.figures import micro_figures, plots
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.model import ROOT_3_2, Model
@@ -316,14 +316,6 @@ def monotonic(runs: Runs) -> dict[str, xr.Dataset]:
     """The paper's monotonic shear tests at all seeds and pressures, without those that compare engines."""
     prefixes = ("cv-", "cv_other-", "cr_", "cp_500kPa-", "cp_1MPa-")
     return {name: run for name, run in runs.items() if name.startswith(prefixes) and run.attrs["path"] in SHEAR}
-
-
-def density_of(name: str) -> str:
-    """Density `dense`, `medium` or `loose` from the name of a run. Raises InputError if the name contains none."""
-    for density in DENSITIES:
-        if density in name.split("-", 1)[-1]:
-            return density
-    raise InputError(f"the name of run {name} contains no density: use a run with dense, medium or loose in its name")
 
 
 def fitted_lines(tests: Runs) -> Model | None:
