@@ -170,7 +170,7 @@ def paraview_command(
     ] = None,
     output: Annotated[str | None, Option("folder to write to (default: next to the file)", "FOLDER")] = None,
 ) -> None:
-    """Writes grains, contacts and cell of each snapshot in a format that ParaView opens, and a .pvd file of them all.
+    """Writes grains, contacts and cell of all snapshots into one file that ParaView opens, snapshots.vtkhdf.
 
     Example:
         labkit paraview r.run.nc -o r_paraview
@@ -178,10 +178,10 @@ def paraview_command(
     from labkit.figures import paraview
     from labkit.runs.dataset import snapshots
 
-    paraview.require_meshio()
+    paraview.require_h5py()
     chosen = snapshots(file, snapshot or ())
     folder = make_folder(output or str(Path(figure_name(file, "paraview")).with_suffix("")), "-o")
-    print(*paraview.write_series(chosen, folder), paraview.HINT, sep="\n")
+    print(paraview.write_series(chosen, Path(folder) / "snapshots.vtkhdf"), paraview.HINT, sep="\n")
 
 
 @command("watch")

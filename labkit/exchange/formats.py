@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import abc
 import gzip
-import importlib
-import types
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, ClassVar, TypeVar, cast
 
@@ -17,7 +15,6 @@ from labkit.errors import InputError
 from labkit.exchange.answers import Answers
 from labkit.exchange.packing import ContactList, Packing
 from labkit.extensions import Registry
-from labkit.io.extras import install_command
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
@@ -151,14 +148,6 @@ def whole_text(file: Path) -> str:
             return handle.read().decode("utf-8")
         except (UnicodeDecodeError, OSError, EOFError) as error:
             raise InputError(f"{file} is not text ({error}): give another file or another --format") from None
-
-
-def require_library(name: str, what: str) -> types.ModuleType:
-    """An optional library. Raises InputError with the command that installs it. what: e.g. `ON-DEM files`."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise InputError(f"{what} need {name.split('.')[0]}: {install_command('formats')}") from None
 
 
 def damaged_file(file: Path, problem: object) -> InputError:

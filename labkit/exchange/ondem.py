@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.exchange.answers import Answers
-from labkit.exchange.formats import Format, damaged_file, require_library
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import FIRST, RADIUS, TENSION, ContactList, Packing
 from labkit.grains.state import State
 from labkit.io.atomic import whole_file
+from labkit.io.extras import require_library
 
 if TYPE_CHECKING:
     import h5py
@@ -40,7 +41,7 @@ class OnDem(Format):
         return file.suffix == ".vtkhdf" or (file.suffix in (".h5", ".hdf", ".hdf5") and "HDF" in head[:8])
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        h5py = require_library("h5py", WHAT)
+        h5py = require_library("h5py", WHAT, "formats")
         try:
             with h5py.File(file) as data:
                 return _packing(data)
@@ -49,7 +50,7 @@ class OnDem(Format):
 
     def write(self, state: State, file: Path) -> None:
         """Writes grains, periodic box, material and contacts in SI units; normal forces positive in traction."""
-        h5py = require_library("h5py", WHAT)
+        h5py = require_library("h5py", WHAT, "formats")
         with whole_file(file) as temporary, h5py.File(temporary, "w") as data:
             _write_points(data, state)
             scene = data.create_group("ONDEM/Scene")

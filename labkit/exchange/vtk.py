@@ -11,8 +11,9 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers, answer_names
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from
-from labkit.exchange.formats import Format, damaged_file, require_library
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import ContactList, Packing
+from labkit.io.extras import require_library
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkFieldData
@@ -56,8 +57,8 @@ def _renamed(given: str | None) -> dict[str, str]:
 
 def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
     """(points, arrays of the points, arrays of the cells) of a VTK file. Raises InputError."""
-    xml = require_library("vtkmodules.vtkIOXML", WHAT)
-    legacy = require_library("vtkmodules.vtkIOLegacy", WHAT)
+    xml = require_library("vtkmodules.vtkIOXML", WHAT, "formats")
+    legacy = require_library("vtkmodules.vtkIOLegacy", WHAT, "formats")
     with open(file, "rb") as handle:
         old = handle.read(5) == b"# vtk"
     reader = legacy.vtkGenericDataObjectReader() if old else xml.vtkXMLGenericDataObjectReader()
@@ -65,13 +66,15 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
         reader.ReadAllScalarsOn()
         reader.ReadAllVectorsOn()
         reader.ReadAllFieldsOn()
-    require_library("vtkmodules.vtkCommonCore", WHAT).vtkObject.GlobalWarningDisplayOff()  # the error below says it
+    require_library(
+        "vtkmodules.vtkCommonCore", WHAT, "formats"
+    ).vtkObject.GlobalWarningDisplayOff()  # the error below says it
     reader.SetFileName(str(file))
     reader.Update()
     data = reader.GetOutput()
     if data is None or not hasattr(data, "GetPoints") or data.GetPoints() is None:
         raise damaged_file(file, "it has no points")
-    to_numpy = require_library("vtkmodules.util.numpy_support", WHAT).vtk_to_numpy
+    to_numpy = require_library("vtkmodules.util.numpy_support", WHAT, "formats").vtk_to_numpy
     position = np.array(to_numpy(data.GetPoints().GetData()), dtype=float)
     return position, _arrays(data.GetPointData(), to_numpy), _arrays(data.GetCellData(), to_numpy)
 

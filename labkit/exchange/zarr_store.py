@@ -9,8 +9,9 @@ from pathlib import Path
 import xarray as xr
 
 from labkit.errors import InputError
-from labkit.exchange.formats import Format, require_library
+from labkit.exchange.formats import Format
 from labkit.grains.state import ATTRIBUTES, State
+from labkit.io.extras import require_library
 from labkit.io.schema import STATE
 
 WHAT = "Zarr stores"
@@ -42,7 +43,7 @@ class ZarrStore(Format):
 
 def write_dataset(data: xr.Dataset, file: Path) -> None:
     """Writes a Dataset, replacing an older store. Raises InputError if a file or another folder is in the way."""
-    require_library("zarr", WHAT)
+    require_library("zarr", WHAT, "formats")
     if file.exists() and not (file / ".zgroup").is_file():
         raise InputError(f"{file} is not a Zarr store: it would be overwritten; choose another -o")
     temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")

@@ -1,7 +1,6 @@
-"""Files for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
+"""A file for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
 
-The VTK XML files (.vtu) of the snapshots are listed with their times in .pvd files. SI units, single precision;
-compression positive. The files are written with meshio, a much smaller package than vtk.
+The file is VTKHDF 2.3, with a block of each over time. SI units, single precision; compression positive.
 """
 
 from __future__ import annotations
@@ -11,13 +10,12 @@ import os
 import types
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from labkit.errors import InputError
 from labkit.io.atomic import whole_file
-from labkit.io.extras import install_command
+from labkit.io.extras import require_library
 from labkit.micro.fabric import statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
 from labkit.micro.normalised import normalised_normal_force
@@ -25,54 +23,98 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 
+if TYPE_CHECKING:
+    import h5py
+
 HINT = (
-    "in ParaView, show grains with Glyph (Sphere, scaled by diameter, factor 1) and contacts with Tube (radius varied "
-    "by tube_radius, absolute)"
+    "in ParaView 5.13 or later, show grains with Glyph (Sphere, scaled by diameter, factor 1) and contacts with Tube "
+    "(radius varied by tube_radius, absolute)"
 )
 TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
-
-Mesh = tuple[np.ndarray, tuple[str, np.ndarray], dict, dict]  # points, cells, point data, cell data
-
-
-def require_meshio() -> types.ModuleType:
-    """The meshio module. Raises InputError if it is not installed."""
-    try:
-        import meshio
-    except ImportError:
-        raise InputError(f"files for ParaView need meshio: {install_command('paraview')}") from None
-    return meshio
+VERSION = (2, 3)  # of VTKHDF
+VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cells of VTK
 
 
-def write_series(snapshots: Iterable[Snapshot], folder: str | os.PathLike) -> list[Path]:
-    """Writes Snapshots into an existing folder; returns the .pvd files to open."""
-    meshio = require_meshio()
-    folder = Path(folder)
-    times: dict[str, dict[str, float]] = {name: {} for name in MESHES}
-    for snapshot in snapshots:
-        for name, mesh_of in MESHES.items():
-            file = folder / f"{name}_{snapshot.number:04d}.vtu"
-            points, cells, point_data, cell_data = mesh_of(snapshot)
-            mesh = meshio.Mesh(
-                np.float32(points),
-                [cells],
-                {key: _small(values) for key, values in point_data.items()},
-                {key: [_small(values)] for key, values in cell_data.items()},
-            )
-            with whole_file(file) as temporary:
-                meshio.write(temporary, mesh, file_format="vtu")
-            times[name][file.name] = snapshot.time
-    return [write_collection(folder / f"{name}.pvd", files) for name, files in times.items()]
+class Mesh(NamedTuple):
+    """Points (n, 3), m, cells (k, corners) of one VTK type, and values on points and cells by name."""
+
+    points: np.ndarray
+    cells: np.ndarray
+    kind: int
+    point_data: Mapping[str, object]
+    cell_data: Mapping[str, object]
 
 
-def write_collection(path: Path, times: Mapping[str, float]) -> Path:
-    """Writes a .pvd file, ParaView's list of files over time, and returns its path. `times`: file name -> s."""
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    collection = ElementTree.SubElement(root, "Collection")
-    for file, time in times.items():
-        ElementTree.SubElement(collection, "DataSet", timestep=repr(float(time)), part="0", file=file)
-    with whole_file(path) as temporary:
-        ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
-    return path
+def require_h5py() -> types.ModuleType:
+    """The module h5py, which writes the file. Raises InputError if it is not installed."""
+    return require_library("h5py", "files for ParaView", "paraview")
+
+
+def write_series(snapshots: Iterable[Snapshot], file: str | os.PathLike[str]) -> Path:
+    """Writes Snapshots into a .vtkhdf file, one after another; returns its path."""
+    h5py = require_h5py()
+    with whole_file(Path(file)) as temporary, h5py.File(temporary, "w") as data:
+        root = data.create_group("VTKHDF", track_order=True)  # VTK reads blocks in this order
+        _describe(root, "PartitionedDataSetCollection")
+        assembly = root.create_group("Assembly", track_order=True)
+        for index, name in enumerate(MESHES):
+            _describe(root.create_group(name), "UnstructuredGrid")
+            root[name].attrs["Index"] = index
+            assembly[name] = h5py.SoftLink(f"/VTKHDF/{name}")
+        for snapshot in snapshots:
+            for name, mesh_of in MESHES.items():
+                _add_step(root[name], snapshot.time, mesh_of(snapshot))
+    return Path(file)
+
+
+def _describe(group: h5py.Group, kind: str) -> None:
+    group.attrs["Version"] = VERSION
+    group.attrs["Type"] = np.bytes_(kind)
+
+
+def _add_step(block: h5py.Group, time: float, mesh: Mesh) -> None:
+    """Appends the mesh of one time, s. The group Steps says where its numbers begin in the datasets of the block."""
+    offsets = np.arange(len(mesh.cells) + 1) * mesh.cells.shape[1]
+    step = {
+        "Values": np.array([time]),
+        "NumberOfParts": np.array([1]),
+        "PartOffsets": np.array([_length(block, "NumberOfPoints")]),
+        "PointOffsets": np.array([_length(block, "Points")]),
+        "CellOffsets": np.array([[_length(block, "Types")]]),
+        "ConnectivityIdOffsets": np.array([[_length(block, "Connectivity")]]),
+    }
+    numbers: dict[str, np.ndarray] = {
+        "NumberOfPoints": np.array([len(mesh.points)]),
+        "NumberOfCells": np.array([len(mesh.cells)]),
+        "NumberOfConnectivityIds": np.array([mesh.cells.size]),
+        "Points": np.float32(mesh.points),
+        "Connectivity": mesh.cells.ravel(),
+        "Offsets": offsets,
+        "Types": np.full(len(mesh.cells), mesh.kind, np.uint8),
+    }
+    for group, values in (("PointData", mesh.point_data), ("CellData", mesh.cell_data)):
+        for name in values:
+            step[f"{group}Offsets/{name}"] = np.array([_length(block, f"{group}/{name}")])
+            numbers[f"{group}/{name}"] = _small(values[name])
+    for name, rows in numbers.items():
+        _append(block, name, rows)
+    for name, rows in step.items():
+        _append(block, f"Steps/{name}", rows)
+    block["Steps"].attrs["NSteps"] = len(block["Steps/Values"])
+
+
+def _length(block: h5py.Group, name: str) -> int:
+    """Number of rows of a dataset, 0 if there is none yet."""
+    return len(block[name]) if name in block else 0
+
+
+def _append(block: h5py.Group, name: str, rows: np.ndarray) -> None:
+    """Appends rows to a dataset, which is made if there is none yet."""
+    if name not in block:
+        block.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=(4096, *rows.shape[1:]))
+        return
+    block[name].resize(len(block[name]) + len(rows), axis=0)
+    block[name][len(block[name]) - len(rows) :] = rows
 
 
 def _small(values: object) -> np.ndarray:
@@ -104,7 +146,7 @@ def grains(snapshot: Snapshot) -> Mesh:
     }
     if snapshot.velocity is not None:
         data["velocity"] = snapshot.velocity
-    return snapshot.wrapped_position, ("vertex", grain[:, None]), data, {}
+    return Mesh(snapshot.wrapped_position, grain[:, None], VERTEX, data, {})
 
 
 def contact_mesh(snapshot: Snapshot) -> Mesh:
@@ -132,7 +174,7 @@ def contact_mesh(snapshot: Snapshot) -> Mesh:
         "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * ratio, 2),
     }
     lines = np.arange(2 * len(contacts)).reshape(-1, 2)
-    return snapshot.contact_ends().reshape(-1, 3), ("line", lines), ends, data
+    return Mesh(snapshot.contact_ends().reshape(-1, 3), lines, LINE, ends, data)
 
 
 def cell(snapshot: Snapshot) -> Mesh:
@@ -147,7 +189,8 @@ def cell(snapshot: Snapshot) -> Mesh:
     }
     if snapshot.axial_strain is not None:
         values["axial_strain"] = snapshot.axial_strain
-    return cell_corners(snapshot.cell), ("hexahedron", np.arange(8)[None]), {}, {k: [v] for k, v in values.items()}
+    of_cell = {name: [value] for name, value in values.items()}
+    return Mesh(cell_corners(snapshot.cell), np.arange(8)[None], HEXAHEDRON, {}, of_cell)
 
 
 def cell_corners(cell: np.ndarray) -> np.ndarray:

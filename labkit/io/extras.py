@@ -1,16 +1,34 @@
-"""The command that installs an optional dependency of labkit, such as Snakemake or meshio."""
+"""Optional dependencies of labkit, such as Snakemake or h5py, and the command that installs them."""
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shlex
 import sys
+import types
 from importlib import metadata
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
+from labkit.errors import InputError
+
 ROOT = Path(__file__).resolve().parents[2]
+
+
+def require_library(name: str, what: str, extra: str) -> types.ModuleType:
+    """An optional library. Raises InputError with the command that installs it.
+
+    Args:
+        name: Of the module.
+        what: What needs it, e.g. `ON-DEM files`.
+        extra: The extra of labkit that lists it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise InputError(f"{what} need {name.split('.')[0]}: {install_command(extra)}") from None
 
 
 def install_command(extra: str) -> str:

@@ -1,13 +1,13 @@
-"""Pictures of grains and contacts, and files for ParaView, read back without the library that wrote them."""
+"""Pictures of grains and contacts, and files for ParaView, read back by VTK, as ParaView does."""
 
-import base64
 import sys
-import zlib
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import labkit
 from labkit.cli import main
@@ -17,26 +17,33 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.micro.grains import grain_fabric, grain_stress
 from labkit.micro.stress import love_stress
+from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs.dataset import snapshots
 
-TYPES = {"Float32": "<f4", "Int32": "<i4", "Int64": "<i8", "UInt8": "u1"}
+BLOCKS = ("grains", "contacts", "cell")
 
 
-def read_vtu(path):
-    """Arrays of a VTK XML file by name, decoded from zlib blocks in base64 according to VTK's file format."""
-    arrays = {}
-    for element in ElementTree.parse(path).iter("DataArray"):
-        text = element.text.strip()
-        blocks = int(np.frombuffer(base64.b64decode(text[:8])[:4], "<u4")[0])
-        head = 4 * -(-4 * (3 + blocks) // 3)  # characters: base64 encodes 3 bytes as 4 characters, padded
-        sizes = np.frombuffer(base64.b64decode(text[:head]), "<u4")[3:]
-        data, packed, at = b"", base64.b64decode(text[head:]), 0
-        for size in sizes:
-            data += zlib.decompress(packed[at : at + size])
-            at += size
-        values = np.frombuffer(data, TYPES[element.get("type")])
-        parts = int(element.get("NumberOfComponents", 1))
-        arrays[element.get("Name")] = values.reshape(-1, parts) if parts > 1 else values
+def opened(file):
+    """VTK's reader of a .vtkhdf file."""
+    reader = vtkHDFReader()
+    reader.SetFileName(str(file))
+    reader.UpdateInformation()
+    return reader
+
+
+def read_block(file, name, number=-1):
+    """Points, cells and arrays of a block at one of the times, as ParaView reads them."""
+    reader = opened(file)
+    reader.SetStep(number % reader.GetNumberOfSteps())
+    reader.Update()
+    collection = reader.GetOutputDataObject(0)
+    mesh = collection.GetPartitionedDataSet(BLOCKS.index(name)).GetPartition(0)
+    kinds = [mesh.GetCellType(k) for k in range(mesh.GetNumberOfCells())]
+    arrays = {"Points": vtk_to_numpy(mesh.GetPoints().GetData()), "kinds": kinds}
+    arrays["connectivity"] = vtk_to_numpy(mesh.GetCells().GetConnectivityArray())
+    for data in (mesh.GetPointData(), mesh.GetCellData()):
+        for k in range(data.GetNumberOfArrays()):
+            arrays[data.GetArrayName(k)] = vtk_to_numpy(data.GetArray(k))
     return arrays
 
 
@@ -44,7 +51,7 @@ def read_vtu(path):
 def series(run_file, tmp_path_factory):
     folder = tmp_path_factory.mktemp("paraview") / "small"
     assert main(["paraview", str(run_file), "-o", str(folder)]) == 0
-    return folder
+    return folder / "snapshots.vtkhdf"
 
 
 @pytest.fixture(scope="module")
@@ -52,17 +59,19 @@ def last(run_file):
     return next(snapshots(run_file, [-1]))
 
 
-def test_every_snapshot_is_listed_at_its_time(series, run_file):
+def test_every_snapshot_is_there_at_its_time(series, run_file):
     run = labkit.open_run(run_file)
-    for name in ("grains", "contacts", "cell"):
-        found = list(ElementTree.parse(series / f"{name}.pvd").iter("DataSet"))
-        assert [float(f.get("timestep")) for f in found] == run["time"].values[run["record"].values].tolist()
-        assert all((series / f.get("file")).is_file() for f in found)
+    times = opened(series).GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+    assert list(times) == run["time"].values[run["record"].values].tolist()
+    for number, snapshot in enumerate(snapshots(run_file)):
+        contacts = read_block(series, "contacts", number)
+        np.testing.assert_allclose(contacts["overlap"], snapshot.contacts.overlap, rtol=1e-6)
+        assert read_block(series, "cell", number)["void_ratio_nominal"] == np.float32(void_ratio_nominal(snapshot))
 
 
 def test_forces_along_the_lines_add_up_to_love_s_stress(series, last):
-    lines = read_vtu(series / f"contacts_{last.number:04d}.vtu")
-    corners = read_vtu(series / f"cell_{last.number:04d}.vtu")["Points"]
+    lines = read_block(series, "contacts")
+    corners = read_block(series, "cell")["Points"]
     ends = lines["Points"].astype(float)[lines["connectivity"].reshape(-1, 2)]
     volume = np.linalg.det(corners[[1, 3, 4]].astype(float))
     stress = -(ends[:, 1] - ends[:, 0]).T @ lines["force_on_first"].astype(float) / volume
@@ -70,9 +79,9 @@ def test_forces_along_the_lines_add_up_to_love_s_stress(series, last):
 
 
 def test_numbers_of_grains_contacts_and_their_points(series, last):
-    grains, lines = (read_vtu(series / f"{name}_{last.number:04d}.vtu") for name in ("grains", "contacts"))
-    assert len(grains["Points"]) == len(grains["types"]) == len(last.radius) and set(grains["types"]) == {1}
-    assert len(lines["types"]) == len(last.contacts) and set(lines["types"]) == {3}
+    grains, lines = (read_block(series, name) for name in ("grains", "contacts"))
+    assert len(grains["Points"]) == len(grains["kinds"]) == len(last.radius) and set(grains["kinds"]) == {1}
+    assert len(lines["kinds"]) == len(last.contacts) and set(lines["kinds"]) == {3}
     assert len(lines["Points"]) == 2 * len(last.contacts) == grains["coordination_number"].sum()
     periods = grains["Points"] @ np.linalg.inv(last.cell).T
     assert periods.min() >= 0.0 and periods.max() <= 1.0 + 1e-6
@@ -81,7 +90,7 @@ def test_numbers_of_grains_contacts_and_their_points(series, last):
 
 
 def test_no_contact_is_longer_than_two_radii_and_it_ends_at_an_image_of_its_grain(series, last):
-    grains, lines = (read_vtu(series / f"{name}_{last.number:04d}.vtu") for name in ("grains", "contacts"))
+    grains, lines = (read_block(series, name) for name in ("grains", "contacts"))
     ends = lines["Points"].reshape(-1, 2, 3)
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     first, second = lines["first_grain"], lines["second_grain"]
@@ -92,14 +101,6 @@ def test_no_contact_is_longer_than_two_radii_and_it_ends_at_an_image_of_its_grai
     np.testing.assert_allclose(periods, np.round(periods), atol=1e-5)
     assert ((np.abs(np.round(periods)).max(axis=1) > 0) == (lines["periodic"] == 1)).all()
     assert 0 < lines["periodic"].sum() < len(length)
-
-
-def test_vtk_reads_them(series, last):
-    vtk = pytest.importorskip("vtk")
-    reader = vtk.vtkXMLUnstructuredGridReader()
-    reader.SetFileName(str(series / f"contacts_{last.number:04d}.vtu"))
-    reader.Update()
-    assert reader.GetOutput().GetNumberOfCells() == len(last.contacts)
 
 
 def test_stresses_of_grains_add_up_to_the_stress_of_the_cell(last):
@@ -113,7 +114,7 @@ def test_stresses_of_grains_add_up_to_the_stress_of_the_cell(last):
 def test_a_state_file_has_velocities(specimen_file, tmp_path):
     assert main(["paraview", str(specimen_file), "-o", str(tmp_path / "p")]) == 0
     state = next(snapshots(specimen_file))
-    found = read_vtu(tmp_path / "p" / "grains_0000.vtu")
+    found = read_block(tmp_path / "p" / "snapshots.vtkhdf", "grains")
     np.testing.assert_allclose(found["velocity"], state.velocity, rtol=1e-6)
 
 
@@ -133,8 +134,8 @@ def test_grains_without_contacts_can_be_shown(tmp_path):
     snapshot = apart.snapshot()
     assert not len(snapshot.contacts)
     draw_grains([snapshot])
-    paraview.write_series([snapshot], tmp_path)
-    assert read_vtu(tmp_path / "grains_0000.vtu")["coordination_number"].tolist() == [0, 0]
+    file = paraview.write_series([snapshot], tmp_path / "s.vtkhdf")
+    assert read_block(file, "grains")["coordination_number"].tolist() == [0, 0]
 
 
 @pytest.mark.parametrize("command", ["picture", "paraview"])
@@ -152,8 +153,8 @@ def test_bad_input(command, run_file, specimen_file, tmp_path, monkeypatch, caps
     assert not list(tmp_path.iterdir())
 
 
-def test_without_meshio_the_message_names_what_to_install(run_file, tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "meshio", None)
+def test_without_h5py_the_message_names_what_to_install(run_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "h5py", None)
     assert main(["paraview", str(run_file), "-o", str(tmp_path / "p")]) == 2
     assert "pip install" in capsys.readouterr().err and not (tmp_path / "p").exists()
 
