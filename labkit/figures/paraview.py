@@ -87,7 +87,7 @@ def _add_step(block: h5py.Group, time: float, mesh: Mesh) -> None:
         "NumberOfPoints": np.array([len(mesh.points)]),
         "NumberOfCells": np.array([len(mesh.cells)]),
         "NumberOfConnectivityIds": np.array([mesh.cells.size]),
-        "Points": np.float32(mesh.points),
+        "Points": np.asarray(mesh.points, np.float32),
         "Connectivity": mesh.cells.ravel(),
         "Offsets": offsets,
         "Types": np.full(len(mesh.cells), mesh.kind, np.uint8),
