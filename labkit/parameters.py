@@ -223,7 +223,7 @@ class _OfInit:
     """The signature of a class with the arguments of its __init__, which documentation and notebooks show."""
 
     def __get__(self, value: object, kind: type) -> inspect.Signature:
-        signature = inspect.signature(kind.__init__)  # type: ignore[misc]
+        signature = inspect.signature(inspect.getattr_static(kind, "__init__"))
         return signature.replace(parameters=list(signature.parameters.values())[1:])
 
 

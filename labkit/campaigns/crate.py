@@ -63,7 +63,7 @@ def _files(folder: Path) -> Iterator[Path]:
             yield path
 
 
-def _properties(path: Path) -> dict[str, Any]:
+def _properties(path: Path) -> dict[str, object]:
     return {
         "name": path.name,
         "encodingFormat": KINDS[path.suffix],
@@ -72,7 +72,7 @@ def _properties(path: Path) -> dict[str, Any]:
     }
 
 
-def _add_action(crate: Any, made: dict[str, Any], result: Any, sources: list[Any]) -> None:
+def _add_action(crate: Any, made: dict[str, object], result: Any, sources: list[object]) -> None:
     """Add what made a file: command, program, time and inputs."""
     from rocrate.model.contextentity import ContextEntity
 

@@ -35,7 +35,7 @@ def read_path(file: str | os.PathLike[str]) -> Path:
     return make_path(kind.name, values)
 
 
-def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, Any]]:
+def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, object]]:
     """The path that a path file names, and the values of its parameters in SI units.
 
     Raises InputError with every error and its line.
@@ -48,7 +48,7 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, Any
     return found
 
 
-def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, Any]] | None:
+def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]] | None:
     kind = PATHS.get(str(root.get(PATH.name)))
     sections = (STEPS,) if kind is Steps else ()
     known = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
@@ -71,7 +71,7 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, Any]] | 
     return kind, _with_units(kind, values)
 
 
-def _with_units(kind: type[Path], values: dict[str, Any]) -> dict[str, Any]:
+def _with_units(kind: type[Path], values: dict[str, object]) -> dict[str, object]:
     """The values with units where a number alone would be ambiguous."""
     known = options_of(kind)
     return {

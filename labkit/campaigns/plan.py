@@ -249,7 +249,7 @@ def _set_aside(folder: Path, job: Job) -> None:
 
 def recipe_text(job: Job) -> str:
     """Everything that determines the result of a job, as JSON."""
-    recipe: dict[str, Any] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
+    recipe: dict[str, object] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
     if job.extensions:
         recipe["extensions"] = list(job.extensions)
     return json.dumps(recipe, indent=1) + "\n"

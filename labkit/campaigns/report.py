@@ -85,7 +85,7 @@ def limits_section(runs: Sequence[PlannedRun], limits: Limits, campaign: Campaig
     return ["## Limits", "", *markdown_table(rows), "", *_explanation(runs, limits, campaign)]
 
 
-def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, Any]:
+def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, object]:
     over = {run: one for run, all_of_run in limits.items() for one in all_of_run if one.name == name}
     worst = max(over, key=lambda run: over[run].largest)
     return {
@@ -120,19 +120,19 @@ def _rate_factor(run: PlannedRun, campaign: Campaign) -> float:
     return float(f"{rate_of(on_grains(run.path, scene)) / default_rate(type(run.path), scene):.6g}")
 
 
-def markdown_table(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def markdown_table(rows: Sequence[Mapping[str, object]]) -> list[str]:
     """Lines of a Markdown table, with the keys of the first row as columns."""
     cells = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
     return [f"| {' | '.join(line)} |" for line in cells]
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     """Text of a cell; empty for NaN."""
     text = f"{value:.4g}" if isinstance(value, float) else str(value)
     return "" if text == "nan" else text
 
 
-def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, Any] | None:
+def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
     file = Path(STATISTICS) / f"{job.name}.nc"
     if not file.exists():
         return None
@@ -164,7 +164,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, Any] | None:
     }
 
 
-def _origin(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+def _origin(rows: Sequence[Mapping[str, object]]) -> Iterator[str]:
     """Lines on the software and the computers behind the runs and the report."""
     here = machine()
     made = {

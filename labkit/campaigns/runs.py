@@ -28,7 +28,7 @@ EXPANDED = "pressure"  # the parameter of a path that accepts a list of values
 
 
 def read_runs(
-    section: Iterable[Entry], top: Mapping[str, Any], specimens: Specimens, errors: Errors
+    section: Iterable[Entry], top: Mapping[str, object], specimens: Specimens, errors: Errors
 ) -> list[tuple[PlannedRun, Fields]]:
     """Reads the section: every run, with the fields of its entry. `top`: the defaults at the top of the file."""
     runs: list[tuple[PlannedRun, Fields]] = []
@@ -67,7 +67,7 @@ def _path_of(node: Node) -> type[Path] | None:
 
 
 def _runs(
-    name: str, kind: type[Path] | None, fields: Fields, top: Mapping[str, Any], specimens: Specimens
+    name: str, kind: type[Path] | None, fields: Fields, top: Mapping[str, object], specimens: Specimens
 ) -> list[PlannedRun]:
     """The Runs of one entry; empty if the entry has errors."""
     fields.require([PATH], example="cv")
@@ -98,7 +98,7 @@ def _runs(
     return [] if fields.broken else runs
 
 
-def _paths(kind: type[Path], fields: Fields, top: Mapping[str, Any]) -> Iterator[tuple[float | None, Path]]:
+def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Iterator[tuple[float | None, Path]]:
     """(pressure, path) for each listed pressure, from the parameters that could be read."""
     known, values = options_of(kind), given(fields.values, kind)
     for name in set(fields.values) - set(known) - set(any_run_keys()):
@@ -118,7 +118,7 @@ def _paths(kind: type[Path], fields: Fields, top: Mapping[str, Any]) -> Iterator
             fields.broken.add(PATH.name)
 
 
-def _changes(fields: Fields, top: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     """Changes to the specimen's Scene. The time step is that of the run's settings, never the specimen's."""
     factor = top.get("time_step_factor", chosen_settings(fields.values, top).time_step_factor)
     known = changes_of_runs()
@@ -126,7 +126,7 @@ def _changes(fields: Fields, top: Mapping[str, Any]) -> tuple[tuple[str, Any], .
     return tuple({"time_step_factor": factor, **own}.items())
 
 
-def _workings(fields: Fields, top: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _workings(fields: Fields, top: Mapping[str, object]) -> list[dict[str, Any]]:
     """Engine, threads and precision for each listed engine."""
     engines = fields.listed("engine")
     return [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]

@@ -43,7 +43,7 @@ class Specimens:
     origins: Mapping[str, Specimen]
 
 
-def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], errors: Errors) -> Specimens:
+def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: Errors) -> Specimens:
     """Reads the section. `top`: the defaults at the top of the file."""
     groups: dict[str, list[str]] = {}
     made: list[Specimen] = []
@@ -71,12 +71,12 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, Any], errors: Err
     return Specimens(tuple(made), tuple(consolidated), groups, origins)
 
 
-def chosen_settings(values: Mapping[str, Any], top: Mapping[str, Any]) -> Settings:
+def chosen_settings(values: Mapping[str, Any], top: Mapping[str, object]) -> Settings:
     """The Settings of an entry, or else those at the top of the file."""
     return settings(values.get("settings", top.get("settings", Common.settings)))
 
 
-def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, Any]:
     """Engine, threads and precision of an entry, or else those at the top of the file.
 
     An engine over MPI has `ranks` where the others have `threads`.
@@ -87,7 +87,7 @@ def worked(values: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
     return {to: value for name, to in names.items() if (value := values.get(name, top.get(name))) is not None}
 
 
-def _made(name: str, fields: Fields, top: Mapping[str, Any]) -> list[Specimen]:
+def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen]:
     """The Specimens of one entry, one per seed; empty if the entry has errors."""
     errors_before = fields.errors.count
     chosen = chosen_settings(fields.values, top)
@@ -119,7 +119,7 @@ def _all_consolidated(
     others: Mapping[str, Fields],
     groups: dict[str, list[str]],
     origins: dict[str, Specimen],
-    top: Mapping[str, Any],
+    top: Mapping[str, object],
     errors: Errors,
 ) -> list[Consolidated]:
     """The Consolidated of these entries, each after its source; adds them to the groups and the origins."""
@@ -142,7 +142,7 @@ def _all_consolidated(
 
 
 def _consolidated(
-    name: str, fields: Fields, groups: Mapping[str, Sequence[str]], top: Mapping[str, Any]
+    name: str, fields: Fields, groups: Mapping[str, Sequence[str]], top: Mapping[str, object]
 ) -> list[Consolidated]:
     """The Consolidated of one entry, one per specimen of its source; empty if the entry has errors."""
     source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")

@@ -73,7 +73,7 @@ def _call(argv: list[str]) -> int:
     for file in files_to_use(argv):
         extensions.use(file)
     if not argv or argv[0].startswith("-"):
-        _overview().parse_args(argv)
+        _overview().read(argv)
         raise InputError("COMMAND is missing: give one (see labkit --help)")
     function, arguments = parse(argv)
     return function(**arguments) or 0
@@ -87,7 +87,7 @@ def parse(argv: Sequence[str]) -> tuple[Function, dict[str, object]]:
         raise InputError(f"COMMAND {argv[0]!r} is unknown: give {allowed} (see labkit --help)")
     from labkit.cli.arguments import sections_of
 
-    options = parser_for(known, argv[1:]).parse_args(argv[1:])
+    options = parser_for(known, argv[1:]).read(argv[1:])
     options.command_line = shlex.join(["labkit", *argv])
     if options.trust:
         from labkit.io.netcdf import TRUST

@@ -73,8 +73,8 @@ def _part(name: str, value: object) -> str:
     if name == "grading":
         text = str(value)
         return f"{text.split()[0]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
-    if name == "pressure":
-        return f"p{value / 1e3:g}kPa"  # type: ignore[operator]
+    if name == "pressure" and isinstance(value, int | float):
+        return f"p{value / 1e3:g}kPa"
     return SHORT.get(name, name) + (shown(value).replace(",", "_") if isinstance(value, tuple) else shown(value))
 
 

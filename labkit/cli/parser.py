@@ -55,12 +55,10 @@ class Parser(argparse.ArgumentParser):
         """Raises InputError with the message and the command that prints the help."""
         raise InputError(f"{message} (see {self.prog} --help)")
 
-    def parse_known_args(  # type: ignore[override]  # one of its overloads
-        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
-    ) -> tuple[argparse.Namespace, list[str]]:
-        """As argparse's, but raises InputError for an argument that is not known or not valid."""
+    def read(self, words: Sequence[str]) -> argparse.Namespace:
+        """The options that the words of a command line give. Raises InputError for a word that is not valid."""
         try:
-            options, unknown = super().parse_known_args(args, namespace)
+            options, unknown = self.parse_known_args(words)
         except argparse.ArgumentError as error:
             self.error(f"{error.argument_name}: {error.message}" if error.argument_name else error.message)
         if unknown and unknown[0] in UNIT_NAMES:
@@ -70,7 +68,7 @@ class Parser(argparse.ArgumentParser):
             close = nearest(unknown[0].partition("=")[0], self._option_string_actions)
             hint = "" if close is None else f": did you mean {close}?"
             self.error(f"{unknown[0]} is not an option of {self.prog}{hint}")
-        return options, unknown
+        return options
 
     def shorten_usage(self) -> None:
         """Replaces the list of all options in the usage line by `[options]`."""

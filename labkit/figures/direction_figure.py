@@ -91,7 +91,7 @@ def _toward_z(n: np.ndarray) -> np.ndarray:
 
 def _polar_diagram(
     axes: Any, n: np.ndarray, data: np.ndarray | None, fits: Sequence[Function], name: str
-) -> list[dict[str, Any]]:
+) -> list[dict[str, object]]:
     """Draws bins of equal solid angle about z and the fits, mirrored to the full circle; returns rows of the table."""
     edges, bin_of = polar_bins(n, POLAR_BINS)
     means = _means(data, bin_of, POLAR_BINS)

@@ -15,7 +15,7 @@ from labkit.figures.frame import WIDTH, name_of, new_figure
 from labkit.runs.figures import register_figure
 from labkit.runs.probe_set import Probes
 
-STYLES: dict[str, dict[str, Any]] = {
+STYLES: dict[str, dict[str, object]] = {
     "grains": {"color": "C0", "marker": "o", "label": "grains"},
     "elastic": {"color": "C2", "marker": "^", "label": "grains without sliding (elastic)"},
     "model": {"color": "C3", "marker": "s", "label": "constitutive model"},

@@ -53,7 +53,7 @@ def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
     return figure, pandas.DataFrame(table)
 
 
-def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[Any]:
+def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
     """Stacks the contributions of the terms of C0 to q/p of a run, and draws q/p from Love's stress.
 
     Returns the colours of the terms.

@@ -70,7 +70,7 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
     far = max(np.linalg.norm(_centred(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
     far += 4.0 * max(one.radius.max() for one in snapshots)  # grains and ends of contacts beyond the faces
     low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours are lost on white
-    data: dict[str, Any] = {
+    data: dict[str, object] = {
         "grains": len(snapshots[0].radius),
         "radius": _text(snapshots[0].radius / far, "<f4"),
         "extent": 1.0,

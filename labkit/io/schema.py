@@ -121,7 +121,7 @@ def _are_energies(value: object) -> bool:
     return bool(np.isfinite(values[2:]).all() or np.isnan(values[2:]).all())
 
 
-Check = tuple[Callable[[Any], bool], str]
+Check = tuple[Callable[[object], bool], str]
 TEXT: Check = (lambda value: isinstance(value, str), "text")
 JSON: Check = (_is_json, "a JSON object")
 COUNT: Check = (_is_whole, "a whole number")

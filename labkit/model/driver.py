@@ -190,7 +190,7 @@ class Point(Material):
             self._keep()
         yield from ()
 
-    def advance(self) -> Generator[Any, Any, Stop]:
+    def advance(self) -> Generator[object, object, Stop]:
         span, completed = next(self.spans)
         calls = self.problem.calls
         try:
@@ -318,5 +318,5 @@ def _require_start(model: Model, path: Path, state: ModelState) -> None:
             )
     if not others and first.ends_at(stress):
         problem = f"stops {path.name} immediately, because the initial mean stress is {mean_stress(stress):g} Pa"
-        given: Any = getattr(path, "pressure", None)  # None for a user's path that stops at another condition
+        given: object = getattr(path, "pressure", None)  # None for a user's path that stops at another condition
         raise InputError(problem, field="stop_pressure", value=given, allowed="a stress reached later on the path")

@@ -56,7 +56,7 @@ def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarr
     return restored(StressProbe, {**start, "increment": size * direction, "strain": size * TYPICAL / LOADING})
 
 
-def _row(state: ModelState, model: Model, path: Path) -> dict[str, Any]:
+def _row(state: ModelState, model: Model, path: Path) -> dict[str, object]:
     """The variables of one probe."""
     result = drive(model, path, state, record_strain=path.strain / RECORDS).require()
     return {

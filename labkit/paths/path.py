@@ -216,7 +216,7 @@ def require_consistent(path: Path) -> None:
             )
 
 
-def arguments_of(path: Path) -> dict[str, Any]:
+def arguments_of(path: Path) -> dict[str, object]:
     """The fields of a path that are arguments of its constructor, name -> value."""
     return {field.name: getattr(path, field.name) for field in dataclasses.fields(path) if field.init}
 

@@ -119,7 +119,7 @@ class Phase:
         """The k tensors M_i in Mandel notation, (k, 6)."""
         return to_six(_as_tensors(self.measured))
 
-    def control(self, target: Any) -> Control:
+    def control(self, target: object) -> Control:
         """The Control of the step, with these targets."""
         return Control(_as_tensors(self.measured), _as_tensors(self.free), target)
 

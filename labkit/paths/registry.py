@@ -71,7 +71,7 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
     return kind(**given)
 
 
-def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
+def path_of(name: str, values: Mapping[str, object]) -> Path | None:
     """The path of a run file from its name and `path_parameters`; None if no path is registered under that name."""
     if name not in PATHS:
         return None

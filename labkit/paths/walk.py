@@ -12,7 +12,7 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here, Record, Step, why_short
 from labkit.quantities.conditions import Condition
 
-Walk = Generator[Any, Any, None]  # yields what the material needs, and receives it
+Walk = Generator[Any, object, None]  # yields what the material needs, and receives it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Material(abc.ABC):
         """Begin a step, or continue one. number: of the step, from 0."""
 
     @abc.abstractmethod
-    def advance(self) -> Generator[Any, Any, Stop]:
+    def advance(self) -> Generator[object, object, Stop]:
         """Follow the step to its next record; returns where that is."""
 
     @abc.abstractmethod

@@ -29,13 +29,13 @@ _WITH_UNIT = re.compile(
     + f"({'|'.join(sorted(_UNITS, key=len, reverse=True))})"
     + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
 )
-_COMPARE: dict[type, Callable[[Any, Any], Any]] = {
+_COMPARE: dict[type, Callable[[Any, Any], object]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
 }
-_COMBINE: dict[type, Callable[[Any, Any], Any]] = {
+_COMBINE: dict[type, Callable[[Any, Any], object]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,

@@ -29,7 +29,7 @@ class Statistic:
     dimensions: tuple[str, ...]
     units: str
     long_name: str
-    function: Callable[[Snapshot], Any]
+    function: Callable[[Snapshot], object]
 
     @property
     def variable(self) -> Variable:

@@ -33,7 +33,7 @@ class Quantity:
     symbol: str
     unit: str
     long_name: str
-    function: Callable[[Record, Record], Any]
+    function: Callable[[Record, Record], object]
     needs: tuple[str, ...]
 
     def __call__(self, record: Record, first: Record | None = None) -> np.ndarray:

@@ -46,6 +46,6 @@ class Instant:
         """Stiffness of the cell (labkit.servo.correction.cell_stiffness), Pa."""
         return cell_stiffness(self.snapshot, components)
 
-    def measure(self, first_cell: np.ndarray) -> dict[str, Any]:
+    def measure(self, first_cell: np.ndarray) -> dict[str, object]:
         """The variables of a record (labkit.records.measure)."""
         return measure(self.state, first_cell, self.snapshot)

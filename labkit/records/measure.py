@@ -17,7 +17,7 @@ from labkit.records.energy import drift_velocity, kinetic_energy, relative_balan
 from labkit.sff.c0 import c0_of
 
 
-def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, Any]:
+def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, object]:
     """The variables of labkit.quantities.recorded.record_table for one State, name -> value.
 
     `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: the Snapshot of the state, if already computed.

@@ -69,7 +69,7 @@ class _Unsaved:
     records: number of the record -> values; snapshots: (number of its record, contacts, positions).
     """
 
-    records: dict[int, dict[str, Any]] = dataclasses.field(default_factory=dict)
+    records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
     snapshots: list[tuple[int, Contacts, np.ndarray]] = dataclasses.field(default_factory=list)
 
     @property
@@ -95,7 +95,7 @@ class Recorder:
         self,
         file: os.PathLike[str] | str,
         path: LoadingPath,
-        settings: dict[str, Any],
+        settings: dict[str, object],
         specimen: State,
         extra: Mapping[str, Variable],
         all_saved: bool = False,
@@ -126,7 +126,7 @@ class Recorder:
             self._writer.close()
             self._lock.__exit__(*exception)
 
-    def record(self, values: dict[str, Any], snapshot: Snapshot | None = None) -> None:
+    def record(self, values: dict[str, object], snapshot: Snapshot | None = None) -> None:
         """Add one record (labkit.records.measure), with its contacts and positions if a snapshot is given."""
         if snapshot is not None:
             position = cast(np.ndarray, snapshot.position)  # a State has positions

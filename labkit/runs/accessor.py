@@ -188,7 +188,7 @@ class Lab(OfRecords):
     def sff_family(self, forms: Sequence[str] = tuple(FORMS)) -> xr.DataArray:
         """Stress according to each of labkit.sff.family.FORMS, DataArray (snapshot, form, i, j), Pa."""
 
-        def stresses(snapshot: Snapshot) -> dict[str, Any]:
+        def stresses(snapshot: Snapshot) -> dict[str, object]:
             values = [stress(form, snapshot) for form in forms]
             return {"stress": (("form", "i", "j"), np.reshape(values, (-1, 3, 3)))}
 
@@ -201,7 +201,7 @@ class Lab(OfRecords):
         `e`, `with_lambda`: as for labkit.sff.budget.error_budget.
         """
 
-        def errors(snapshot: Snapshot) -> dict[str, Any]:
+        def errors(snapshot: Snapshot) -> dict[str, object]:
             parts = error_budget(snapshot, e, with_lambda)
             return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}
 
@@ -218,7 +218,7 @@ class Lab(OfRecords):
         edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
         group = groups_by_diameter(grains, edges)
 
-        def stresses(snapshot: Snapshot) -> dict[str, Any]:
+        def stresses(snapshot: Snapshot) -> dict[str, object]:
             values = group_stresses(snapshot, group, len(edges) - 1)
             names = [*vars(values), "by_volume"]
             return {name: (("group", "i", "j")[: getattr(values, name).ndim], getattr(values, name)) for name in names}
@@ -230,7 +230,7 @@ class Lab(OfRecords):
     def strong_networks(self) -> xr.Dataset:
         """Fraction of strong contact sides, and the fractions of q and p that they carry, (snapshot, definition)."""
 
-        def shares(snapshot: Snapshot) -> dict[str, Any]:
+        def shares(snapshot: Snapshot) -> dict[str, object]:
             masks = strong_by_force(snapshot), strong_by_normalised_force(snapshot)
             whole = network_stress(snapshot, np.ones((len(snapshot.contacts), 2), dtype=bool))
             parts = [network_stress(snapshot, mask) for mask in masks]
@@ -298,7 +298,7 @@ def with_axes(data: xr.Dataset) -> xr.Dataset:
     return data.assign_coords({name: labels for name, labels in AXES.items() if name in data.dims})
 
 
-def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], Any]:
+def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:
     """(dimensions, values) of a number or tensor (3, 3); a value with dimensions is returned unchanged."""
     if isinstance(value, tuple):
         return value

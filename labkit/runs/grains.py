@@ -119,7 +119,7 @@ class Grains(Material):
             assert self.instant is not None
             self.recorder.save(self.checkpoint(self.instant.state, False))
 
-    def advance(self) -> Generator[Request, Any, Stop]:
+    def advance(self) -> Generator[Request, object, Stop]:
         while True:
             yield from self.leave()
             if self.signals.caught:

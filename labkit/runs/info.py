@@ -99,7 +99,7 @@ def format_number(value: object) -> str:
     return f"{value:.6g}"
 
 
-def _attribute(name: str, value: Any, attributes: Mapping[str, Any]) -> list[str]:
+def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[str]:
     """Lines of one attribute of a file; an attribute in JSON has one line per entry."""
     entries = _entries(value)
     if entries is None:

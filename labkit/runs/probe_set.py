@@ -201,7 +201,7 @@ class Probes:
 
     def table(self) -> pandas.DataFrame:
         """One row per probe: increments along the axes of the plane (`strain_1`, ...) and by component, losses, ..."""
-        columns: dict[str, Any] = {"material": self.data["material"].values, "angle": self.data["angle"].values}
+        columns: dict[str, object] = {"material": self.data["material"].values, "angle": self.data["angle"].values}
         for name in ("strain", "stress"):
             along = self.along_axes(f"{name}_increment")
             columns |= {f"{name}_{k + 1}": values for k, values in enumerate(along.T)}
@@ -226,7 +226,7 @@ class Probes:
             "history": history or NO_COMMAND,
             "provenance": provenance_json(history or None, inputs, file),
         }
-        encoding: dict[str, Any] = {name: {"dtype": "S1"} for name in TEXTS}
+        encoding: dict[str, object] = {name: {"dtype": "S1"} for name in TEXTS}
         encoding |= {str(name): {"fletcher32": True} for name in self.data.data_vars if name not in TEXTS}
         write_xarray(file, self.data.drop_vars(("i", "j")).assign_attrs(attributes), encoding=encoding)
 

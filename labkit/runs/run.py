@@ -129,7 +129,7 @@ class Run:
         """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
-    def plot(self, figure: str | None = None, **options: Any) -> Any:
+    def plot(self, figure: str | None = None, **options: object) -> Any:
         """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError.
 
         figure: its name; by default the one that suits the path.

@@ -52,7 +52,7 @@ def simulation(
     start: Start,
     options: Options | None = None,
     progress: Progress = silent,
-) -> Generator[Request, Any, bool]:
+) -> Generator[Request, object, bool]:
     """What `run` needs of an engine (labkit.engines.requests), of which `start` gives the name and the precision."""
     path, options = on_grains(path, specimen.scene), options or Options()
     settings = {

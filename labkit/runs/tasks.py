@@ -155,7 +155,7 @@ class RunTask(_OfState):
     def do(self, progress: Progress) -> None:
         drive(self.run(progress), self.start)
 
-    def run(self, progress: Progress) -> Generator[Request, Any, bool]:
+    def run(self, progress: Progress) -> Generator[Request, object, bool]:
         """What the task needs of an engine."""
         if self.output is None:
             raise InputError("a run needs an output file: set `output`")

@@ -35,7 +35,7 @@ class ContactLaw:
     name: ClassVar[str]
     description: ClassVar[str] = ""
     parts: ClassVar[LawPart | LawParts] = LinearSpring()
-    kinematics: ClassVar[type[Any]] = FirstOrder
+    kinematics: ClassVar[type[object]] = FirstOrder
     avoids_ratcheting: ClassVar[bool] = False
     normal: ClassVar[LinearSpring]
     tangential: ClassVar[Coulomb]
