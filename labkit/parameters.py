@@ -136,7 +136,7 @@ class Parameter:
             raise self.error(value, "is not a list of numbers")
         return value
 
-    def _objects(self, value: Any) -> Iterable[Any]:
+    def _objects(self, value: Any) -> Iterable[object]:
         if isinstance(value, str):
             try:
                 value = json.loads(value)
@@ -146,7 +146,7 @@ class Parameter:
             raise InputError("is not a list", field=self.name, allowed=f"a list of {self.kind.__name__}")
         return value
 
-    def _instance(self, value: Any) -> Any:
+    def _instance(self, value: Any) -> object:
         if isinstance(value, self.kind):
             return value
         try:
@@ -174,7 +174,7 @@ class Parameter:
         current_name = getattr(self.choices, "name", str)  # a Registry also accepts former names
         return current_name(value)
 
-    def _number(self, value: Any, unit_needed: bool) -> Any:
+    def _number(self, value: Any, unit_needed: bool) -> float:
         if isinstance(value, str):
             value = self._text(value, unit_needed)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
@@ -211,7 +211,7 @@ class Parameter:
             problem = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
             raise self.error(value, problem, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
 
-    def check(self, value: Any) -> Any:
+    def check(self, value: float) -> float:
         """Returns the value. Raises InputError if it is outside the range."""
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
             share = "strain" in self.name and self.unit == "1" and 1.0 < abs(value) <= 100.0

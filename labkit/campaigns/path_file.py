@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path as File
-from typing import Any
 
 from labkit.campaigns.document import Block, Errors, Kind, compose, read_fields, read_text
 from labkit.campaigns.keys import PATH, options_of

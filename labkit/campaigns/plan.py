@@ -17,7 +17,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from labkit.campaigns.items import Campaign, Consolidated, Item, PlannedRun, Specimen
 from labkit.campaigns.keys import changes_of_runs, options_of

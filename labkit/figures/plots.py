@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -171,7 +170,7 @@ def e_p_paths(
     figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)
     left, right = figure.panels(1, 2)
     names = dict.fromkeys(run.attrs["path"] for run in runs.values())
-    styles: dict[str, object] = {name: PATHS[name].line_style for name in names}  # matplotlib lists its styles one by one
+    styles: dict[str, object] = {name: PATHS[name].line_style for name in names}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale, colors = Normalize(start.min(), start.max() + 1e-9), matplotlib.colormaps["viridis"]
     tests = []

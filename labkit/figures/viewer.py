@@ -13,7 +13,6 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import numpy as np
 

@@ -7,16 +7,16 @@ rate d(gamma_xz)/dt has the same sign as the shear stress sigma_xz that it cause
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from labkit.errors import InputError
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Held, Path, StressPath, rate_parameter
+from labkit.paths.step import Record
 from labkit.paths.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 
 MEAN = np.eye(3) / 3.0
@@ -215,7 +215,7 @@ class StressRotation(StressPath):
     def strain_measure(self) -> StrainMeasure:
         return NORM
 
-    def status(self, record: Mapping[str, Any]) -> str:
+    def status(self, record: Record) -> str:
         stress = record["stress"]
         angle = 0.5 * np.degrees(np.arctan2(stress[0, 2] + stress[2, 0], stress[2, 2] - stress[0, 0]))
         return f"sigma_1 at {angle:.0f} degrees to z, {super().status(record)}"
@@ -297,10 +297,10 @@ class Mixed(Path):
 
     def __init__(
         self,
-        strain_rate: Any = (0.0,) * 6,
-        free: Any = (),
-        measured: Any = (),
-        target: Any = (),
+        strain_rate: ArrayLike = (0.0,) * 6,
+        free: ArrayLike = (),
+        measured: ArrayLike = (),
+        target: ArrayLike = (),
         strain: float = 0.1,
         rate: float | None = None,
     ) -> None:

@@ -22,7 +22,7 @@ from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
 from labkit.parameters import Named, Number, check_parameters, parameter, restored
 from labkit.paths.control import Control, Target, six_columns
-from labkit.paths.step import Here, Step, StrainReached, Until
+from labkit.paths.step import Here, Record, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
 
 HELD = "stress that the path holds (default: the mean stress of the specimen)"
@@ -130,7 +130,7 @@ class Path(Named, abc.ABC):
         """The scalar strain by which the test is drawn, tabulated and followed; by default the axial strain."""
         return AXIAL
 
-    def status(self, record: Mapping[str, Any]) -> str:
+    def status(self, record: Record) -> str:
         """How far a test has come, for progress messages, from its latest record."""
         measure = self.strain_measure()
         p = mean_stress(record["stress"]) / 1e3

@@ -137,7 +137,9 @@ def run(
             return Run(data)
 
 
-def recording_options(function: Callable[..., object], options: Options | None, recording: Mapping[str, Any]) -> Options:
+def recording_options(
+    function: Callable[..., object], options: Options | None, recording: Mapping[str, Any]
+) -> Options:
     """The Options with some fields replaced, which are arguments of a function. Raises InputError for others."""
     known = [field.name for field in dataclasses.fields(Options)]
     for name in recording:

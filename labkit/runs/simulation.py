@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import Any
 
 from labkit.engines.base import Progress, Start, silent
 from labkit.engines.requests import Request, drive

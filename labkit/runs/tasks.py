@@ -6,7 +6,7 @@ import abc
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from labkit.engines import Fused, require_engine
 from labkit.engines.base import Engine, Progress, Start, silent
