@@ -129,7 +129,7 @@ TIME_SPAN: Check = (
     lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
     "a time in s",
 )
-FLAG: Check = (lambda value: _is_whole(value) and value <= 1, "0 or 1")
+FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
 ENERGIES: Check = (_are_energies, "five energies")
 
 ATTRIBUTES: dict[str, tuple[Check, str]] = {  # of files of every kind, where they are present: values, meaning
