@@ -13,7 +13,7 @@ from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
 
 STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and main(options, command); help)
-    "paper": ("analysis.paper.command", "run the paper's tests; write their tables, figures and report"),
+    "paper": ("analysis.paper.study", "run the paper's tests; write their tables, figures and report"),
     "notebooks": ("analysis.paper.notebooks", "execute the notebooks of analysis/, which plot stored results"),
     "report": ("analysis.paper.report", "write the HTML report of the paper's tests: figures, tables, provenance"),
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),

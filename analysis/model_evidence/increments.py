@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,15 +59,19 @@ def increments(runs: Runs) -> Increments:
         parts.append(part)
         first.append(start + ends[:-1])
         start += len(part.s)
-    joined: dict[str, Any] = {
-        field: np.concatenate([getattr(part, field) for part in parts])
-        for field in ("s", "n", "v", "run", "path", "specimen", "lengths")
+    joined = {
+        field.name: _joined([getattr(part, field.name) for part in parts])
+        for field in dataclasses.fields(Increments)
+        if field.name != "first"
     }
-    each: dict[str, Any] = {
-        field: {key: np.concatenate([getattr(part, field)[key] for part in parts]) for key in getattr(parts[0], field)}
-        for field in ("state", "change")
-    }
-    return Increments(**each, **joined, first=np.concatenate(first))
+    return Increments(**joined, first=np.concatenate(first))
+
+
+def _joined(values: Sequence[Any]) -> Any:
+    """Arrays, or dictionaries of arrays, one after the other."""
+    if isinstance(values[0], dict):
+        return {key: np.concatenate([value[key] for value in values]) for key in values[0]}
+    return np.concatenate(values)
 
 
 def _of_run(name, run):

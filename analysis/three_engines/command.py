@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 
+import pandas
+
+from analysis.pages import render
 from analysis.places import results_folder
+from analysis.statistics import SIGNIFICANT
 from analysis.three_engines.compare import differences, figure, held, pooled, values
-from analysis.three_engines.runs import finished, simulate
+from analysis.three_engines.runs import OTHER, finished, simulate
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
 from labkit.figures import plots
 from labkit.io import make_folder, reporter, write_with_provenance
+
+NAMES = {"lammps": "LAMMPS", "yade": "YADE"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -41,13 +48,30 @@ def main(options: argparse.Namespace, command: str) -> int:
     if not tests:
         raise InputError(f"{folder} contains no finished tests: leave out --as-is")
     measured = values(folder, tests)
-    compared = differences(measured)
-    of_all = pooled(measured)
+    compared, of_all = differences(measured), pooled(measured)
     tables = {"values": measured, "differences": compared, "pooled": of_all, "held": held(folder, tests)}
     for name, table in tables.items():
         text = table.to_csv(index=False, float_format="%.6g")
         write_with_provenance(output / f"{name}.csv", text, command=command)
     plots.save(figure(compared), output / "differences.png", command=command)
+    write_with_provenance(output / "README.md", page(tables), command=command)
     print(compared.to_string(index=False, float_format="%.4g"))
     print(of_all.to_string(index=False, float_format="%.4g"))
     return 0
+
+
+def page(tables: Mapping[str, pandas.DataFrame]) -> str:
+    """README.md of the study."""
+    runs, of_all = tables["values"], tables["pooled"]
+    kinds = {"fused": runs["engine"] == "fused"} | {name: runs["engine"] == name for name in OTHER.values()}
+    counts = {name: runs[kind].groupby("grains")["seed"].nunique() for name, kind in kinds.items()}
+    held = tables["held"].pivot_table(index="engine", columns="path", values="stress_rms", aggfunc="max")
+    resolved = of_all[of_all["corrected"] <= SIGNIFICANT]
+    found = {name: list(resolved["quantity"][resolved["engine"] == name]) for name in of_all["engine"].unique()}
+    values = {
+        "tables": tables,
+        "specimens": pandas.DataFrame(counts).fillna(0).astype(int).reset_index(),
+        "resolved": {NAMES[name]: quantities for name, quantities in found.items()},
+        "held": (100.0 * held).reset_index(),
+    }
+    return render(Path(__file__).with_name("page.md"), values)

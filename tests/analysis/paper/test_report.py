@@ -12,10 +12,10 @@ import pytest
 import labkit
 from analysis.markdown import number
 from analysis.paper import runs
-from analysis.paper.command import cost_table
 from analysis.paper.condense import condense
 from analysis.paper.report import CAPTIONS, report
 from analysis.paper.report_numbers import STOCK, bench_speeds, costs, idle_hours
+from analysis.paper.study import cost_table
 from labkit.errors import InputError
 from labkit.io import install_command
 
