@@ -14,6 +14,7 @@ import numpy as np
 import pandas
 
 import labkit as lk
+from analysis.paper.ends import recorded_numbers
 from analysis.statistics import student, welch
 
 RESULTS = Path(__file__).resolve().parents[2] / "results" / "laws"
@@ -21,30 +22,15 @@ WINDOW = 0.2  # axial strain from which values are averaged, to the end
 VALUES = ("M", "Z", "e", "A_zz", "F_zz", "Ft_zz", "Lambda", "p_C0/p - 1", "q_C0/q - 1", "C0 error", "overlap")
 
 
-def axial_deviator(stress: np.ndarray) -> np.ndarray:
-    """q = sigma_zz - (sigma_xx + sigma_yy)/2 of tensors (time, 3, 3)."""
-    return stress[:, 2, 2] - 0.5 * (stress[:, 0, 0] + stress[:, 1, 1])
-
-
 def values(file: Path) -> dict[str, float]:
     """Means over the records beyond WINDOW of a run."""
     run = lk.open_run(file)
     late = run.sel(time=run["axial_strain"].values >= WINDOW)
-    love, c0 = late["stress"].values, late["stress_sff"].values
-    p, p0 = (np.trace(s, axis1=1, axis2=2) / 3.0 for s in (love, c0))
-    q, q0 = axial_deviator(love), axial_deviator(c0)
-    error = np.linalg.norm(c0 - love, axis=(1, 2)) / np.linalg.norm(love, axis=(1, 2))
-    tensors = {"A_zz": "contact_anisotropy", "F_zz": "normal_force_anisotropy", "Ft_zz": "mobilisation"}
-    scalars = {
-        "Z": "coordination_number",
-        "e": "void_ratio",
-        "Lambda": "mean_normalised_force",
-        "overlap": "overlap_ratio",
-    }
-    found = {"M": q / p, "p_C0/p - 1": p0 / p - 1.0, "q_C0/q - 1": q0 / q - 1.0, "C0 error": error}
-    found |= {name: late[variable].values[:, 2, 2] for name, variable in tensors.items()}
-    found |= {name: late[variable].values for name, variable in scalars.items()}
-    return {name: float(np.mean(found[name])) for name in VALUES}
+    p, p0 = (late.lab.mean_stress(name).values for name in ("stress", "stress_sff"))
+    q, q0 = (late.lab.deviatoric_stress(name).values for name in ("stress", "stress_sff"))
+    errors = {"p_C0/p - 1": p0 / p - 1.0, "q_C0/q - 1": q0 / q - 1.0, "C0 error": late.lab.sff_error().values}
+    found = recorded_numbers(late).assign(overlap=late["overlap_ratio"].values, **errors)
+    return found[list(VALUES)].mean().to_dict()
 
 
 def all_values(folder: Path) -> pandas.DataFrame:
