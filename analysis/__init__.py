@@ -1,5 +1,5 @@
-"""Studies that use only labkit's public names: the paper's tests, speed against error, the hard cases.
+"""Studies that use only labkit's public names: the paper's tests, other paths and grains, speed, hard cases.
 
-Run them with `python -m analysis COMMAND`, or `./lab COMMAND` in a clone. `paper/`, `speed_error/` and `hard_cases/`
-each define their own options. Results go to `results/`.
+Run them with `python -m analysis STUDY`, or `./lab STUDY` in a clone. `study.py` is their frame, `pages.py` makes their
+pages from templates. Results go to `results/`.
 """
