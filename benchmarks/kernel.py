@@ -14,8 +14,7 @@ from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.compiling import compiled
-from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH
-from labkit.engines.kernel.steps import Arrays
+from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH, Arrays
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.paths.rates import on_grains

@@ -2,7 +2,6 @@
 
 registry      the engines by name, and what starts them
 server        engines whose grains are in another process, and that process
-messages      messages to it
 yade          the YADE engine, the reference
 yade_process  finds YADE and runs scripts in it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold

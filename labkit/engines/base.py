@@ -1,22 +1,42 @@
-"""The interface between a simulation and an engine; the engines are in labkit.engines."""
+"""What a run and an engine have in common: the interface of an engine, and the requests of a run.
+
+A run is a generator that yields what it needs of an engine and receives the answers. A request is a Load, an Advance,
+Corrections, Work, or a function of the engine. `drive` answers from one engine; other drivers answer the requests of
+several runs, or of a test.
+"""
 
 from __future__ import annotations
 
 import abc
 import dataclasses
 from collections.abc import Callable, Generator, Hashable, Sequence
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.paths.path import Path
+from labkit.records.energy import kinetic_energy
 from labkit.records.instant import Instant
 from labkit.servo.plan import Corrections
 
+Result = TypeVar("Result")
+
 PRECISIONS = ("double", "mixed")  # of all engines
 MOST_THREADS = 8  # that compute records of a batch; one record of 14,000 grains takes one of them tens of milliseconds
+
+# arrays of a State that fused and cuda store in their own layouts
+IN_ENGINE = (
+    "position",
+    "velocity",
+    "angular_velocity",
+    "contact_grain",
+    "contact_shift",
+    "tangential_force",
+    "rolling_moment",
+)
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
@@ -24,8 +44,8 @@ Progress = Callable[[float, str], None]  # (fraction done, current activity)
 class Batches(Protocol):
     """How an engine advances the States of several runs together.
 
-    drive: carries out runs, generators that yield what they need of an engine (labkit.engines.requests); returns for
-    each the exception that ended it, or None. The failure of one run does not stop the others.
+    drive: carries out runs, generators that yield what they need of an engine; returns for each the exception that
+    ended it, or None. The failure of one run does not stop the others.
     """
 
     def key(self, scene: Scene) -> Hashable:
@@ -102,9 +122,11 @@ class Engine(abc.ABC):
     def state(self) -> State:
         """A copy of the current State, with the contacts sorted by grain and the ledger up to date."""
 
-    @abc.abstractmethod
     def stop_grains(self) -> None:
         """Set all velocities to zero; the ledger counts their energy as dissipated by damping."""
+        state = self.state()
+        zero, lost = np.zeros_like(state.velocity), kinetic_energy(state)
+        self.load(state.replace(velocity=zero, angular_velocity=zero, ledger=state.ledger.plus(0.0, 0.0, 0.0, lost)))
 
 
 def reload(engine: Engine) -> State:
@@ -118,6 +140,15 @@ def reload(engine: Engine) -> State:
     return state
 
 
+def require_able(kind: type[Engine], scene: Scene, precision: str = "double") -> None:
+    """Raise InputError if an engine does not support the scene or the precision."""
+    kind.abilities.require_scene(scene)
+    if precision not in kind.abilities.precisions:
+        allowed = " or ".join(kind.abilities.precisions)
+        problem = f"is not available on the engine {kind.name}"
+        raise InputError(problem, field="precision", value=precision, allowed=allowed, quoted=True)
+
+
 @dataclasses.dataclass(frozen=True)
 class Start:
     """An engine and what it runs on: `start(state)` gives the engine, loaded with the state.
@@ -125,19 +156,89 @@ class Start:
     Args:
         name: Name of the engine.
         threads: Number of threads, or of MPI ranks.
-        make: Class of the engine, or a function of (state, threads).
+        kind: Class of the engine.
         precision: Precision in which it computes, "double" or "mixed".
     """
 
     name: str
     threads: int
-    make: Callable[[State, int], Engine] = dataclasses.field(repr=False, compare=False)
+    kind: type[Engine] = dataclasses.field(repr=False, compare=False)
     precision: str = "double"
 
     def __call__(self, state: State) -> Engine:
-        """The engine, loaded with the state. Raises InputError if it does not support the scene."""
-        return self.make(state.replace(precision=self.precision), self.threads)
+        """The engine, loaded with the state. Raises InputError if it does not support the scene or the precision."""
+        require_able(self.kind, state.scene, self.precision)
+        options = {} if self.precision == "double" else {"precision": self.precision}
+        make: Callable[..., Engine] = self.kind
+        return make(state.replace(precision=self.precision), self.threads, **options)
 
 
 def silent(fraction: float, text: str) -> None:
     """Progress function that shows nothing."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Load:
+    """Load a State, with the first engine or with the one that is there; the answer is its Abilities."""
+
+    state: State
+
+
+@dataclasses.dataclass(frozen=True)
+class Advance:
+    """Advance a number of time steps with a velocity gradient (3, 3), 1/s."""
+
+    steps: int
+    velocity_gradient: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """Work that does not use the engine; other States may advance meanwhile. The answer is its result.
+
+    It may be done in another thread, at the same time as that of other runs: it must use no files.
+    """
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+
+
+Request = Load | Advance | Corrections | Work | Callable[[Engine], Any]
+
+
+def drive(run: Generator[Request, Any, Result], start: Start) -> Result:
+    """Carry out a run with one engine; returns its result. Raises what the run or the engine raises."""
+    engine: Engine | None = None
+    try:
+        request = next(run)
+        while True:
+            try:
+                if engine is None:
+                    assert isinstance(request, Load), "a run begins with Load"
+                    engine = start(request.state)
+                    answer = engine.abilities
+                else:
+                    answer = answer_of(engine, request)
+            except BaseException as error:  # the run closes its files
+                request = run.throw(error)
+            else:
+                request = run.send(answer)
+    except StopIteration as end:
+        return end.value
+
+
+def answer_of(engine: Engine, request: Request) -> Any:
+    """The answer of an engine to a request."""
+    match request:
+        case Advance(steps, gradient):
+            return engine.advance(steps, gradient)
+        case Corrections():
+            assert engine.abilities.follow is not None
+            return engine.abilities.follow(engine, request)
+        case Work(function, arguments):
+            return function(*arguments)
+        case Load(state):
+            engine.load(state)
+            return engine.abilities
+        case _:
+            return request(engine)

@@ -13,9 +13,9 @@ import numba
 import numpy as np
 
 import labkit
-from labkit.engines.base import Abilities, Engine
-from labkit.engines.kernel.arranging import touching
-from labkit.engines.kernel.build import kernel_of
+from labkit.engines.base import IN_ENGINE, Abilities, Engine
+from labkit.engines.contacts import sort_contacts, touching
+from labkit.engines.kernel.build import explain_refusal, kernel_of
 from labkit.engines.kernel.compiling import CONFIG, rounded
 from labkit.engines.kernel.layout import (
     CELL_WORK,
@@ -26,14 +26,13 @@ from labkit.engines.kernel.layout import (
     ROLLING_LOSS,
     WIDTH,
 )
-from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, GrainArrays, History, PackedArrays, pack
+from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.kernel.sites import image_sites
 from labkit.engines.kernel.steps import Motion
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.memory import return_large_arrays
-from labkit.records.energy import kinetic_energy
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin lasts about a thousand steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -41,17 +40,6 @@ LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of the numbers that may be single
-
-# arrays of a State that the kernel stores in its own layout
-IN_KERNEL = (
-    "position",
-    "velocity",
-    "angular_velocity",
-    "contact_grain",
-    "contact_shift",
-    "tangential_force",
-    "rolling_moment",
-)
 
 
 class FusedEngine(Engine):
@@ -87,7 +75,7 @@ class FusedEngine(Engine):
 
     def load(self, state: State) -> None:
         scene = state.scene
-        self._start = state.replace(**dict.fromkeys(IN_KERNEL))
+        self._start = state.replace(**dict.fromkeys(IN_ENGINE))
         self._packing: PackedArrays | None = None
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float)
@@ -97,7 +85,6 @@ class FusedEngine(Engine):
         self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
         features = scene.contact_law.features(scene)
         self._law, self._damping = rounded(features, self._kind is np.float32), scene.contact_law.local_damping(scene)
-        self._mass = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         rows = [
             values
             for values, kept in (
@@ -114,16 +101,8 @@ class FusedEngine(Engine):
         )
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()
-        try:
+        with explain_refusal(scene.contact_law):
             self._run(1, self._before, dt=0.0, moved_already=True)
-        except Exception as error:  # Numba cannot compile a user-defined law that is valid Python
-            if scene.contact_law.labkits:
-                raise
-            reason = next((line for line in str(error).splitlines() if line.strip()), "")
-            raise InputError(
-                f"contact law {scene.law} cannot be compiled ({reason.strip()}): write its parts using only numbers "
-                "and the functions of labkit.laws"
-            ) from error
 
     def _divide_work(self) -> None:
         """Choose the compiled loop and the largest useful number of threads for the loaded specimen."""
@@ -198,18 +177,12 @@ class FusedEngine(Engine):
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, radius = self._start.scene, self._start.radius
-        self._packing = p = pack(
-            GrainArrays(*kinematics, radius, *self._mass),
-            history,
-            self._cell,
-            self._margin,
-            scene.normal_stiffness,
-            self._kind,
-        )
+        self._packing = pack(scene, radius, kinematics, history, self._cell, self._margin, self._kind)
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        a = p.arrays
-        image_sites(a.places, a.motions, a.owner, 0, len(a.owner), a.shift, self._cell, drift)
+        a = self._packing.arrays
+        for d in range(len(a.contact_first)):
+            image_sites(a, d, self._cell, drift)
 
     def _enter_flows(self) -> None:
         """Move work and losses from the kernel's sums to the ledger."""
@@ -231,20 +204,14 @@ class FusedEngine(Engine):
         total = self._kernel.branch_force(self.packing.arrays, self._law)
         return -total / np.linalg.det(self._cell)
 
-    def stop_grains(self) -> None:
-        state = self.state()
-        zero = np.zeros_like(state.velocity)
-        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
-        self.load(state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
-
     def state(self) -> State:
         self._enter_flows()
         position, velocity, spin = self.packing.unpack_grains()
         history = self.packing.unpack_history()
-        order, sign, contact_grain, contact_shift = touching(
-            history.pairs, history.shift, history.number, position, self._start.radius, self._cell
-        )
-        rows = history.rows[order] * sign[:, None]
+        pair = np.argsort(history.number)[history.pairs.T]
+        kept = touching(pair, history.shift, position, self._start.radius, self._cell)
+        contact_grain, contact_shift, order, sign = sort_contacts(pair[kept], history.shift[kept])
+        rows = sign * history.rows[kept][order]
         zero = np.zeros((len(order), 3))
         law = self._law
         return self._start.replace(

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Literal, TypeAlias, TypeVar
 
-from labkit.engines.base import Engine, Start
+from labkit.engines.base import Engine, Start, require_able
 from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
 
 Precision: TypeAlias = Literal["double", "mixed"]
 Kind = TypeVar("Kind", bound=Engine)
@@ -30,28 +27,13 @@ def require_engine(name: str, scene: Scene, precision: str = "double") -> type[E
     Raises InputError if it is unknown or does not support the scene or the precision.
     """
     kind = ENGINES.require(name)
-    kind.abilities.require_scene(scene)
-    if precision not in kind.abilities.precisions:
-        allowed = " or ".join(kind.abilities.precisions)
-        raise InputError(
-            f"is not available on the engine {name}", field="precision", value=precision, allowed=allowed, quoted=True
-        )
+    require_able(kind, scene, precision)
     return kind
 
 
 def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
-    """Return the Start that makes engines of that name.
-
-    Raises InputError for an unknown name. The Start raises InputError for a scene or a precision that the engine does
-    not support.
-    """
-    ENGINES.require(name)
-    return Start(name, threads, functools.partial(_make, name, precision), precision)
-
-
-def _make(name: str, precision: str, state: State, threads: int) -> Engine:
-    kind: Callable[..., Engine] = require_engine(name, state.scene, precision)
-    return kind(state, threads) if precision == "double" else kind(state, threads, precision=precision)
+    """Return the Start that makes engines of that name. Raises InputError for an unknown name."""
+    return Start(name, threads, ENGINES.require(name), precision)
 
 
 class Fused(Start):

@@ -3,30 +3,79 @@
 The run, its records and checkpoints are on this side. A server that dies, hangs or speaks another version ends the run
 with one line, and the run can be resumed. An idle server is kept for the next engine of the same kind; it ends with
 this process, because its socket then closes.
+
+A message between the two is a name, plain values and named arrays:
+
+    4 bytes    length of the header, little-endian
+    header     JSON {"name": "advance", "values": {"steps": 10}, "arrays": [["velocity_gradient", "<f8", [3, 3]]]}
+    arrays     the bytes of each array of the header, in C order
+
+yade_scripts/server.py, which may not import labkit, has the same two functions and the list of all messages.
 """
 
 from __future__ import annotations
 
 import abc
 import dataclasses
+import json
+import math
 import os
 import socket
+import struct
 import subprocess
 import weakref
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import IO, Any, ClassVar
+from typing import IO, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from labkit.engines.base import Engine
-from labkit.engines.messages import PROTOCOL, Message, receive, send
+from labkit.engines.contacts import sort_contacts
 from labkit.errors import PhysicsError
 from labkit.grains.state import State
 from labkit.io.schema import STATE
 
+PROTOCOL = 1  # increased when messages change; both sides must have the same
 SILENCE = 600.0  # s without an answer; a long `advance` says every 10 s, between two time steps, that it is alive
 RESUME = "give the same command to resume a run from its last checkpoint"
+
+
+class Message(NamedTuple):
+    """One message, in either direction."""
+
+    name: str
+    values: Mapping[str, Any]  # as in JSON
+    arrays: Mapping[str, np.ndarray]
+
+
+def send(peer: socket.socket, message: Message) -> None:
+    """Send a message. Raises OSError if the other side has ended."""
+    arrays = {name: np.asarray(array) for name, array in message.arrays.items()}
+    listed = [(name, array.dtype.str, array.shape) for name, array in arrays.items()]
+    header = json.dumps({"name": message.name, "values": message.values, "arrays": listed}).encode()
+    peer.sendall(b"".join([struct.pack("<I", len(header)), header, *(array.tobytes() for array in arrays.values())]))
+
+
+def receive(peer: socket.socket) -> Message:
+    """The next message. Raises EOFError if the other side has ended, TimeoutError if the socket has a limit."""
+    header = json.loads(_read(peer, *struct.unpack("<I", _read(peer, 4))))
+    arrays = {}
+    for name, code, shape in header["arrays"]:
+        kind = np.dtype(code)
+        arrays[name] = np.frombuffer(_read(peer, kind.itemsize * math.prod(shape)), kind).reshape(shape)
+    return Message(header["name"], header["values"], arrays)
+
+
+def _read(peer: socket.socket, size: int) -> bytearray:
+    content = bytearray(size)
+    view = memoryview(content)
+    while view:
+        count = peer.recv_into(view)
+        if not count:
+            raise EOFError
+        view = view[count:]
+    return content
 
 
 class Server:
@@ -176,15 +225,10 @@ class ServedEngine(Engine):
         """The State, with contacts sorted by grain; the server has them in any order."""
         answer = self._server.ask("state")
         values, arrays = answer.values, dict(answer.arrays)
-        pair = arrays["contact_grain"]
-        swap = (pair[:, 0] > pair[:, 1])[:, None]
-        sign = np.where(swap, -1.0, 1.0)
-        pair = np.sort(pair, axis=1)
-        order = np.lexsort((pair[:, 1], pair[:, 0]))
-        arrays["contact_grain"] = pair[order]
-        arrays["contact_shift"] = np.where(swap, -arrays["contact_shift"], arrays["contact_shift"])[order]
+        pair, shift, order, sign = sort_contacts(arrays["contact_grain"], arrays["contact_shift"])
+        arrays |= {"contact_grain": pair, "contact_shift": shift}
         for name in ("tangential_force", "rolling_moment"):
-            arrays[name] = (sign * arrays[name])[order]
+            arrays[name] = sign * arrays[name][order]
         return self._loaded.replace(
             **arrays,
             time=values["time"],

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.base import Abilities
-from labkit.engines.messages import Message
-from labkit.engines.server import ServedEngine, Server
+from labkit.engines.server import Message, ServedEngine, Server
 from labkit.engines.yade_process import find_script, find_yade, yade_command, yade_environment
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene

@@ -28,7 +28,7 @@ class YadeScript(Format):
         """Writes grains, cell, contacts, material and engines. Raises InputError for another contact law.
 
         YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb), that of labkit pi E Ra Rb/(Ra + Rb): `young` is (pi/2) E, and
-        kt/kn is `poisson` (labkit.grains.laws.yade.material).
+        kt/kn is `poisson` (labkit.grains.laws.named.material).
         """
         scene = state.scene
         if scene.law != "rolling_resistance" or scene.planar:

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Abilities, Progress, reload
-from labkit.engines.requests import Advance, Load, Request, Work
+from labkit.engines.base import Abilities, Advance, Load, Progress, Request, Work, reload
 from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals

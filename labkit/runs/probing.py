@@ -11,8 +11,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.engines.base import Progress, Start, silent
-from labkit.engines.requests import drive
+from labkit.engines.base import Progress, Start, drive, silent
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from pathlib import Path as File
 
-from labkit.engines.base import Progress, Start, silent
-from labkit.engines.requests import Request, drive
+from labkit.engines.base import Progress, Request, Start, drive, silent
 from labkit.grains.state import State
 from labkit.io.interruption import stop_on_signals
 from labkit.micro.stress import love_stress
@@ -52,7 +51,7 @@ def simulation(
     options: Options | None = None,
     progress: Progress = silent,
 ) -> Generator[Request, object, bool]:
-    """What `run` needs of an engine (labkit.engines.requests), of which `start` gives the name and the precision."""
+    """What `run` needs of an engine (labkit.engines.base), of which `start` gives the name and the precision."""
     path, options = on_grains(path, specimen.scene), options or Options()
     settings = {
         "record_strain": options.record_strain or path.record_strain,

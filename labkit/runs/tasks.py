@@ -9,8 +9,7 @@ from pathlib import Path as File
 from typing import ClassVar
 
 from labkit.engines import Fused, require_engine
-from labkit.engines.base import Engine, Progress, Start, silent
-from labkit.engines.requests import Request, drive
+from labkit.engines.base import Engine, Progress, Request, Start, drive, silent
 from labkit.errors import InputError
 from labkit.extensions import used
 from labkit.grains.scene import Scene

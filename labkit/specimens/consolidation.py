@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Progress, Start, silent
-from labkit.engines.requests import Advance, Load, Request, drive
+from labkit.engines.base import Advance, Load, Progress, Request, Start, drive, silent
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.interruption import Signals, stop_on_signals
@@ -76,7 +75,7 @@ def bring_to(
 def approach(
     specimen: State, path: Path, engine: str, progress: Progress = silent, interim: File | None = None
 ) -> Generator[Request, object, State]:
-    """What `bring_to` needs of an engine, whose name is given; see labkit.engines.requests."""
+    """What `bring_to` needs of an engine, whose name is given; see labkit.engines.base."""
     path = on_grains(path, specimen.scene)
     control = path.control()
     if control is None:

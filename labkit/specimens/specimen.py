@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Engine, Progress, Start, reload, silent
-from labkit.engines.requests import Load, Request
+from labkit.engines.base import Engine, Load, Progress, Request, Start, reload, silent
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell

@@ -12,7 +12,7 @@ from labkit.campaigns.batches import batches_of, carry_out
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.plan import plan_of, write_recipes
 from labkit.cli.job import simulate, task_of
-from labkit.engines.requests import Advance, Load, Work
+from labkit.engines.base import Advance, Load, Work
 from labkit.errors import Interrupted, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import write_state

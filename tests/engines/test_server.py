@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as npst
 
 import labkit as lk
 from labkit.engines import messages, server
-from labkit.engines.messages import Message
+from labkit.engines.server import Message
 from labkit.engines.yade import YadeEngine
 from labkit.errors import PhysicsError
 from tests.engines.peek import PeekingEngine

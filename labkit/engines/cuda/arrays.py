@@ -51,7 +51,8 @@ class States(NamedTuple):
     correction of the velocity gradient; running (n,): 1 if the state
     takes part in the step; due (n,): 1 if it needs a search; time_step, skin, diameter, limit (n,): time step, s,
     Verlet skin and largest diameter, m, and square of the distance that a grain may move before a search, m2; factor
-    (n,): of the stiffness kn of the contact law; cell,
+    (n,): of the stiffness kn of the contact law; disc (n,): radius of all grains in kn, m, in a planar scene, else 0;
+    cell,
     first_cell, back, drift (n, 3, 3): cell, m, that of the last search, the inverse of the deformation since, and the
     velocity that a period adds, m/s; wanted, used, previous (n, 3, 3): velocity gradients of the coming steps, of the
     last step and of the one before, 1/s; law (n, k): parameters of the contact law (build.py).
@@ -68,6 +69,7 @@ class States(NamedTuple):
     diameter: DeviceArray
     limit: DeviceArray
     factor: DeviceArray
+    disc: DeviceArray
     cell: DeviceArray
     first_cell: DeviceArray
     back: DeviceArray
@@ -151,7 +153,7 @@ def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> DeviceArray:
 def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
     """States with these first grains and numbers of grains (n,); numbers: of a row of `law`."""
     n = len(first)
-    counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(5))
+    counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(6))
     matrices = (zeros((n, 3, 3)) for _ in range(7))
     of_host = cuda.to_device(first), cuda.to_device(grains)
     return States._make((*of_host, *counters, *scalars, *matrices, zeros((n, numbers))))

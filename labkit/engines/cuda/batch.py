@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from typing import Any, cast
+import functools
+from collections.abc import Callable, Hashable, Sequence
+from typing import cast
 
 import numpy as np
 
 import labkit
+from labkit.engines.base import IN_ENGINE
 from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists, new_states, put, rows_of, zeros
-from labkit.engines.cuda.build import kernels_of, row_of, shape_of, stiffness_factor
+from labkit.engines.cuda.build import kernels_of, row_of, shape_of
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
-from labkit.engines.cuda.listing import list_neighbours, listing_of, spread
+from labkit.engines.cuda.listing import lists_of, state_of
 from labkit.engines.cuda.memory import KINDS, SPARE, require_room
 from labkit.engines.cuda.reading import Reader
 from labkit.engines.cuda.servo import new_plans, put_plan
-from labkit.engines.cuda.taken import ON_DEVICE, Taken
+from labkit.engines.kernel.build import explain_refusal
 from labkit.engines.kernel.neighbours import grid_shape, sort_grains
 from labkit.errors import InputError
 from labkit.grains.state import State
-from labkit.records.energy import kinetic_energy
 from labkit.servo.plan import AHEAD, Corrections
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
@@ -58,27 +59,19 @@ class Batch:
         self._grains = new_grains(np.repeat(np.arange(n), padded // BLOCK))
         self._lists = new_lists(n, int(padded.sum()), KINDS[precision])
         self._grid = new_grid(self._count, int(padded.sum()))
-        self._plans, self._rows = new_plans(n, AHEAD), AHEAD
+        self._plans = new_plans(n, AHEAD)
         self._stream, self._reader, self._region = cuda.stream(), Reader(), np.zeros((2, n), np.int64)
         self._left, self._interval, self._controlled = np.zeros(n, np.int32), np.ones(n, int), np.zeros(n, bool)
         self._sums, self._totals = zeros((self._blocks, STRESSES)), zeros((n, STRESSES))
         self._start = list(states)
         self._order = [np.zeros(0, int)] * n
-        self._by_host = np.zeros(n, bool)  # the stiffness kn
         self._side = np.zeros(n, np.int32)
+        self._stresses: np.ndarray | None = None
         self.failures: list[str | None] = [None] * n
         for i, state in enumerate(states):
             self._put(i, state)
-        try:
+        with explain_refusal(law, " for a GPU"):
             self._search(np.ones(n, bool), moving=0.0)
-        except Exception as error:  # a user-defined law that is valid Python may not be one that Numba can compile
-            if law.labkits:
-                raise
-            reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
-            raise InputError(
-                f"contact law {law.name} cannot be compiled for a GPU ({reason}): write its parts using "
-                "only numbers and the functions of labkit.laws"
-            ) from error
 
     def __len__(self) -> int:
         return len(self._start)
@@ -93,7 +86,7 @@ class Batch:
         if not self.takes(i, state):
             raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many, of the same law")
         self._put(i, state)
-        self.failures[i], self._left[i] = None, 0
+        self.failures[i], self._left[i], self._stresses = None, 0, None
         self._search(np.arange(len(self)) == i, moving=0.0)
 
     def advance(self, steps: int | np.ndarray, velocity_gradient: np.ndarray) -> None:
@@ -111,8 +104,6 @@ class Batch:
 
     def begin(self, i: int, corrections: Corrections) -> None:
         """Give the i-th state, which has none left, the steps that `run` makes, with the corrections of the servo."""
-        if len(corrections.steps) > self._rows:
-            raise InputError(f"has {len(corrections.steps)} rows", field="corrections", allowed=f"at most {self._rows}")
         put_plan(self._plans, i, corrections)
         self._left[i], self._interval[i] = corrections.total, corrections.steps.max()
         self._controlled[i] = corrections.servo is not None
@@ -136,6 +127,7 @@ class Batch:
         as they are.
         """
         k, s, g, going = self._kernels, self._states, self._grains, self.going
+        self._stresses = None
         interval, controlled = int(self._interval[going].min()), bool(self._controlled[going].any())
         of_states, of_grains = (-(-len(self) // SLICE), SLICE, self._stream), (self._blocks, BLOCK, self._stream)
         for _ in range(min(-(-int(self._left.max()) // interval), max(1, CHUNK // interval))):
@@ -149,6 +141,7 @@ class Batch:
 
     def look(self) -> None:
         """Wait for the steps, make the searches that are due, and find out which states have steps left."""
+        self._stresses = None
         due = self._states.due.copy_to_host() == 1
         if due.any():
             self._search(due)
@@ -162,22 +155,34 @@ class Batch:
         k.stress_of_states[of_states](s, self._plans, self._sums, self._totals, every)
 
     def stress(self) -> np.ndarray:
-        """Love's stress of each state, (n, 3, 3), Pa, compression positive."""
-        self._sum_stresses(every=1)
-        volume = np.linalg.det(self._states.cell.copy_to_host())
-        return -self._totals.copy_to_host().reshape(-1, 3, 3) / volume[:, None, None]
+        """Love's stress of each state, (n, 3, 3), Pa, compression positive; computed once for an instant."""
+        if self._stresses is None:
+            self._sum_stresses(every=1)
+            volume = np.linalg.det(self._states.cell.copy_to_host())
+            self._stresses = -self._totals.copy_to_host().reshape(-1, 3, 3) / volume[:, None, None]
+        return self._stresses.copy()
 
     def state(self, i: int) -> State:
         """A copy of the i-th State, with contacts sorted by grain and the ledger up to date. Raises PhysicsError."""
-        return self.take(i).state()
+        return self.take(i)[1]()
 
-    def take(self, i: int) -> Taken:
-        """Copy the i-th State, which is not going, from the device; the steps of others may be under way."""
+    def take(self, i: int) -> tuple[State, Callable[[], State]]:
+        """Copy the i-th State, which is not going, from the device; the steps of others may be under way.
+
+        Returns the State without the arrays IN_ENGINE and with its former ledger, and a function that completes it.
+        """
         g, s, first, count = self._grains, self._states, int(self._first[i]), int(self._count[i])
         of_state = {"cell": [s.cell[i]], "velocity_gradient": [s.used[i]]}
         of_grains = {"position": g.position, "velocity": g.velocity, "spin": g.spin, "energies": g.energies}
         columns = {name: rows_of(array, first, count) for name, array in of_grains.items()}
-        arrays = self._reader.read(of_state | columns | self._list(i, ("partner", "shift", "history")))
+        side, lists = int(self._side[i]), self._lists
+        at, room = int(self._region[side, i]), int(self._room[i])
+        of_lists = {
+            "count": rows_of(lists.count[side], first, count),
+            "slice_first": rows_of(lists.slice_first[side], first // SLICE, -(-count // SLICE)),
+            **{name: rows_of(getattr(lists, name), at, room) for name in ("partner", "shift", "history")},
+        }
+        arrays = self._reader.read(of_state | columns | of_lists)
         brief = self._start[i].replace(
             cell=arrays["cell"][0],
             velocity_gradient=arrays["velocity_gradient"][0],
@@ -185,14 +190,7 @@ class Batch:
             engine_version=labkit.__version__,
             precision=self._precision,
         )
-        return Taken(brief, self._order[i], first, arrays)
-
-    def stop_grains(self, i: int) -> None:
-        """Set all velocities of the i-th state to zero; the ledger counts their energy as dissipated by damping."""
-        state = self.state(i)
-        zero = np.zeros_like(state.velocity)
-        ledger = state.ledger.plus(0.0, 0.0, 0.0, kinetic_energy(state))
-        self.load(i, state.replace(velocity=zero, angular_velocity=zero, ledger=ledger))
+        return brief, functools.partial(state_of, brief, self._order[i], first, arrays)
 
     def _put(self, i: int, state: State) -> None:
         """Copy a State to the device, without its neighbour list. Raises InputError."""
@@ -204,7 +202,7 @@ class Batch:
             )
         skin, diameter = SKIN * 2.0 * state.radius.mean(), 2.0 * state.radius.max()
         order = sort_grains(state.position, state.cell, diameter + skin).order
-        self._order[i], self._start[i] = order, state.replace(**dict.fromkeys(ON_DEVICE))
+        self._order[i], self._start[i] = order, state.replace(**dict.fromkeys(IN_ENGINE))
         radius, first, g, s = state.radius[order], int(self._first[i]), self._grains, self._states
         put(g.number, first, order)
         put(g.radius, first, radius)
@@ -214,8 +212,6 @@ class Batch:
         put(g.velocity, first, state.velocity[order].T)
         put(g.spin, first, state.angular_velocity[order].T)
         put(g.energies, first, np.zeros((ENERGIES, len(order))))
-        factor = stiffness_factor(scene)
-        self._by_host[i] = factor is None
         before, dt = state.velocity_gradient, state.time_step
         drift = before @ np.linalg.solve(np.eye(3) + dt * before, state.cell)
         rows = (
@@ -223,7 +219,8 @@ class Batch:
             (s.skin, skin),
             (s.diameter, diameter),
             (s.law, row_of(scene)),
-            (s.factor, factor or 0.0),
+            (s.factor, scene.contact_law.normal.factor(scene)),
+            (s.disc, 0.5 * scene.mean_diameter if scene.planar else 0.0),
             (s.due, 0),
             (s.left, 0),
         )
@@ -233,18 +230,14 @@ class Batch:
 
     def _put_contacts(self, i: int, state: State) -> None:
         """Copy the contacts of a State to the device, as the list from which the first search takes their history."""
-        listing, count, slice_first, total = listing_of(state, self._order[i])
-        self._grow(np.where(np.arange(len(self)) == i, total, 0))
-        first, side, lists = int(self._first[i]), int(self._side[i]), self._lists
-        at, partner = int(self._region[side, i]), listing.partner + first
-        put(lists.count[side], first, count)
-        put(lists.slice_first[side], first // SLICE, slice_first)
-        for array, values in (
-            (lists.partner, np.where(listing.is_first, partner, ~partner)),
-            (lists.shift, listing.shift.T),
-            (lists.history, listing.history.T),
-        ):
-            put(array, at, spread(values, listing.slot, total))
+        first, arrays = int(self._first[i]), lists_of(state, self._order[i], int(self._first[i]))
+        self._grow(np.where(np.arange(len(self)) == i, arrays["partner"].shape[1], 0))
+        at = int(self._region[self._side[i], i])
+        put(self._lists.count[self._side[i]], first, arrays["count"])
+        put(self._lists.slice_first[self._side[i]], first // SLICE, arrays["slice_first"])
+        put(self._lists.partner, at, arrays["partner"][0])
+        put(self._lists.shift, at, arrays["shift"])
+        put(self._lists.history, at, arrays["history"])
 
     def _grow(self, needed: np.ndarray) -> None:
         """Give each state room for the entries that it needs (n,)."""
@@ -257,8 +250,7 @@ class Batch:
         region = np.stack([first, first + room.sum()])
         for name in ("partner", "shift", "stiffness", "history"):
             old = getattr(self._lists, name).copy_to_host()
-            freed: dict[str, Any] = {name: None}  # the memory on the device
-            self._lists = self._lists._replace(**freed)
+            self._lists = self._lists._replace(**{name: self._lists.side})  # frees the memory on the device
             new = np.zeros((*old.shape[:-1], 2 * int(room.sum()) + 1), old.dtype)
             for i in range(len(self)):
                 source, target = self._region[self._side[i], i], region[self._side[i], i]
@@ -287,8 +279,6 @@ class Batch:
         first_cell = s.first_cell.copy_to_host()
         first_cell[which] = cell[which]
         s.first_cell.copy_to_device(first_cell)
-        for i in np.flatnonzero(which & self._by_host):
-            self._put_stiffness(int(i))
         self._fail(which & lost)
         s.due.copy_to_device(np.where(which, 0, s.due.copy_to_host()).astype(np.int32))
         s.running.copy_to_device((which & ~lost).astype(np.int32))
@@ -320,22 +310,3 @@ class Batch:
             self.failures[i], self._left[i] = LOST, 0
         for array in (self._states.left, self._states.due):
             array.copy_to_device(np.where(which, 0, array.copy_to_host()).astype(np.int32))
-
-    def _list(self, i: int, names: Sequence[str]) -> dict[str, list[Any]]:
-        """The neighbour list of the i-th state on the device, with these arrays of its entries."""
-        first, count, side, lists = int(self._first[i]), int(self._count[i]), int(self._side[i]), self._lists
-        at, room = int(self._region[side, i]), int(self._room[i])
-        return {
-            "count": rows_of(lists.count[side], first, count),
-            "slice_first": rows_of(lists.slice_first[side], first // SLICE, -(-count // SLICE)),
-            **{name: rows_of(getattr(lists, name), at, room) for name in names},
-        }
-
-    def _put_stiffness(self, i: int) -> None:
-        """Set the stiffness kn of each pair of neighbours of the i-th state, if the kernels cannot."""
-        arrays = self._reader.read(self._list(i, ("partner",)))
-        grain, slot, is_first, partner = list_neighbours(arrays, int(self._first[i]))
-        radius, scene = self._start[i].radius[self._order[i]], self._start[i].scene
-        a, b = np.where(is_first, grain, partner), np.where(is_first, partner, grain)
-        kn = spread(scene.normal_stiffness(radius[a], radius[b]), slot, int(self._room[i]))
-        put(self._lists.stiffness, int(self._region[self._side[i], i]), kn)

@@ -64,11 +64,6 @@ def row_of(scene: Scene) -> np.ndarray:
     return np.concatenate([np.ravel(v) for v in numbers_of(scene) if v is not None and v is not True]).astype(float)
 
 
-def stiffness_factor(scene: Scene) -> float | None:
-    """The factor of the stiffness of the normal part; None for a planar scene, whose stiffness the CPU computes."""
-    return None if scene.planar else scene.contact_law.normal.factor(scene)
-
-
 @functools.cache
 def kernels_of(law: type[ContactLaw], shape: Shape, single: bool) -> Kernels:
     """The Kernels of a contact law for numbers of this shape. Compiled at their first call.

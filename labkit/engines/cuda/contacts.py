@@ -22,10 +22,10 @@ from labkit.engines.cuda.arrays import (
 )
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
-from labkit.engines.cuda.motion import product, put, vector
+from labkit.engines.cuda.motion import put, vector
 from labkit.engines.cuda.servo import Plans, asks
 from labkit.grains.laws.contact import Contact
-from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse
+from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse, transform
 
 pair: Any = None
 spring: Any = None
@@ -82,7 +82,7 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
         sign = 1.0 if is_first else -1.0
         one, two = (g, b) if is_first else (~b, g)
         periods = Vector(sign * lists.shift[0, at], sign * lists.shift[1, at], sign * lists.shift[2, at])
-        d = vector(grains.position, two) + product(states.cell, s, periods) - vector(grains.position, one)
+        d = vector(grains.position, two) + transform(states.cell[s], periods) - vector(grains.position, one)
         near = rounded(d)
         distance, inverse = length_and_inverse(dot(near, near))
         overlap = overlap_of(grains.radius[one] + grains.radius[two], dot(d, d), distance)
@@ -90,7 +90,7 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
         m = Vector(lists.history[3, at], lists.history[4, at], lists.history[5, at])
         if overlap < 0.0 and dot(t, t) == 0.0 and dot(m, m) == 0.0:
             continue  # the law gives zeros
-        drift = product(states.drift, s, periods)
+        drift = transform(states.drift[s], periods)
         contact = Contact(
             lists.stiffness[at],
             KIND(grains.radius[one]),
@@ -110,7 +110,7 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
         force += sign * push
         torque += double(response.torque_a if is_first else response.torque_b)
         counted = 1.0 if is_first else 0.0  # energies belong to the first grain
-        cell_work += counted * dt * dot(push, product(states.used, s, d))
+        cell_work += counted * dt * dot(push, transform(states.used[s], d))
         friction_loss += counted * response.friction_loss
         rolling_loss += counted * response.rolling_loss
         dashpot_loss += counted * response.dashpot_loss
@@ -126,7 +126,7 @@ def branch(states: States, grains: DeviceGrains, lists: Lists, s: int, g: int, a
     """Branch of the contact `at` from its first grain g, m."""
     b = lists.partner[at]
     periods = Vector(1.0 * lists.shift[0, at], 1.0 * lists.shift[1, at], 1.0 * lists.shift[2, at])
-    return vector(grains.position, b) + product(states.cell, s, periods) - vector(grains.position, g)
+    return vector(grains.position, b) + transform(states.cell[s], periods) - vector(grains.position, g)
 
 
 def sum_of_block(rows: Any, t: int) -> float:

@@ -2,31 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
 
+from labkit.engines.contacts import is_reversed, sort_contacts, touching
 from labkit.engines.cuda.arrays import HISTORY
 from labkit.engines.cuda.device import SLICE
+from labkit.errors import PhysicsError
 from labkit.grains.state import State
-
-
-@dataclasses.dataclass(frozen=True)
-class Listing:
-    """The neighbour lists of one State, with its grains in any order, each counted from zero.
-
-    grain, slot, partner (n,): grain of each entry, its place in the region, and the other grain; is_first (n,): True if
-    `grain` is the first grain of the contact; shift (n, 3): period of the partner relative to that of the grain;
-    history (n, HISTORY): on the first grain.
-    """
-
-    grain: np.ndarray
-    slot: np.ndarray
-    partner: np.ndarray
-    is_first: np.ndarray
-    shift: np.ndarray
-    history: np.ndarray
 
 
 def entries(count: np.ndarray, slice_first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,76 +20,63 @@ def entries(count: np.ndarray, slice_first: np.ndarray) -> tuple[np.ndarray, np.
     return grain, slice_first[grain // SLICE] + SLICE * k + grain % SLICE
 
 
-def slices(count: np.ndarray) -> tuple[np.ndarray, int]:
-    """First entry of each slice, and the number of all entries with those that fill up slices."""
-    longest = np.pad(count, (0, -len(count) % SLICE)).reshape(-1, SLICE).max(axis=1) * SLICE
-    return np.cumsum(longest) - longest, int(longest.sum())
+def lists_of(state: State, order: np.ndarray, first: int) -> dict[str, np.ndarray]:
+    """The arrays of Lists that give the contacts of a State: those of its grains, and those of entries, (..., n).
 
-
-def positive(shift: np.ndarray) -> np.ndarray:
-    """True for shifts (n, 3) of the second grain of a contact of a grain with its own image, False for the first."""
-    return np.sign(shift) @ np.array([9, 3, 1]) > 0
-
-
-def spread(values: np.ndarray, slot: np.ndarray, room: int) -> np.ndarray:
-    """Values (..., n) in their slots, and zeros elsewhere, (..., room)."""
-    result = np.zeros((*values.shape[:-1], room), values.dtype)
-    result[..., slot] = values
-    return result
-
-
-def listing_of(state: State, order: np.ndarray) -> tuple[Listing, np.ndarray, np.ndarray, int]:
-    """The Listing of the contacts of a State, the entries of each grain, the starts of slices, and the room needed.
-
-    order (grain,): index in the State of each grain.
+    Args:
+        state: With the contacts.
+        order: Index in the State of each grain on the device, (grain,).
+        first: The first grain on the device.
     """
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
+    place = np.argsort(order)
     number, shift = state.contact_grain, state.contact_shift
-    first = (number[:, 0] < number[:, 1]) | ((number[:, 0] == number[:, 1]) & positive(shift))
-    history = np.hstack([state.tangential_force, state.rolling_moment]) * np.where(first, 1.0, -1.0)[:, None]
+    is_first = ~is_reversed(number, shift)
+    history = np.hstack([state.tangential_force, state.rolling_moment]) * np.where(is_first, 1.0, -1.0)[:, None]
     own, other = np.concatenate([number, number[:, ::-1]]).T
-    is_first = np.concatenate([first, ~first])
-    shifts, both = np.concatenate([shift, -shift]), np.concatenate([history, history])
+    partner = np.where(np.concatenate([is_first, ~is_first]), place[other] + first, ~(place[other] + first))
+    shifts = np.concatenate([shift, -shift])
     by = np.lexsort((*shifts.T, other, place[own]))
     count = np.bincount(place[own], minlength=len(order))
-    slice_first, room = slices(count)
-    grain, slot = entries(count, slice_first)
-    return Listing(grain, slot, place[other[by]], is_first[by], shifts[by], both[by]), count, slice_first, room
+    longest = np.pad(count, (0, -len(count) % SLICE)).reshape(-1, SLICE).max(axis=1) * SLICE
+    slice_first = np.cumsum(longest) - longest
+    _, slot = entries(count, slice_first)
+    lists = {"count": count, "slice_first": slice_first}
+    rows = {"partner": partner[None], "shift": shifts.T, "history": np.concatenate([history, history]).T}
+    for name, values in rows.items():
+        lists[name] = np.zeros((len(values), int(longest.sum())), values.dtype)
+        lists[name][:, slot] = values[:, by]
+    return lists
 
 
-def listed(arrays: Mapping[str, np.ndarray], first: int) -> Listing:
-    """The Listing in the arrays (k, n) of one State on the device, those of Lists by name; first: its first grain."""
-    grain, slot, is_first, partner = list_neighbours(arrays, first)
-    shift, history = arrays["shift"][:, slot].T, arrays["history"][:, slot].T.astype(float)
-    return Listing(grain, slot, partner, is_first, shift, history)
+def state_of(brief: State, order: np.ndarray, first: int, arrays: Mapping[str, np.ndarray]) -> State:
+    """The State that was read from the device. Raises PhysicsError if it has NaN.
 
-
-def list_neighbours(
-    arrays: Mapping[str, np.ndarray], first: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """grain, slot, is_first and partner of a Listing, from count, slice_first and partner of one State."""
-    grain, slot = entries(arrays["count"][0], arrays["slice_first"][0])
-    partner = arrays["partner"][0, slot]
-    is_first = partner >= 0
-    return grain, slot, is_first, np.where(is_first, partner, ~partner) - first
-
-
-def contacts_from_lists(
-    listing: Listing, order: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
-) -> dict[str, np.ndarray]:
-    """The contact arrays of a State: the entries of first grains that overlap or touch their partners, sorted.
-
-    order (grain,): index in the State of each grain; position (grain, 3), radius (grain,): in the order of the State.
+    Args:
+        brief: The State without the arrays that the device holds, and with its former ledger.
+        order: Index in the State of each grain on the device, (grain,).
+        first: The first grain on the device.
+        arrays: Those of States, DeviceGrains and Lists by name, (k, n).
     """
-    number = np.stack([order[listing.grain], order[listing.partner]], axis=1)
-    branch = position[number[:, 1]] + listing.shift @ cell.T - position[number[:, 0]]
-    overlap = radius[number].sum(axis=1) - np.sqrt(np.einsum("ci,ci->c", branch, branch))
-    kept = np.flatnonzero(listing.is_first & (overlap >= 0.0))
-    kept = kept[np.lexsort((*listing.shift[kept].T, number[kept, 1], number[kept, 0]))]
-    return {
-        "contact_grain": number[kept].astype(np.int32),
-        "contact_shift": listing.shift[kept].astype(np.int32),
-        "tangential_force": listing.history[kept, :3],
-        "rolling_moment": listing.history[kept, 3:HISTORY],
-    }
+    ledger = brief.ledger.plus(*arrays["energies"].sum(axis=1))
+    if not np.isfinite(ledger.cell_work):
+        raise PhysicsError(f"forces became NaN: the time step {brief.time_step:.3g} s is too large")
+    kinematics = np.empty((3, len(order), 3))
+    kinematics[:, order] = arrays["position"].T, arrays["velocity"].T, arrays["spin"].T
+    grain, slot = entries(arrays["count"][0], arrays["slice_first"][0])
+    partner = arrays["partner"][0, slot] - first
+    of_first = partner >= 0
+    grain, slot, partner = grain[of_first], slot[of_first], partner[of_first]
+    pair, shift = order[np.stack([grain, partner], axis=1)], arrays["shift"][:, slot].T.astype(np.int32)
+    kept = touching(pair, shift, kinematics[0], brief.radius, brief.cell)
+    contact_grain, contact_shift, by, _ = sort_contacts(pair[kept], shift[kept])
+    history = arrays["history"][:, slot[kept][by]].T.astype(float)
+    return brief.replace(
+        position=kinematics[0],
+        velocity=kinematics[1],
+        angular_velocity=kinematics[2],
+        contact_grain=contact_grain,
+        contact_shift=contact_shift,
+        tangential_force=history[:, :3],
+        rolling_moment=history[:, 3:HISTORY],
+        ledger=ledger,
+    )

@@ -1,16 +1,14 @@
-"""Kernels that move cells and grains; the formulas are those of labkit.engines.kernel.motion, in the same order."""
+"""Kernels that move cells and grains; a grain moves by the function of labkit.engines.kernel.motion."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from labkit.engines.cuda.arrays import DAMPING_LOSS, DeviceGrains, States
+from labkit.engines.cuda.arrays import DAMPING_LOSS, DeviceArray, DeviceGrains, States
 from labkit.engines.cuda.device import cuda
-from labkit.engines.kernel.motion import damped_fraction as compiled_fraction
-from labkit.grains.laws.vectors import Vector, dot
-
-damped_fraction = compiled_fraction.py_func
+from labkit.engines.kernel.motion import accelerate
+from labkit.grains.laws.vectors import Vector, dot, transform
 
 
 def damping_of(law: Any, s: int) -> Any:
@@ -26,20 +24,6 @@ def vector(rows: Any, i: int) -> Vector:
 def put(rows: Any, i: int, v: Vector) -> None:
     """Write the i-th vector of rows (3, n)."""
     rows[0, i], rows[1, i], rows[2, i] = v
-
-
-def product(matrices: Any, s: int, v: Vector) -> Vector:
-    """Product of the s-th of matrices (n, 3, 3) and a vector."""
-    return Vector(
-        matrices[s, 0, 0] * v[0] + matrices[s, 0, 1] * v[1] + matrices[s, 0, 2] * v[2],
-        matrices[s, 1, 0] * v[0] + matrices[s, 1, 1] * v[1] + matrices[s, 1, 2] * v[2],
-        matrices[s, 2, 0] * v[0] + matrices[s, 2, 1] * v[1] + matrices[s, 2, 2] * v[2],
-    )
-
-
-def column(matrices: Any, s: int, k: int) -> Vector:
-    """Column k of the s-th of matrices (n, 3, 3)."""
-    return Vector(matrices[s, 0, k], matrices[s, 1, k], matrices[s, 2, k])
 
 
 def start_step(states: States) -> None:
@@ -61,10 +45,10 @@ def start_step(states: States) -> None:
         for j in range(3):
             states.previous[s, i, j] = states.used[s, i, j]
             states.used[s, i, j] = states.wanted[s, i, j]
-    for k in range(3):
-        moved = product(states.used, s, column(states.cell, s, k))
-        for i in range(3):
-            states.drift[s, i, k] = moved[i]
+    L, cell = states.used[s], states.cell[s]
+    for i in range(3):
+        for k in range(3):
+            states.drift[s, i, k] = L[i, 0] * cell[0, k] + L[i, 1] * cell[1, k] + L[i, 2] * cell[2, k]
     for i in range(3):
         for k in range(3):
             states.cell[s, i, k] += states.time_step[s] * states.drift[s, i, k]
@@ -73,46 +57,30 @@ def start_step(states: States) -> None:
     states.limit[s] = 0.25 * left * left if left > 0.0 else 0.0
 
 
-def pull_back(states: States, s: int) -> float:
-    """Set back = F^-1, the inverse of the deformation of the cell of a state since its search; return |F^-1 - 1|."""
-    h = states.cell
-    determinant = 0.0
+def determinant(h: DeviceArray) -> float:
+    """Determinant of a matrix (3, 3)."""
+    total = 0.0
     for k in range(3):
         m, n = (k + 1) % 3, (k + 2) % 3
-        determinant += h[s, 0, k] * (h[s, 1, m] * h[s, 2, n] - h[s, 1, n] * h[s, 2, m])
-    squared = 0.0
+        total += h[0, k] * (h[1, m] * h[2, n] - h[1, n] * h[2, m])
+    return total
+
+
+def pull_back(states: States, s: int) -> float:
+    """Set back = F^-1, the inverse of the deformation of the cell of a state since its search; return |F^-1 - 1|."""
+    h, squared = states.cell[s], 0.0
+    volume = determinant(h)
     for i in range(3):
         for j in range(3):
             total = 0.0
             m, n = (j + 1) % 3, (j + 2) % 3
             for k in range(3):
                 o, p = (k + 1) % 3, (k + 2) % 3
-                total += states.first_cell[s, i, k] * (h[s, m, o] * h[s, n, p] - h[s, m, p] * h[s, n, o])
-            states.back[s, i, j] = total / determinant
+                total += states.first_cell[s, i, k] * (h[m, o] * h[n, p] - h[m, p] * h[n, o])
+            states.back[s, i, j] = total / volume
             difference = states.back[s, i, j] - (1.0 if i == j else 0.0)
             squared += difference * difference
     return math.sqrt(squared)
-
-
-def damped(acceleration: Vector, velocity: Vector, load: Vector, dt: float, damping: Any) -> tuple[Vector, float]:
-    """Acceleration after local damping, and the energy that damping dissipates in the step, J.
-
-    load: force or torque, N or N m; velocity: without that of the mean field.
-    """
-    if damping is None:
-        return acceleration, 0.0
-    p = (
-        damped_fraction(acceleration[0], velocity[0], dt, damping),
-        damped_fraction(acceleration[1], velocity[1], dt, damping),
-        damped_fraction(acceleration[2], velocity[2], dt, damping),
-    )
-    a = Vector(
-        acceleration[0] * (1.0 - p[0]),
-        acceleration[1] * (1.0 - p[1]),
-        acceleration[2] * (1.0 - p[2]),
-    )
-    mean = velocity + 0.5 * dt * a  # velocity at mid-step
-    return a, dt * dot(Vector(p[0] * load[0], p[1] * load[1], p[2] * load[2]), mean)
 
 
 def move(states: States, grains: DeviceGrains) -> None:
@@ -123,22 +91,13 @@ def move(states: States, grains: DeviceGrains) -> None:
     dt, damping = states.time_step[s], damping_of(states.law, s)
     x, v, w = vector(grains.position, g), vector(grains.velocity, g), vector(grains.spin, g)
     force, torque = vector(grains.force, g), vector(grains.torque, g)
-    c = v - product(states.previous, s, x)
-    a, lost = damped(grains.inverse_mass[g] * force, c, force, dt, damping)
-    b, turned = damped(grains.inverse_inertia[g] * torque, w, torque, dt, damping)
-    grains.energies[DAMPING_LOSS, g] += lost + turned
-    jump = product(states.used, s, x) - product(states.previous, s, x)
-    v += dt * (a + product(states.previous, s, v)) + jump
+    a, b = grains.inverse_mass[g] * force, grains.inverse_inertia[g] * torque
+    v, w, lost = accelerate(x, v, w, a, b, force, torque, states.used[s], states.previous[s], dt, damping)
     x += dt * v
-    L, before = states.used, states.previous
-    spin = Vector(
-        0.5 * (L[s, 2, 1] - before[s, 2, 1] - L[s, 1, 2] + before[s, 1, 2]),
-        0.5 * (L[s, 0, 2] - before[s, 0, 2] - L[s, 2, 0] + before[s, 2, 0]),
-        0.5 * (L[s, 1, 0] - before[s, 1, 0] - L[s, 0, 1] + before[s, 0, 1]),
-    )
+    grains.energies[DAMPING_LOSS, g] += lost
     put(grains.velocity, g, v)
     put(grains.position, g, x)
-    put(grains.spin, g, w + dt * b + spin)
-    moved = product(states.back, s, x) - vector(grains.start, g)
+    put(grains.spin, g, w)
+    moved = transform(states.back[s], x) - vector(grains.start, g)
     if not dot(moved, moved) < states.limit[s]:  # or it became NaN
         states.due[s] = 1

@@ -215,7 +215,9 @@ def fill(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -
     for at in range(base, base + SLICE * found, SLICE):
         b = lists.partner[at]
         one, two = (g, b) if b >= 0 else (~b, g)
-        lists.stiffness[at] = stiffness_of(states.factor[s], grains.radius[one], grains.radius[two])
+        disc = states.disc[s]
+        a, c = (disc, disc) if disc > 0.0 else (grains.radius[one], grains.radius[two])
+        lists.stiffness[at] = stiffness_of(states.factor[s], a, c)
         while before < end and comes_before(grains, lists, before, at):
             before += SLICE
         same = before < end and not comes_before(grains, lists, at, before)

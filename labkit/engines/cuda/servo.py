@@ -12,6 +12,7 @@ import numpy as np
 
 from labkit.engines.cuda.arrays import DeviceArray, States, zeros
 from labkit.engines.cuda.device import cuda
+from labkit.engines.cuda.motion import determinant
 from labkit.micro.tensors import ROOT2, symmetric, to_six
 from labkit.servo.correction import LOW_PASS
 from labkit.servo.plan import Correcting, Corrections
@@ -138,7 +139,7 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
 def wanted_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
     """Set rates (6,) to those that bring the stresses to their targets, limited, before the low-pass filter, 1/s."""
     stress, missing = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
-    per_volume = -1.0 / determinant(states.cell, s)
+    per_volume = -1.0 / determinant(states.cell[s])
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         stress[k] = per_volume * totals[s, 4 * k]
@@ -202,12 +203,3 @@ def exponential(plans: Plans, s: int, row: int, servoed: DeviceArray, dt: float,
             for j in range(3):
                 term[i, j] = after[i, j]
                 wanted[s, i, j] += after[i, j]
-
-
-def determinant(matrices: DeviceArray, s: int) -> float:
-    """Determinant of the s-th of matrices (n, 3, 3)."""
-    h, total = matrices, 0.0
-    for k in range(3):
-        m, n = (k + 1) % 3, (k + 2) % 3
-        total += h[s, 0, k] * (h[s, 1, m] * h[s, 2, n] - h[s, 1, n] * h[s, 2, m])
-    return total

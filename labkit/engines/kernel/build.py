@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -63,7 +64,7 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
         "pair": law.pair,
         "spring": law.normal.force,
         "overlap": contact.overlap_single if single else contact.overlap,
-        **{name: getattr(contact, name) for name in ("load", "store", "stretched", "dot", "length_and_inverse")},
+        **{name: getattr(contact, name) for name in ("load", "store", "transform", "dot", "length_and_inverse")},
     }
     names = {name: compiled_with_callees(function, known, version) for name, function in names.items()}
     block_forces = compiled(with_globals(contact.block_forces, names, version))
@@ -98,6 +99,21 @@ def try_out(law: ContactLaw) -> None:
     result = law.pair(touching, zero, zero, 1e-7, True, *numbers)
     if not np.isfinite(np.concatenate([np.ravel(part) for part in result])).all():
         raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
+
+
+@contextlib.contextmanager
+def explain_refusal(law: ContactLaw, where: str = "") -> Iterator[None]:
+    """Raise InputError if Numba cannot compile a user-defined law that is valid Python; where: `for a GPU` or none."""
+    try:
+        yield
+    except Exception as error:
+        if law.labkits:
+            raise
+        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+        raise InputError(
+            f"contact law {law.name} cannot be compiled{where} ({reason}): write its parts using only numbers and the "
+            "functions of labkit.laws"
+        ) from error
 
 
 def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:

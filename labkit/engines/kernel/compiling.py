@@ -42,7 +42,7 @@ def stamp_of(files: Iterable[Path]) -> str:
     return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()
 
 
-KERNEL = stamp_of(Path(__file__).parent.glob("*.py"))
+KERNEL = stamp_of([*Path(__file__).parent.glob("*.py"), Path(vectors.__file__)])
 
 
 def compiled(function: Callable[..., Any]) -> Any:

@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
 from labkit.engines.kernel.layout import (
     CELL_WORK,
@@ -32,22 +31,14 @@ from labkit.engines.kernel.layout import (
     WB,
     WIDTH,
     D,
+    load,
+    store,
 )
 from labkit.grains.laws.contact import Contact, Features
-from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse
+from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
 
 pair: Any = None
 spring: Any = None
-
-
-def load(rows: np.ndarray, first: int, i: int) -> Vector:
-    """Read the i-th vector from three rows, the first of which starts at `first`."""
-    return Vector(rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)])
-
-
-def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
-    """Write the i-th vector to three rows, the first of which starts at `first`."""
-    rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)] = vector
 
 
 def block_forces(
@@ -99,7 +90,7 @@ def block_forces(
                 work[ROLLING_LOSS + i] += response.rolling_loss
             if law.dashpots is not None:
                 work[DASHPOT_LOSS + i] += response.dashpot_loss
-            work[CELL_WORK + i] += dt * dot(response.force, stretched(gradient, d))
+            work[CELL_WORK + i] += dt * dot(response.force, transform(gradient, d))
 
 
 def overlap(work: np.ndarray, i: int, distance: float) -> float:
@@ -110,15 +101,6 @@ def overlap(work: np.ndarray, i: int, distance: float) -> float:
 def overlap_single(work: np.ndarray, i: int, distance: float) -> float:
     """The same as (R^2 - d^2)/(R + |d|), with the numerator from double precision: accurate to single precision."""
     return work[SQUARES + i] / (work[RADII + i] + distance)
-
-
-def stretched(L: np.ndarray, d: Vector) -> Vector:
-    """Product L d."""
-    return Vector(
-        L[0, 0] * d.x + L[0, 1] * d.y + L[0, 2] * d.z,
-        L[1, 0] * d.x + L[1, 1] * d.y + L[1, 2] * d.z,
-        L[2, 0] * d.x + L[2, 1] * d.y + L[2, 2] * d.z,
-    )
 
 
 def block_stress(block: np.ndarray, work: np.ndarray, n: int, law: Features, sums: np.ndarray) -> None:

@@ -13,6 +13,13 @@ The kernel gets None for each feature that a scene does not use, and Numba compi
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
+
+from labkit.grains.laws.vectors import Vector
+
 WIDTH = 64  # contacts or grains per block
 LANES = 16  # contacts or grains that are transferred at once: one or two vector registers
 
@@ -43,3 +50,41 @@ WORK_ROWS = 39
 # in mixed precision, sums of the energy sums of contacts, CELL_WORK to DASHPOT_LOSS
 X, DAMPING_LOSS, SPEED2, CONTACT_SUMS = (row * WIDTH for row in (0, 4, 5, 6))
 DOUBLE_ROWS = 10
+
+
+class Arrays(NamedTuple):
+    """Arrays of the loop over time steps.
+
+    grain_first (domain + 1,), contact_first, contact_last (domain,): first and last grains and contacts of each domain;
+    places, motions, forces: records of grains and images; grains, masses, blocks: blocks of grains and of contacts;
+    pairs (2, contact): sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of
+    each domain, the grain that an image copies, and its periodic shift; work, doubles (domain, ...): workspaces; start
+    (grain, 3): positions at the last neighbour search, m.
+    """
+
+    grain_first: np.ndarray
+    contact_first: np.ndarray
+    contact_last: np.ndarray
+    places: np.ndarray
+    motions: np.ndarray
+    forces: np.ndarray
+    grains: np.ndarray
+    masses: np.ndarray
+    image_first: np.ndarray
+    owner: np.ndarray
+    shift: np.ndarray
+    pairs: np.ndarray
+    blocks: np.ndarray
+    work: np.ndarray
+    doubles: np.ndarray
+    start: np.ndarray
+
+
+def load(rows: np.ndarray, first: int, i: int) -> Vector:
+    """Read the i-th vector from three rows, the first of which starts at `first`."""
+    return Vector(rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)])
+
+
+def store(rows: np.ndarray, first: int, i: int, vector: Vector) -> None:
+    """Write the i-th vector to three rows, the first of which starts at `first`."""
+    rows[uint(first + i)], rows[uint(first + WIDTH + i)], rows[uint(first + 2 * WIDTH + i)] = vector

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import compiled
+from labkit.engines.kernel.compiling import Version, compiled, compiled_with_callees
 from labkit.engines.kernel.layout import (
     DAMPING_LOSS,
     GRAIN_FORCE,
@@ -28,18 +28,80 @@ from labkit.engines.kernel.layout import (
     V,
     W,
     X,
+    load,
+    store,
 )
+from labkit.grains.laws.vectors import Vector, dot, transform
 
 
-@compiled
 def damped_fraction(acceleration: float, velocity: float, dt: float, damping: float) -> float:
     """Fraction of one component that Newton's local damping removes."""
     product = acceleration * (velocity + 0.5 * dt * acceleration)
     return damping if product > 0.0 else (-damping if product < 0.0 else 0.0)
 
 
-@compiled
-def move_block(
+def damp(a: Vector, force: Vector, velocity: Vector, dt: float, damping: float) -> tuple[Vector, float]:
+    """Acceleration after local damping, and the power that it dissipates; or those of the rotation, with its torque.
+
+    The power is the removed fraction of the force times the mean velocity during the step, without the mean field.
+    """
+    p = Vector(
+        damped_fraction(a.x, velocity.x, dt, damping),
+        damped_fraction(a.y, velocity.y, dt, damping),
+        damped_fraction(a.z, velocity.z, dt, damping),
+    )
+    a = Vector(a.x * (1.0 - p.x), a.y * (1.0 - p.y), a.z * (1.0 - p.z))
+    return a, dot(Vector(p.x * force.x, p.y * force.y, p.z * force.z), velocity + 0.5 * dt * a)
+
+
+def accelerate(
+    x: Vector,
+    v: Vector,
+    w: Vector,
+    a: Vector,
+    b: Vector,
+    force: Vector,
+    torque: Vector,
+    L: np.ndarray,
+    before: np.ndarray,
+    dt: float,
+    damping: float | None,
+) -> tuple[Vector, Vector, float]:
+    """Velocity and spin of a grain after a step, and the energy that damping dissipates in it, J.
+
+    Args:
+        x: Position, m.
+        v: Velocity, m/s.
+        w: Spin, rad/s.
+        a: Force over mass.
+        b: Torque over moment of inertia.
+        force: N.
+        torque: N m.
+        L: Velocity gradient of this step, (3, 3), 1/s.
+        before: That of the previous step.
+        dt: Time step, s.
+        damping: Coefficient of local damping; None without.
+    """
+    lost = 0.0
+    if damping is not None:
+        a, of_force = damp(a, force, v - transform(before, x), dt, damping)
+        b, of_torque = damp(b, torque, w, dt, damping)
+        lost = dt * (of_force + of_torque)
+    a = a + transform(before, v)
+    jump = Vector(
+        (L[0, 0] - before[0, 0]) * x.x + (L[0, 1] - before[0, 1]) * x.y + (L[0, 2] - before[0, 2]) * x.z,
+        (L[1, 0] - before[1, 0]) * x.x + (L[1, 1] - before[1, 1]) * x.y + (L[1, 2] - before[1, 2]) * x.z,
+        (L[2, 0] - before[2, 0]) * x.x + (L[2, 1] - before[2, 1]) * x.y + (L[2, 2] - before[2, 2]) * x.z,
+    )
+    spin = Vector(
+        0.5 * ((L[2, 1] - before[2, 1]) - (L[1, 2] - before[1, 2])),
+        0.5 * ((L[0, 2] - before[0, 2]) - (L[2, 0] - before[2, 0])),
+        0.5 * ((L[1, 0] - before[1, 0]) - (L[0, 1] - before[0, 1])),
+    )
+    return v + (dt * a + jump), w + dt * b + spin, lost
+
+
+def move_rows(
     block: np.ndarray,
     masses: np.ndarray,
     work: np.ndarray,
@@ -56,57 +118,23 @@ def move_block(
     block, masses, work, doubles: rows as in layout.py. energy: not None to sum the energy dissipated by damping. The
     row SPEED2 of `doubles` collects the largest c^2.
     """
-    jxx, jxy, jxz = L[0, 0] - before[0, 0], L[0, 1] - before[0, 1], L[0, 2] - before[0, 2]
-    jyx, jyy, jyz = L[1, 0] - before[1, 0], L[1, 1] - before[1, 1], L[1, 2] - before[1, 2]
-    jzx, jzy, jzz = L[2, 0] - before[2, 0], L[2, 1] - before[2, 1], L[2, 2] - before[2, 2]
-    spin_x, spin_y, spin_z = 0.5 * (jzy - jyz), 0.5 * (jxz - jzx), 0.5 * (jyx - jxy)
     for i in range(n):
-        x, y, z = doubles[X + i], doubles[X + WIDTH + i], doubles[X + 2 * WIDTH + i]
-        vx, vy, vz = block[V + i], block[V + WIDTH + i], block[V + 2 * WIDTH + i]
-        wx, wy, wz = work[W + i], work[W + WIDTH + i], work[W + 2 * WIDTH + i]
-        inverse_mass, inverse_inertia = masses[INVERSE_MASS + i], masses[INVERSE_INERTIA + i]
-        f, m = GRAIN_FORCE, GRAIN_TORQUE
-        fx, fy, fz = work[f + i], work[f + WIDTH + i], work[f + 2 * WIDTH + i]
-        mx, my, mz = work[m + i], work[m + WIDTH + i], work[m + 2 * WIDTH + i]
-        ax, ay, az = fx * inverse_mass, fy * inverse_mass, fz * inverse_mass
-        bx, by, bz = mx * inverse_inertia, my * inverse_inertia, mz * inverse_inertia
-        if damping is not None:
-            cx = vx - (before[0, 0] * x + before[0, 1] * y + before[0, 2] * z)
-            cy = vy - (before[1, 0] * x + before[1, 1] * y + before[1, 2] * z)
-            cz = vz - (before[2, 0] * x + before[2, 1] * y + before[2, 2] * z)
-            px, py, pz = (
-                damped_fraction(ax, cx, dt, damping),
-                damped_fraction(ay, cy, dt, damping),
-                damped_fraction(az, cz, dt, damping),
-            )
-            qx, qy, qz = (
-                damped_fraction(bx, wx, dt, damping),
-                damped_fraction(by, wy, dt, damping),
-                damped_fraction(bz, wz, dt, damping),
-            )
-            ax, ay, az = ax * (1.0 - px), ay * (1.0 - py), az * (1.0 - pz)
-            bx, by, bz = bx * (1.0 - qx), by * (1.0 - qy), bz * (1.0 - qz)
-            if energy is not None:  # removed fraction of the force times the mean velocity during the step
-                h = 0.5 * dt
-                lost = px * fx * (cx + h * ax) + py * fy * (cy + h * ay) + pz * fz * (cz + h * az)
-                turn = qx * mx * (wx + h * bx) + qy * my * (wy + h * by) + qz * mz * (wz + h * bz)
-                doubles[DAMPING_LOSS + i] += dt * (lost + turn)
-        ax += before[0, 0] * vx + before[0, 1] * vy + before[0, 2] * vz
-        ay += before[1, 0] * vx + before[1, 1] * vy + before[1, 2] * vz
-        az += before[2, 0] * vx + before[2, 1] * vy + before[2, 2] * vz
-        vx += dt * ax + (jxx * x + jxy * y + jxz * z)
-        vy += dt * ay + (jyx * x + jyy * y + jyz * z)
-        vz += dt * az + (jzx * x + jzy * y + jzz * z)
-        cx = vx - (L[0, 0] * x + L[0, 1] * y + L[0, 2] * z)
-        cy = vy - (L[1, 0] * x + L[1, 1] * y + L[1, 2] * z)
-        cz = vz - (L[2, 0] * x + L[2, 1] * y + L[2, 2] * z)
-        speed2 = cx * cx + cy * cy + cz * cz
+        x, v, w = load(doubles, X, i), load(block, V, i), load(work, W, i)
+        force, torque = load(work, GRAIN_FORCE, i), load(work, GRAIN_TORQUE, i)
+        a = 1.0 * (masses[INVERSE_MASS + i] * force)  # in double precision
+        b = 1.0 * (masses[INVERSE_INERTIA + i] * torque)
+        v, w, lost = accelerate(x, v, w, a, b, force, torque, L, before, dt, damping)
+        if energy is not None and damping is not None:
+            doubles[DAMPING_LOSS + i] += lost
+        c = v - transform(L, x)
+        speed2 = dot(c, c)
         doubles[SPEED2 + i] = speed2 if speed2 > doubles[SPEED2 + i] else doubles[SPEED2 + i]
-        block[V + i], block[V + WIDTH + i], block[V + 2 * WIDTH + i] = vx, vy, vz
-        doubles[X + i], doubles[X + WIDTH + i], doubles[X + 2 * WIDTH + i] = x + dt * vx, y + dt * vy, z + dt * vz
-        work[W + i] = wx + dt * bx + spin_x
-        work[W + WIDTH + i] = wy + dt * by + spin_y
-        work[W + 2 * WIDTH + i] = wz + dt * bz + spin_z
+        store(block, V, i, v)
+        store(doubles, X, i, x + dt * v)
+        store(work, W, i, w)
+
+
+move_block = compiled_with_callees(move_rows, {}, Version("motion"))
 
 
 @compiled

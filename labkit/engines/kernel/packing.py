@@ -3,40 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 
-from labkit.engines.kernel.arranging import carry, find_images, put_grains, take_grains, take_history
+from labkit.engines.kernel.arranging import carry, find_images
 from labkit.engines.kernel.layout import (
     DOUBLE_ROWS,
     FORCE_COLUMNS,
     GRAIN_ROWS,
+    HISTORY,
     MASS_ROWS,
     PLACE_COLUMNS,
     PLACE_RADIUS,
     SITE_COLUMNS,
     SITE_RADIUS,
+    SITE_V,
+    SITE_W,
     WIDTH,
     WORK_ROWS,
+    Arrays,
 )
 from labkit.engines.kernel.neighbours import find_pairs, sort_grains
-from labkit.engines.kernel.steps import Arrays
+from labkit.grains.scene import Scene
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
 LINE = 64  # bytes per cache line
-
-
-@dataclasses.dataclass(frozen=True)
-class GrainArrays:
-    """Grains in the order of the State: position, velocity, spin (grain, 3); radius, mass, inertia (grain,)."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    spin: np.ndarray
-    radius: np.ndarray
-    mass: np.ndarray
-    inertia: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,37 +62,47 @@ class PackedArrays:
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
-        position, velocity, spin = (np.empty((len(self.order), 3)) for _ in range(3))
-        arrays = self.arrays
-        take_grains(arrays.places, arrays.motions, arrays.grains, self.order, position, velocity, spin)
-        return position, velocity, spin
+        arrays, number = self.arrays, len(self.order)
+        velocity = rows_of(arrays.grains, np.arange(number))
+        spin = arrays.motions[:number, SITE_W : SITE_W + 3]
+        kinematics = np.empty((3, number, 3))
+        kinematics[:, self.order] = arrays.places[:number, :3], velocity, spin
+        return kinematics[0], kinematics[1], kinematics[2]
 
     def unpack_history(self) -> History:
         """Return the History of all pairs, touching or not, with grains in the order of the grid."""
-        blocks = self.arrays.blocks.reshape(len(self.arrays.blocks), -1, WIDTH)
-        rows = take_history(blocks, self.slot)
+        rows = rows_of(self.arrays.blocks[:, HISTORY:], self.slot)
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
         return History(self.pairs, self.pair_shift, rows, number)
 
 
 def pack(
-    grains: GrainArrays,
+    scene: Scene,
+    radius: np.ndarray,
+    kinematics: Sequence[np.ndarray],
     history: History,
     cell: np.ndarray,
     margin: float,
-    stiffness: Callable[[np.ndarray, np.ndarray], np.ndarray],
     kind: type[np.floating],
 ) -> PackedArrays:
-    """Find all pairs closer than `margin`, m, and lay out all arrays; images are left empty.
+    """Find all pairs closer than a margin, and lay out all arrays; images are left empty.
 
-    cell (3, 3), m; stiffness(radius_a, radius_b): kn, N/m; kind: type of the numbers that may be single, np.float64 or
-    np.float32. Raises PhysicsError if a grain is lost.
+    Raises PhysicsError if a grain is lost.
+
+    Args:
+        scene: Of the grains.
+        radius: (grain,), m, in the order of the State.
+        kinematics: Position, velocity and spin, (grain, 3), in the order of the State.
+        history: Of the contacts so far.
+        cell: (3, 3), m.
+        margin: Largest distance of the surfaces of a pair, m.
+        kind: Type of the numbers that may be single, np.float64 or np.float32.
     """
-    number = len(grains.radius)
-    grid = sort_grains(grains.position, cell, 2.0 * grains.radius.max() + margin)
-    order, radius = grid.order, grains.radius[grid.order]
-    position = grains.position[order]
+    number = len(radius)
+    grid = sort_grains(kinematics[0], cell, 2.0 * radius.max() + margin)
+    order = grid.order
+    radius, position, velocity, spin = (values[order] for values in (radius, *kinematics))
     pairs, shift = find_pairs(position, radius, cell, grid, margin)
     domains = int(np.clip(number // GRAINS_PER_DOMAIN, 1, MOST_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
@@ -119,13 +121,15 @@ def pack(
     placed[0, slot], placed[1, slot] = pairs[0], second
     laid = aligned((blocks, 1 + history.rows.shape[1], WIDTH), kind)
     old = history.pairs, history.shift, history.rows.astype(kind, copy=False), history.number[order]
-    carry(*old, pairs, shift, slot, stiffness(radius[pairs[0]], radius[pairs[1]]), laid)
+    carry(*old, pairs, shift, slot, scene.normal_stiffness(radius[pairs[0]], radius[pairs[1]]), laid)
     grain_blocks = -(-number // WIDTH)
     velocities, masses = aligned((grain_blocks, GRAIN_ROWS * WIDTH)), aligned((grain_blocks, MASS_ROWS * WIDTH), kind)
     places, motions = aligned((unused + 1, PLACE_COLUMNS)), aligned((unused + 1, SITE_COLUMNS), kind)
-    kinematics = grains.position, grains.velocity, grains.spin
-    of_grains = *kinematics, grains.radius, 1.0 / grains.mass, 1.0 / grains.inertia
-    put_grains(places, motions, velocities, masses, order, *of_grains)
+    put_rows(velocities, velocity)
+    put_rows(masses, 1.0 / np.stack([scene.mass(radius), scene.moment_of_inertia(radius)], axis=1))
+    places[:number, :3], motions[:number, SITE_V : SITE_V + 3] = position, velocity
+    motions[:number, SITE_W : SITE_W + 3] = spin
+    places[:number, PLACE_RADIUS] = motions[:number, SITE_RADIUS] = radius
     # the unused site pads each block with contacts with itself, which have neither normal nor history and so no force
     places[unused, PLACE_RADIUS] = motions[unused, SITE_RADIUS] = 1.0
     arrays = Arrays(
@@ -147,6 +151,19 @@ def pack(
         start=position,
     )
     return PackedArrays(arrays, order, slot, pairs, shift)
+
+
+def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
+    """Write values (n, k) to the k rows of blocks (block, k WIDTH)."""
+    whole = np.zeros((len(blocks) * WIDTH, values.shape[1]))
+    whole[: len(values)] = values
+    blocks[:] = whole.reshape(len(blocks), WIDTH, -1).transpose(0, 2, 1).reshape(blocks.shape)
+
+
+def rows_of(blocks: np.ndarray, slot: np.ndarray) -> np.ndarray:
+    """The values (n, k) in the places slot (n,) of the k rows of blocks (block, k WIDTH)."""
+    rows = blocks.reshape(len(blocks), -1, WIDTH)
+    return np.ascontiguousarray(rows[slot // WIDTH, :, slot % WIDTH])
 
 
 def aligned(shape: tuple[int, ...], kind: type = float) -> np.ndarray:

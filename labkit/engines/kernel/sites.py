@@ -21,6 +21,7 @@ from labkit.engines.kernel.layout import (
     VREL,
     WA,
     WB,
+    Arrays,
     D,
 )
 from labkit.engines.kernel.transfers import (
@@ -78,33 +79,26 @@ def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
 
 
 @kept
-def collect_images(forces: np.ndarray, owner: np.ndarray, first: int, last: int) -> None:
-    """Add the forces on the images first <= k < last to the grains `owner`, and reset them."""
-    images = first_image(forces, owner)
-    for image in range(first, last):
-        collect_image(forces, owner[uint(image)], images + image)
+def collect_images(arrays: Arrays, d: int) -> None:
+    """Add the forces on the images of the domain d to the grains that they copy, and reset them."""
+    images = first_image(arrays.forces, arrays.owner)
+    for image in range(arrays.image_first[d], arrays.image_first[d + 1]):
+        collect_image(arrays.forces, arrays.owner[uint(image)], images + image)
 
 
 @kept
-def image_sites(
-    places: np.ndarray,
-    motions: np.ndarray,
-    owner: np.ndarray,
-    first: int,
-    last: int,
-    shift: np.ndarray,
-    offset: np.ndarray,
-    drift: np.ndarray,
-) -> None:
-    """Write the sites of the images first <= k < last, `shift` (image, 3) periods away from the grains `owner`.
+def image_sites(arrays: Arrays, d: int, offset: np.ndarray, drift: np.ndarray) -> None:
+    """Write the sites of the images of the domain d, which are periods away from the grains that they copy.
 
     offset and drift (3, 3): the position and velocity that a period adds, which are the cell and L times the cell
     before the motion.
     """
-    images = first_image(places, owner)
+    places, motions = arrays.places, arrays.motions
+    images = first_image(places, arrays.owner)
     vectors, drifts = np.zeros((3, PLACE_COLUMNS)), np.zeros((3, SITE_COLUMNS), motions.dtype)
     for k in range(3):
         for j in range(3):
             vectors[k, j], drifts[k, SITE_V + j] = offset[j, k], drift[j, k]
-    for image in range(first, last):
-        put_image(places, motions, owner[uint(image)], images + image, shift, image, vectors, drifts)
+    for image in range(arrays.image_first[d], arrays.image_first[d + 1]):
+        grain, site = arrays.owner[uint(image)], images + image
+        put_image(places, motions, grain, site, arrays.shift, image, vectors, drifts)

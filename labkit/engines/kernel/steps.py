@@ -24,6 +24,7 @@ from labkit.engines.kernel.layout import (
     LANES,
     SITE_W,
     WIDTH,
+    Arrays,
     V,
     W,
     X,
@@ -35,34 +36,6 @@ from labkit.grains.laws.contact import Features
 
 SINGLE = False  # replaced by labkit.engines.kernel.build for mixed precision
 LINE = 64  # bytes per cache line
-
-
-class Arrays(NamedTuple):
-    """Arrays of the loop; see layout.py for the rows and columns.
-
-    grain_first (domain + 1,), contact_first, contact_last (domain,): first and last grains and contacts of each domain;
-    places, motions, forces: records of grains and images; grains, masses, blocks: blocks of grains and of contacts;
-    pairs (2, contact): sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of
-    each domain, the grain that an image copies, and its periodic shift; work, doubles (domain, ...): workspaces; start
-    (grain, 3): positions at the last neighbour search, m.
-    """
-
-    grain_first: np.ndarray
-    contact_first: np.ndarray
-    contact_last: np.ndarray
-    places: np.ndarray
-    motions: np.ndarray
-    forces: np.ndarray
-    grains: np.ndarray
-    masses: np.ndarray
-    image_first: np.ndarray
-    owner: np.ndarray
-    shift: np.ndarray
-    pairs: np.ndarray
-    blocks: np.ndarray
-    work: np.ndarray
-    doubles: np.ndarray
-    start: np.ndarray
 
 
 class Motion(NamedTuple):
@@ -87,33 +60,21 @@ def whole_lanes(n: int) -> int:
     return (n + LANES - 1) // LANES * LANES
 
 
-def domain_contacts(
-    places: np.ndarray,
-    motions: np.ndarray,
-    forces: np.ndarray,
-    pairs: np.ndarray,
-    blocks: np.ndarray,
-    work: np.ndarray,
-    doubles: np.ndarray,
-    first: int,
-    last: int,
-    dt: float,
-    law: Features,
-    gradient: np.ndarray | None,
-) -> None:
-    """Compute the contacts first <= k < last of a domain; `first` is a multiple of the block size. See `advance`."""
-    for start in range(first, last, WIDTH):
+def domain_contacts(arrays: Arrays, d: int, dt: float, law: Features, gradient: np.ndarray | None) -> None:
+    """Compute the contacts of the domain d, whose first contact is a multiple of the block size. See `advance`."""
+    work, doubles, last = arrays.work[d], arrays.doubles[d], arrays.contact_last[d]
+    for start in range(arrays.contact_first[d], last, WIDTH):
         n = whole_lanes(min(WIDTH, last - start))
-        block = blocks[start // WIDTH]
+        block = arrays.blocks[start // WIDTH]
         line = LINE // block.itemsize
         for i in range(0, len(block) // 2, line):
             prefetch(block, len(block) + i)  # the next block, in two halves so that requests do not queue
-        a, b = pairs[0, start : start + n], pairs[1, start : start + n]
-        read_sites(places, motions, a, b, work, law.turning)
+        a, b = arrays.pairs[0, start : start + n], arrays.pairs[1, start : start + n]
+        read_sites(arrays.places, arrays.motions, a, b, work, law.turning)
         block_forces(block, work, n, dt, law, gradient)
         for i in range(len(block) // 2, len(block), line):
             prefetch(block, len(block) + i)
-        add_to_sites(forces, a, b, work, law.turning)
+        add_to_sites(arrays.forces, a, b, work, law.turning)
     if SINGLE and gradient is not None:
         for k in range(4 * WIDTH):
             doubles[CONTACT_SUMS + k] += work[CELL_WORK + k]
@@ -122,30 +83,25 @@ def domain_contacts(
 
 @kept
 def domain_grains(
-    places: np.ndarray,
-    motions: np.ndarray,
-    forces: np.ndarray,
-    grains: np.ndarray,
-    masses: np.ndarray,
-    work: np.ndarray,
-    doubles: np.ndarray,
-    first: int,
-    last: int,
+    arrays: Arrays,
+    d: int,
     dt: float,
     L: np.ndarray,
     before: np.ndarray,
     damping: float | None,
     energy: np.ndarray | None,
 ) -> None:
-    """Move the grains first <= g < last and update their sites."""
-    for start in range(first, last, WIDTH):
+    """Move the grains of the domain d and update their sites."""
+    places, motions, forces = arrays.places, arrays.motions, arrays.forces
+    work, doubles, last = arrays.work[d], arrays.doubles[d], arrays.grain_first[d + 1]
+    for start in range(arrays.grain_first[d], last, WIDTH):
         n = min(WIDTH, last - start)
-        block = grains[start // WIDTH]
+        block = arrays.grains[start // WIDTH]
         for i in range(0, n, LANES):
             take_forces(forces, start + i, work, GRAIN_FORCE + i)
             take_records(places, 0, start + i, doubles, X + i)
             take_records(motions, SITE_W, start + i, work, W + i)
-        move_block(block, masses[start // WIDTH], work, doubles, n, dt, L, before, damping, energy)
+        move_block(block, arrays.masses[start // WIDTH], work, doubles, n, dt, L, before, damping, energy)
         for i in range(0, n, LANES):
             put_places(places, start + i, doubles, X + i)
             put_motions(motions, start + i, block, V + i, work, W + i)
@@ -214,57 +170,24 @@ def advance(
     L if energies are summed, else None, in the precision of contacts; law: numbers of the contact law; damping:
     coefficient of local damping. Numba compiles the loop without the features that are None.
     """
-    grain_first, contact_first, contact_last = arrays.grain_first, arrays.contact_first, arrays.contact_last
-    places, motions, forces = arrays.places, arrays.motions, arrays.forces
-    grains, masses, work, doubles = arrays.grains, arrays.masses, arrays.work, arrays.doubles
-    image_first, owner, shift = arrays.image_first, arrays.owner, arrays.shift
-    pairs, blocks, start = arrays.pairs, arrays.blocks, arrays.start
     cell, before = motion.cell, motion.before
     shear, friction, rolling, twisting, dashpots, whole, turning = law  # a parallel loop takes no tuples in a tuple
-    domains = len(contact_first)
+    domains = len(arrays.contact_first)
     speed = np.empty(domains)
     for step in range(steps):
         if not (moved_already and step == 0):
             drift = drift_of(cell, L)
             move_cell(cell, L, dt)
             for d in numba.prange(domains):
-                first, last = image_first[d], image_first[d + 1]
-                collect_images(forces, owner, first, last)
-                domain_grains(
-                    places,
-                    motions,
-                    forces,
-                    grains,
-                    masses,
-                    work[d],
-                    doubles[d],
-                    grain_first[d],
-                    grain_first[d + 1],
-                    dt,
-                    L,
-                    before,
-                    damping,
-                    gradient,
-                )
-                image_sites(places, motions, owner, first, last, shift, cell, drift)
-                speed[d] = largest_speed(doubles[d])
-            if search_is_due(motion, L, dt, speed, places, start):
+                collect_images(arrays, d)
+                domain_grains(arrays, d, dt, L, before, damping, gradient)
+                image_sites(arrays, d, cell, drift)
+                speed[d] = largest_speed(arrays.doubles[d])
+            if search_is_due(motion, L, dt, speed, arrays.places, arrays.start):
                 return step, True
         for d in numba.prange(domains):
-            domain_contacts(
-                places,
-                motions,
-                forces,
-                pairs,
-                blocks,
-                work[d],
-                doubles[d],
-                contact_first[d],
-                contact_last[d],
-                contact_dt,
-                Features(shear, friction, rolling, twisting, dashpots, whole, turning),
-                gradient,
-            )
+            features = Features(shear, friction, rolling, twisting, dashpots, whole, turning)
+            domain_contacts(arrays, d, contact_dt, features, gradient)
     return steps, False
 
 

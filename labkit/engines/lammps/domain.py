@@ -25,21 +25,15 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
-from labkit.engines.lammps.parts import Part
+from labkit.engines.lammps.parts import Part, part_of
 from labkit.engines.lammps.restart import Histories, histories, put_histories
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
 
 SKIN = 0.1  # of the mean diameter; half of it is kept for grains that spring apart between two looks
-PLACES = {
-    "x": (0, 0),
-    "y": (1, 1),
-    "z": (2, 2),
-    "yz": (1, 2),
-    "xz": (0, 2),
-    "xy": (0, 1),
-}  # of the cell in `fix deform`
+# of the components of the cell in `fix deform`
+PLACES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 MOST_STEPS = 50  # in which the cell moves linearly
 MOST_ROOM = 20  # steps between two looks at how far the grains have moved
 LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
@@ -178,11 +172,7 @@ class Domain:
                 self.lmp.command(f"variable {letter}{name} internal 0")
             self.lmp.command(f"variable d{name} equal v_a{name}+v_b{name}*(step-v_s)")
         moves = " ".join(f"{name} variable v_d{name} v_w{name}" for name in names)
-        self.lmp.command(
-            f"fix cell all deform 1 {moves} remap v flip no"
-            if self.tilted
-            else f"fix cell all deform 1 {moves} remap v"
-        )
+        self.lmp.command(f"fix cell all deform 1 {moves} remap v{' flip no' if self.tilted else ''}")
         self.names, self.first = names, self.cell.copy()
 
     def _find_forces(self) -> None:
@@ -244,7 +234,7 @@ class Domain:
         """The grains and contacts of this rank."""
         self.half_kick(-1.0)
         try:
-            return Part.of(self)
+            return part_of(self)
         finally:
             self.half_kick(1.0)
 

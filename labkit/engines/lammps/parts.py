@@ -2,68 +2,52 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from labkit.engines.contacts import sort_contacts
 from labkit.grains.laws.named import SpringDashpot
 
 if TYPE_CHECKING:
     from labkit.engines.lammps.domain import Domain
 
+Part = dict[str, np.ndarray]  # arrays of the grains (g, ...) and contacts (c, ...) of one rank
 
-@dataclasses.dataclass(frozen=True)
-class Part:
-    """Grains of one rank, and contacts, each of which exactly one rank has. SI units.
 
-    number (g,): of the grains, from 0; position, velocity, angular_velocity (g, 3);
-    pair (c, 2): numbers of the two grains; branch (c, 3): from the first to the second grain;
-    tangential_force, rolling_moment (c, 3): of the springs, on the first grain.
+def part_of(domain: Domain) -> Part:
+    """The grains of this rank, and contacts, each of which exactly one rank has, in SI units.
+
+    It has the `number` of the grains, from 0, position, velocity and angular_velocity; and for contacts `pair`, the
+    numbers of the grains, the `branch` between these, and the tangential_force and rolling_moment of the springs on the
+    first. The velocities of the domain must be those of half a step earlier.
     """
-
-    number: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    angular_velocity: np.ndarray
-    pair: np.ndarray
-    branch: np.ndarray
-    tangential_force: np.ndarray
-    rolling_moment: np.ndarray
-
-    @classmethod
-    def of(cls, domain: Domain) -> Part:
-        """The part of this rank, while its velocities are those of half a step earlier."""
-        lmp, n = domain.lmp, domain.lmp.extract_global("nlocal")
-        grains = {name: domain.array(name) for name in ("x", "v", "omega", "radius")}
-        local = _rows(lmp.numpy.extract_compute("pair", 2, 2), 9)
-        number = _rows(lmp.numpy.extract_compute("grains", 2, 2), 2).astype(np.int64) - 1
-        ids = domain.array("id").astype(np.int64) - 1
-        order = np.argsort(ids, kind="stable")
-        first, second = (order[np.searchsorted(ids[order], column)] for column in number.T)
-        branch = -local[:, :3]
-        radii = np.stack([grains["radius"][first], grains["radius"][second]], axis=1)
-        slip = _slip(domain, grains, first, second, branch, radii)
-        scene = domain.scene
-        ct = SpringDashpot().tangents(scene, radii[:, 0], radii[:, 1], np.zeros(len(radii))).tangential_dashpot
-        tangential = local[:, 3:6] + ct[:, None] * slip  # without the dashpot
-        length = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-        reduced = radii.prod(axis=1) / radii.sum(axis=1)
-        moment = np.cross(-branch / length[:, None], reduced[:, None] * local[:, 6:])
-        swapped = (number[:, 0] > number[:, 1])[:, None]
-        sign = np.where(swapped, -1.0, 1.0)
-        if not scene.friction:
-            tangential = np.zeros_like(tangential)
-        return cls(
-            ids[:n],
-            grains["x"][:n].copy(),
-            grains["v"][:n].copy(),
-            grains["omega"][:n].copy(),
-            np.sort(number, axis=1),
-            sign * branch,
-            sign * tangential,
-            sign * moment,
-        )
+    lmp, n = domain.lmp, domain.lmp.extract_global("nlocal")
+    grains = {name: domain.array(name) for name in ("x", "v", "omega", "radius")}
+    local = _rows(lmp.numpy.extract_compute("pair", 2, 2), 9)
+    number = _rows(lmp.numpy.extract_compute("grains", 2, 2), 2).astype(np.int64) - 1
+    ids = domain.array("id").astype(np.int64) - 1
+    order = np.argsort(ids, kind="stable")
+    first, second = (order[np.searchsorted(ids[order], column)] for column in number.T)
+    branch = -local[:, :3]
+    radii = np.stack([grains["radius"][first], grains["radius"][second]], axis=1)
+    slip = _slip(domain, grains, first, second, branch, radii)
+    scene = domain.scene
+    ct = SpringDashpot().tangents(scene, radii[:, 0], radii[:, 1], np.zeros(len(radii))).tangential_dashpot
+    tangential = local[:, 3:6] + ct[:, None] * slip  # without the dashpot
+    length = np.sqrt(np.einsum("ci,ci->c", branch, branch))
+    reduced = radii.prod(axis=1) / radii.sum(axis=1)
+    return {
+        "number": ids[:n],
+        "position": grains["x"][:n].copy(),
+        "velocity": grains["v"][:n].copy(),
+        "angular_velocity": grains["omega"][:n].copy(),
+        "pair": number,
+        "branch": branch,
+        "tangential_force": tangential if scene.friction else np.zeros_like(tangential),
+        "rolling_moment": np.cross(-branch / length[:, None], reduced[:, None] * local[:, 6:]),
+    }
 
 
 def _rows(values: np.ndarray | None, columns: int) -> np.ndarray:
@@ -91,21 +75,13 @@ def _slip(
     return relative - np.cross(turning, n)
 
 
-def gathered(parts: list[Part], cell: np.ndarray) -> dict[str, Any]:
+def gathered(parts: Sequence[Part], cell: np.ndarray) -> dict[str, np.ndarray]:
     """The arrays of a State from all parts; cell (3, 3), m."""
-    values = {field.name: np.concatenate([getattr(p, field.name) for p in parts]) for field in dataclasses.fields(Part)}
-    order = np.argsort(values["number"])
-    position = values["position"][order]
-    pair, branch = values["pair"], values["branch"]
-    by_pair = np.lexsort((pair[:, 1], pair[:, 0]))
-    pair, branch = pair[by_pair], branch[by_pair]
-    offset = position[pair[:, 0]] + branch - position[pair[:, 1]]
-    return {
-        "position": position,
-        "velocity": values["velocity"][order],
-        "angular_velocity": values["angular_velocity"][order],
-        "contact_grain": pair.astype(np.int32),
-        "contact_shift": np.round(np.linalg.solve(cell, offset.T).T).astype(np.int32),
-        "tangential_force": values["tangential_force"][by_pair],
-        "rolling_moment": values["rolling_moment"][by_pair],
-    }
+    values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    order, pair = np.argsort(values["number"]), values["pair"]
+    arrays = {name: values[name][order] for name in ("position", "velocity", "angular_velocity")}
+    position = arrays["position"]
+    offset = position[pair[:, 0]] + values["branch"] - position[pair[:, 1]]
+    shift = np.round(np.linalg.solve(cell, offset.T).T).astype(np.int32)
+    arrays["contact_grain"], arrays["contact_shift"], by, sign = sort_contacts(pair, shift)
+    return arrays | {name: sign * values[name][by] for name in ("tangential_force", "rolling_moment")}

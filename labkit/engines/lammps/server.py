@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from labkit.engines.lammps.domain import Domain
 from labkit.engines.lammps.parts import gathered
-from labkit.engines.messages import PROTOCOL, Message, receive, send
+from labkit.engines.server import PROTOCOL, Message, receive, send
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State

@@ -7,8 +7,7 @@ kinematics   how a contact and its history move in a time step
 normal, tangential, rolling, damping: the parts
 pair         the force of a contact in a time step, composed of parts
 law          interface of a contact law
-named        the laws of labkit
-yade         their functors in YADE
+named        the laws of labkit, and their functors in YADE
 """
 
 from typing import TypeVar

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar, cast
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
 
 import numpy as np
 
@@ -18,9 +18,34 @@ from labkit.grains.laws.rolling import Rolling, Twisting
 from labkit.grains.laws.tangential import Coulomb
 
 if TYPE_CHECKING:
-    from labkit.grains.laws.yade import YadeLaw
     from labkit.grains.scene import Scene
     from labkit.micro.snapshot import Snapshot
+
+
+class YadeClass(NamedTuple):
+    """An object of YADE: the name of its class and its arguments, which may be such objects again."""
+
+    name: str
+    arguments: Mapping[str, float | str | YadeClass] = {}
+
+
+class YadeLaw(NamedTuple):
+    """A contact law in YADE, as data.
+
+    material: function of a radius in m; geometry, physics, law: functors of an InteractionLoop; tangential_force,
+    rolling_moment: names of the history variables in the interaction physics; losses: for friction, rolling and damping
+    the name in YADE's energy tracker and those attributes of the law that are added to it, J; loading_step: time step
+    in s of the two steps that find the contacts of a loaded state.
+    """
+
+    material: Callable[[float], YadeClass]
+    geometry: YadeClass
+    physics: YadeClass
+    law: YadeClass
+    tangential_force: str
+    rolling_moment: str
+    losses: tuple[tuple[str, tuple[str, ...]], ...]
+    loading_step: float = 0.0
 
 
 class ContactLaw:

@@ -1,19 +1,22 @@
-"""The laws of labkit, each a sum of parts."""
+"""The laws of labkit, each a sum of parts, and the functors of YADE for the laws that it has."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
 from labkit.grains.laws.kinematics import Midpoint, WithoutRatcheting
-from labkit.grains.laws.law import ContactLaw
+from labkit.grains.laws.law import ContactLaw, YadeClass, YadeLaw
 from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
-from labkit.grains.laws.yade import YadeLaw, cohesion_moment, mindlin
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
+
+LOADING_STEP = 1e-30  # s; the Hertz-Mindlin functor of YADE divides by the time step
 
 
 class RollingResistance(ContactLaw):
@@ -90,3 +93,73 @@ class HertzMindlinRescaled(ContactLaw):
     name = "hertz_mindlin_rescaled"
     description = "Hertz-Mindlin law that creates no energy (Thornton)"
     parts = HertzSpring() + RescaledMindlin() + LocalDamping()
+
+
+def cohesion_moment(scene: Scene) -> YadeLaw:
+    """Law2_ScGeom6D_CohFrictPhys_CohesionMoment without cohesion; its incremental form needs no grain rotations."""
+    return YadeLaw(
+        lambda radius: material(scene, radius),
+        YadeClass("Ig2_Sphere_Sphere_ScGeom6D", {"updateRotations": False}),
+        YadeClass("Ip2_CohFrictMat_CohFrictMat_CohFrictPhys"),
+        YadeClass(
+            "Law2_ScGeom6D_CohFrictPhys_CohesionMoment", {"useIncrementalForm": True, "always_use_moment_law": True}
+        ),
+        "shearForce",
+        "moment_bending",
+        (("shearDissip", ()), ("bendingDissip", ()), ("nonviscDamp", ())),
+    )
+
+
+def material(scene: Scene, radius: float) -> YadeClass:
+    """YADE's material for a grain of the scene, without cohesion and twisting moments.
+
+    YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): setting `young` = kn/R for two equal grains reproduces the kn of the
+    scene. For spheres this is (pi/2) E for any radius. Negative cohesion or moment limits, YADE's defaults, would mean
+    no limit.
+    """
+    alpha, eta = scene.contact_law.rolling.numbers(scene, scene.rolling_friction)
+    return YadeClass(
+        "CohFrictMat",
+        {
+            "young": float(scene.normal_stiffness(radius, radius)) / radius,
+            "poisson": 1.0 / scene.stiffness_ratio,  # gives kt = kn/kappa exactly
+            "density": scene.density,
+            "frictionAngle": float(np.arctan(scene.friction)),
+            "isCohesive": False,
+            "normalCohesion": 0.0,
+            "shearCohesion": 0.0,
+            "fragile": True,
+            "momentRotationLaw": scene.rolling_friction > 0.0,
+            "alphaKr": alpha,
+            "etaRoll": eta,
+            "alphaKtw": 0.0,
+            "etaTwist": 0.0,
+        },
+    )
+
+
+def mindlin(scene: Scene) -> YadeLaw:
+    """Law2_ScGeom_MindlinPhys_Mindlin without adhesion and moments."""
+    material = YadeClass(
+        "FrictMat",
+        {
+            "young": scene.young_modulus,
+            "poisson": scene.poisson_ratio,
+            "density": scene.density,
+            "frictionAngle": float(np.arctan(scene.friction)),
+        },
+    )
+    beta = {} if scene.contact_law.features(scene).dashpots is None else {"betan": scene.beta_n, "betas": scene.beta_t}
+    return YadeLaw(
+        lambda radius: material,
+        YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),
+        YadeClass(
+            "Ip2_FrictMat_FrictMat_MindlinPhys",
+            {name: YadeClass("MatchMaker", {"algo": "val", "val": value}) for name, value in beta.items()},
+        ),
+        YadeClass("Law2_ScGeom_MindlinPhys_Mindlin", {"calcEnergy": True}),
+        "shearElastic",
+        "momentBend",
+        (("", ("frictionDissipation",)), ("", ()), ("nonviscDamp", ("normDampDissip", "shearDampDissip"))),
+        loading_step=LOADING_STEP,
+    )

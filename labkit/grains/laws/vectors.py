@@ -79,6 +79,15 @@ def cross(a: Vector, b: Vector) -> Vector:
     return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 
+def transform(matrix: np.ndarray, a: Vector) -> Vector:
+    """Product of a matrix (3, 3) and a vector."""
+    return Vector(
+        matrix[0, 0] * a.x + matrix[0, 1] * a.y + matrix[0, 2] * a.z,
+        matrix[1, 0] * a.x + matrix[1, 1] * a.y + matrix[1, 2] * a.z,
+        matrix[2, 0] * a.x + matrix[2, 1] * a.y + matrix[2, 2] * a.z,
+    )
+
+
 def across(a: Vector, n: Vector) -> Vector:
     """The part of a that is normal to the unit vector n."""
     return a - dot(a, n) * n
