@@ -21,7 +21,7 @@ import inspect
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
@@ -206,14 +206,20 @@ def _load(file: str) -> None:
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (SystemExit, Exception)):
-            problem = f"cannot be loaded ({type(error).__name__}: {error})"
+            said = blamed(error, [file]) or f"{type(error).__name__}: {error}"
+            problem = f"cannot be loaded ({said})"
             raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error
         raise
 
 
-def blamed(error: BaseException) -> str | None:
-    """File, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere."""
-    files, line = used(), None
+def blamed(error: BaseException, files: Sequence[str] = ()) -> str | None:
+    """File, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere.
+
+    Args:
+        error: With its traceback.
+        files: Paths of the user's files; by default those in use.
+    """
+    files, line = files or used(), None
     for frame in traceback.extract_tb(error.__traceback__):
         if str(Path(frame.filename)) in files:
             line = f"{Path(frame.filename).name} line {frame.lineno}"

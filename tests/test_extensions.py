@@ -474,6 +474,11 @@ class Mine(lk.ContactLaw):
     name = "mine"
     parts = Spring()
 """
+SLIDER = (
+    LAW.replace("lk.laws.LinearSpring", "lk.laws.Coulomb")
+    .replace("force(stiffness, overlap)", "rescale(t, contact, dt)")
+    .replace("parts = Spring()", "parts = lk.laws.LinearSpring() + Spring()")
+)
 PATH = """import dataclasses
 import labkit as lk
 
@@ -488,10 +493,8 @@ class Mine(lk.StressPath):
 """
 ALONG = "lk.Control([[1, 0, 0]], [[1], [1], [0]], [self.pressure])"
 MISTAKES = {
-    "law, attribute": (
-        LAW.format("return stiffness.stifness"),
-        "bad.py cannot be loaded (AttributeError: 'float' object has no attribute",
-    ),
+    "law, attribute": (LAW.format("return stiffness.stifness"), "bad.py line 7: AttributeError: "),
+    "law, attribute of a contact": (SLIDER.format("return contact.stifness"), "bad.py line 7: AttributeError: "),
     "law, energy": (
         LAW.format("return 2.0 * stiffness * overlap"),
         "contact law mine: the force of Spring is not the derivative of its energy",

@@ -176,7 +176,7 @@ def test_the_twisting_moment_is_that_of_the_closed_form():
 def loop(law):
     """Shear at a large overlap, unload, shear back and load again: (losses per step, work, change of stored energy)."""
     scene = Scene(law=law, friction=5.0)  # no sliding: all loss is that of the changing stiffness
-    dt, steps = 1e-9, 2000
+    dt, steps = 1e-9, 6000
     speed = 1e-7 / (dt * steps)
     legs = [(0, speed), (0.9 * speed * 3, 0), (0, -speed), (-0.9 * speed * 3, 0)]
     velocities = np.repeat([(x, y, 0.0) for x, y in legs], steps, axis=0)
@@ -192,7 +192,7 @@ def loop(law):
 def test_the_rescaled_spring_creates_no_energy():
     losses, work, change = loop("hertz_mindlin_rescaled")
     assert losses.min() > -1e-9 * losses.max() and losses.sum() > 0.0
-    assert abs(work - losses.sum() - change) < 0.02 * losses.sum()
+    assert abs(work - losses.sum() - change) < 0.01 * losses.sum()  # the error is proportional to the step
     created, *_ = loop("hertz_mindlin")  # Mindlin's spring creates energy while it is unloaded
     assert created.min() < -0.1 * created.max()
 
