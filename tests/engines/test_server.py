@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 import labkit as lk
-from labkit.engines import messages, server
+from labkit.engines import server
 from labkit.engines.server import Message
 from labkit.engines.yade import YadeEngine
 from labkit.errors import PhysicsError
@@ -44,8 +44,8 @@ def test_a_message_arrives_as_it_was_sent(values, arrays):
     mine, its = socket.socketpair()
     sent = Message("state", values, {f"a{number}": array for number, array in enumerate(arrays)})
     with mine, its:
-        threading.Thread(target=messages.send, args=(mine, sent)).start()
-        got = messages.receive(its)
+        threading.Thread(target=server.send, args=(mine, sent)).start()
+        got = server.receive(its)
     assert (got.name, got.values, list(got.arrays)) == (sent.name, sent.values, list(sent.arrays))
     for a, b in zip(got.arrays.values(), arrays, strict=True):
         assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
@@ -103,7 +103,7 @@ def test_a_long_advance_is_no_silence(state, monkeypatch):
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
     engine = PeekingEngine(state)
     engine.evaluate("setattr(__import__('server'), 'SILENCE', 0.0)")
-    names, receive = [], messages.receive
+    names, receive = [], server.receive
 
     def counted(peer):
         names.append((got := receive(peer)).name)
@@ -117,7 +117,7 @@ def test_a_long_advance_is_no_silence(state, monkeypatch):
 def test_another_version_is_refused():
     mine, its = socket.socketpair()
     with its:
-        messages.send(its, Message("hello", {"protocol": 0, "version": "1", "threads": 1}, {}))
+        server.send(its, Message("hello", {"protocol": 0, "version": "1", "threads": 1}, {}))
         with pytest.raises(PhysicsError, match="speaks version 0 of labkit's messages, labkit 1: use the scripts"):
             server.Server("YADE", mine)
 
