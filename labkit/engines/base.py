@@ -10,7 +10,7 @@ from __future__ import annotations
 import abc
 import dataclasses
 from collections.abc import Callable, Generator, Hashable, Sequence
-from typing import Any, ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from labkit.records.instant import Instant
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
+Answer: TypeAlias = Any  # to a request, whose kind determines the type
 
 PRECISIONS = ("double", "mixed")  # of all engines
 MOST_THREADS = 8  # that compute records of a batch; one record of 14,000 grains takes one of them tens of milliseconds
@@ -57,7 +58,9 @@ class Batches(Protocol):
     def room(self) -> float:
         """Memory, bytes, for all States of a batch on this computer. Raises InputError if it has no such device."""
 
-    def drive(self, runs: Sequence[Generator[Any, Any, Any]], precision: str = "double") -> list[Exception | None]:
+    def drive(
+        self, runs: Sequence[Generator[Request, Answer, object]], precision: str = "double"
+    ) -> list[Exception | None]:
         """Carry out all runs."""
 
 
@@ -199,14 +202,15 @@ class Work:
     It may be done in another thread, at the same time as that of other runs: it must use no files.
     """
 
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...] = ()
+    function: Callable[..., Answer]
+    arguments: tuple[object, ...] = ()
 
 
-Request = Load | Advance | Corrections | Work | Callable[[Engine], Any]
+Request = Load | Advance | Corrections | Work | Callable[[Engine], Answer]
+Run = Generator[Request, Answer, object]
 
 
-def drive(run: Generator[Request, Any, Result], start: Start) -> Result:
+def drive(run: Generator[Request, Answer, Result], start: Start) -> Result:
     """Carry out a run with one engine; returns its result. Raises what the run or the engine raises."""
     engine: Engine | None = None
     try:
@@ -227,7 +231,7 @@ def drive(run: Generator[Request, Any, Result], start: Start) -> Result:
         return end.value
 
 
-def answer_of(engine: Engine, request: Request) -> Any:
+def answer_of(engine: Engine, request: Request) -> Answer:
     """The answer of an engine to a request."""
     match request:
         case Advance(steps, gradient):

@@ -26,7 +26,7 @@ import subprocess
 import weakref
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from typing import IO, Any, ClassVar, NamedTuple
+from typing import IO, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -41,11 +41,14 @@ SILENCE = 600.0  # s without an answer; a long `advance` says every 10 s, betwee
 RESUME = "give the same command to resume a run from its last checkpoint"
 
 
+Values: TypeAlias = dict[str, Any]  # plain values, as in JSON
+
+
 class Message(NamedTuple):
     """One message, in either direction."""
 
     name: str
-    values: Mapping[str, Any]  # as in JSON
+    values: Values
     arrays: Mapping[str, np.ndarray]
 
 
@@ -105,7 +108,7 @@ class Server:
             )
         self.version, self.processors = str(hello.values["version"]), int(hello.values["threads"])
 
-    def ask(self, name: str, values: Mapping[str, object] | None = None, **arrays: np.ndarray) -> Message:
+    def ask(self, name: str, values: Values | None = None, **arrays: np.ndarray) -> Message:
         """The answer to a message. Raises PhysicsError if the server reports an error, dies or hangs."""
         return self._guarded(name, lambda: self._exchange(Message(name, values or {}, arrays)))
 
@@ -194,7 +197,7 @@ class ServedEngine(Engine):
         """Start the server with a number of threads or ranks."""
 
     @abc.abstractmethod
-    def load_message(self, state: State) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
         """Values and arrays that the server needs to load a state. Raises InputError if it cannot."""
 
     def load(self, state: State) -> None:

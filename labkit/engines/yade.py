@@ -8,12 +8,11 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from labkit.engines.base import Abilities
-from labkit.engines.server import Message, ServedEngine, Server
+from labkit.engines.server import Message, ServedEngine, Server, Values
 from labkit.engines.yade_process import find_script, find_yade, yade_command, yade_environment
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
@@ -60,7 +59,7 @@ class YadeEngine(ServedEngine):
             raise InputError(reason, field="threads", value=threads, allowed=f"{running}, or start yade -j{threads}")
         return server
 
-    def load_message(self, state: State) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
         width, needed = _widths(state.cell, state.radius)
         if width < needed:
             raise InputError(

@@ -30,6 +30,7 @@ class DeviceArray(Protocol):
     shape: tuple[int, ...]
     ndim: int
     size: int
+    nbytes: int
 
     def __getitem__(self, index: object) -> Any: ...
 

@@ -14,7 +14,7 @@ from labkit.engines.cuda.arrays import ENERGIES, new_grains, new_grid, new_lists
 from labkit.engines.cuda.build import kernels_of, row_of, shape_of
 from labkit.engines.cuda.contacts import STRESSES
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda, require_device
-from labkit.engines.cuda.listing import lists_of, state_of
+from labkit.engines.cuda.listing import lists_of, state_from_lists
 from labkit.engines.cuda.memory import KINDS, SPARE, require_room
 from labkit.engines.cuda.reading import Reader
 from labkit.engines.cuda.servo import new_plans, put_plan
@@ -190,7 +190,7 @@ class Batch:
             engine_version=labkit.__version__,
             precision=self._precision,
         )
-        return brief, functools.partial(state_of, brief, self._order[i], first, arrays)
+        return brief, functools.partial(state_from_lists, brief, self._order[i], first, arrays)
 
     def _put(self, i: int, state: State) -> None:
         """Copy a State to the device, without its neighbour list. Raises InputError."""
@@ -269,7 +269,7 @@ class Batch:
         k.place[of_grains](s, g, grid)
         k.offsets[of_states](grid)
         k.sort[of_grains](s, g, grid)
-        k.count[of_grains](s, g, self._lists, grid)
+        k.count_neighbours[of_grains](s, g, self._lists, grid)
         k.arrange[of_states](s, self._lists, grid)
         lost = grid.lost.copy_to_host() == 1
         self._grow(np.where(which, grid.needed.copy_to_host(), 0))

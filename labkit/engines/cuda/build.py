@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from labkit.engines.cuda import contacts, motion, search, servo
-from labkit.engines.cuda.device import device_function, kernel
-from labkit.engines.kernel.compiling import Version
+from labkit.engines.cuda.arrays import DeviceArray
+from labkit.engines.cuda.device import DeviceKernel, device_function, kernel
+from labkit.engines.kernel.compiling import Function, Version
 from labkit.errors import InputError
 from labkit.grains.laws import vectors
 from labkit.grains.laws.law import ContactLaw
@@ -29,25 +30,25 @@ VERSION, SINGLE = Version("cuda"), Version("cuda_single", single=True)
 class Kernels(NamedTuple):
     """The compiled kernels of search.py, servo.py, motion.py and contacts.py."""
 
-    clear: Any
-    place: Any
-    offsets: Any
-    sort: Any
-    count: Any
-    arrange: Any
-    fill: Any
-    correct: Any
-    start_step: Any
-    move: Any
-    forces: Any
-    stress_of_blocks: Any
-    stress_of_states: Any
+    clear: DeviceKernel
+    place: DeviceKernel
+    offsets: DeviceKernel
+    sort: DeviceKernel
+    count_neighbours: DeviceKernel
+    arrange: DeviceKernel
+    fill: DeviceKernel
+    correct: DeviceKernel
+    start_step: DeviceKernel
+    move: DeviceKernel
+    forces: DeviceKernel
+    stress_of_blocks: DeviceKernel
+    stress_of_states: DeviceKernel
 
 
 Shape = tuple[int | bool | None, ...]
 
 
-def numbers_of(scene: Scene) -> list[Any]:
+def numbers_of(scene: Scene) -> list[float | tuple[float, ...] | None]:
     """The values of READ for the contact law of a scene."""
     law = scene.contact_law
     values = law.features(scene)._asdict() | {"damping": law.local_damping(scene)}
@@ -70,14 +71,14 @@ def kernels_of(law: type[ContactLaw], shape: Shape, single: bool) -> Kernels:
 
     single: True for mixed precision, in which `pair` is compiled in single precision.
     """
-    names: dict[str, Any] = {}
+    names: dict[str, object] = {}
     first = 0
     for name, length in zip(READ, shape, strict=True):
         names[f"{name}_of"] = reader(length, first, np.float32 if single and name != "damping" else np.float64)
         first += length or 1 if length is not None and length is not True else 0
     names |= {"pair": law.pair, "spring": law.normal.force, "stiffness_of": law.normal.stiffness}
     if single:
-        known: dict[Any, Any] = {}
+        known: dict[Function, Function] = {}
         known[vectors.inverse_root] = device_function(vectors.inverse_root_single, known, SINGLE)
         for name, function in (("pair", law.pair), ("length_and_inverse", vectors.length_and_inverse)):
             names[name] = device_function(function, known, SINGLE)
@@ -87,12 +88,15 @@ def kernels_of(law: type[ContactLaw], shape: Shape, single: bool) -> Kernels:
     return Kernels(*(kernel(getattr(modules.get(n, search), n), names, VERSION) for n in Kernels._fields))
 
 
-def reader(length: int | bool | None, first: int, kind: type) -> Callable[[Any, int], Any]:
+Reader = Callable[[DeviceArray, int], object]
+
+
+def reader(length: int | bool | None, first: int, kind: type) -> Reader:
     """A function of (law, s) that reads a value of READ from the row s of `law`, from its column `first` on.
 
     Raises InputError for a tuple that is too long.
     """
-    readers: dict[int | bool | None, Callable[[Any, int], Any]] = {
+    readers: dict[int | bool | None, Reader] = {
         None: lambda law, s: None,
         0: lambda law, s: kind(law[s, first]),
         2: lambda law, s: (kind(law[s, first]), kind(law[s, first + 1])),

@@ -7,7 +7,6 @@ compiles; labkit.engines.cuda.build replaces them and the functions that read th
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from labkit.engines.cuda.arrays import (
     DAMPING_LOSS,
     FRICTION_LOSS,
     ROLLING_LOSS,
+    DeviceArray,
     DeviceGrains,
     Lists,
     States,
@@ -24,14 +24,15 @@ from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
 from labkit.engines.cuda.motion import put, vector
 from labkit.engines.cuda.servo import Plans, asks
+from labkit.engines.kernel.compiling import Untyped
 from labkit.grains.laws.contact import Contact
 from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse, transform
 
-pair: Any = None
-spring: Any = None
+pair: Untyped = None
+spring: Untyped = None
 shear_of = friction_of = rolling_of = twisting_of = dashpots_of = whole_of = absent
-SINGLE: Any = np.float32
-KIND: Any = np.float64  # type of the numbers of a contact; in mixed precision np.float32
+SINGLE: Untyped = np.float32
+KIND: Untyped = np.float64  # type of the numbers of a contact; in mixed precision np.float32
 
 STRESSES = 9  # components of the stress
 
@@ -41,7 +42,7 @@ def rounded(v: Vector) -> Vector:
     return v
 
 
-def rounded_single(v: Vector) -> Any:
+def rounded_single(v: Vector) -> Vector:
     """A vector in single precision."""
     return Vector(SINGLE(v.x), SINGLE(v.y), SINGLE(v.z))
 
@@ -56,7 +57,7 @@ def overlap_of(radii: float, squared: float, distance: float) -> float:
     return radii - distance
 
 
-def overlap_single(radii: float, squared: float, distance: float) -> Any:
+def overlap_single(radii: float, squared: float, distance: float) -> Untyped:
     """The same as (R^2 - d^2)/(R + |d|), with the numerator in double precision: accurate to single precision."""
     return np.float32(radii * radii - squared) / (np.float32(radii) + distance)
 
@@ -129,7 +130,7 @@ def branch(states: States, grains: DeviceGrains, lists: Lists, s: int, g: int, a
     return vector(grains.position, b) + transform(states.cell[s], periods) - vector(grains.position, g)
 
 
-def sum_of_block(rows: Any, t: int) -> float:
+def sum_of_block(rows: DeviceArray, t: int) -> float:
     """Sum of column t of rows (BLOCK, STRESSES), which the threads of a block share, if t < STRESSES."""
     cuda.syncthreads()
     total = 0.0
@@ -139,7 +140,9 @@ def sum_of_block(rows: Any, t: int) -> float:
     return total
 
 
-def stress_of_blocks(states: States, grains: DeviceGrains, lists: Lists, plans: Plans, sums: Any, every: int) -> None:
+def stress_of_blocks(
+    states: States, grains: DeviceGrains, lists: Lists, plans: Plans, sums: DeviceArray, every: int
+) -> None:
     """Sum branch (x) force over the contacts of the grains of each block, into sums (block, STRESSES), N m.
 
     The dashpot forces are excluded, as in records. every: 1 for all states, 0 for those whose servo needs the stress.
@@ -169,7 +172,7 @@ def stress_of_blocks(states: States, grains: DeviceGrains, lists: Lists, plans: 
         sums[cuda.blockIdx.x, t] = total
 
 
-def stress_of_states(states: States, plans: Plans, sums: Any, totals: Any, every: int) -> None:
+def stress_of_states(states: States, plans: Plans, sums: DeviceArray, totals: DeviceArray, every: int) -> None:
     """Sum sums (block, STRESSES) over the blocks of each state into totals (n, STRESSES). One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     rows = cuda.shared.array((BLOCK, STRESSES), np.float64)

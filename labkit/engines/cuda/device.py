@@ -7,9 +7,9 @@ import inspect
 import math
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
-from labkit.engines.kernel.compiling import Version, names_of, numpy_for_numbers, use_operators, with_globals
+from labkit.engines.kernel.compiling import Function, Version, names_of, numpy_for_numbers, use_operators, with_globals
 from labkit.errors import InputError
 
 try:
@@ -32,6 +32,12 @@ BLOCK = 2 * SLICE if SIMULATED else 128
 warnings.filterwarnings("ignore", message="Grid size")  # kernels with a thread per state use little of the GPU
 
 
+class DeviceKernel(Protocol):
+    """A kernel: kernel[blocks, threads, stream](arguments) launches it."""
+
+    def __getitem__(self, launch: tuple[object, ...]) -> Callable[..., None]: ...
+
+
 def require_device() -> None:
     """Raise InputError if there is no GPU that Numba can use."""
     if cuda is None or not cuda.is_available():
@@ -50,7 +56,7 @@ def bandwidth() -> float:
     return 2.0 * clock * 1e3 * width / 8.0  # kHz, two transfers per cycle, bits
 
 
-def device_function(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> Any:
+def device_function(function: Function, known: dict[Function, Function], version: Version) -> Function:
     """Compile a plain Python function for the device, together with the plain Python functions that it calls.
 
     known: functions compiled so far, function -> compiled; extended in place.
@@ -64,13 +70,13 @@ def device_function(function: Callable[..., Any], known: dict[Any, Any], version
     return known[function]
 
 
-def callees(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> dict[str, Any]:
+def callees(function: Function, known: dict[Function, Function], version: Version) -> dict[str, object]:
     """The plain Python functions that a function calls, compiled, and numpy for numbers: name -> value."""
     used = {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
     return numpy_for_numbers(function) | {name: device_function(f, known, version) for name, f in used.items()}
 
 
-def kernel(function: Callable[..., None], names: dict[str, Any], version: Version) -> Any:
+def kernel(function: Function, names: dict[str, object], version: Version) -> DeviceKernel:
     """Compile a kernel, and the functions that it calls; `names`: global names to redefine before."""
     fresh = with_globals(function, names, version)
     return cuda.jit(with_globals(fresh, callees(fresh, {}, version), version))

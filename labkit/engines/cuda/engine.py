@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 
-from labkit.engines.base import Abilities
+from labkit.engines.base import Abilities, Run
 from labkit.engines.cuda.batch import Batch
 from labkit.engines.cuda.build import shape_of
 from labkit.engines.cuda.device import require_device
 from labkit.engines.cuda.memory import memory_of, room
-from labkit.engines.cuda.pool import BatchEngine, Pool, Run
+from labkit.engines.cuda.pool import BatchEngine, Pool
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -44,7 +44,7 @@ class CudaEngine(BatchEngine):
     abilities = Abilities(
         precisions=("double", "mixed"),
         require_computer=require_device,
-        follow=lambda engine, corrections: engine.begin(corrections),
+        follow=lambda engine, corrections: engine.follow(corrections),
         batches=CudaBatches(),
     )
 
@@ -62,7 +62,7 @@ class CudaEngine(BatchEngine):
             self.batch = Batch([state], self._precision)
         super().load(state)
 
-    def begin(self, corrections: Corrections) -> None:
+    def follow(self, corrections: Corrections) -> None:
         self.batch.begin(0, corrections)
         self.batch.run()
         self.require_going()

@@ -48,7 +48,7 @@ def lists_of(state: State, order: np.ndarray, first: int) -> dict[str, np.ndarra
     return lists
 
 
-def state_of(brief: State, order: np.ndarray, first: int, arrays: Mapping[str, np.ndarray]) -> State:
+def state_from_lists(brief: State, order: np.ndarray, first: int, arrays: Mapping[str, np.ndarray]) -> State:
     """The State that was read from the device. Raises PhysicsError if it has NaN.
 
     Args:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from labkit.engines.cuda.arrays import DAMPING_LOSS, DeviceArray, DeviceGrains, States
 from labkit.engines.cuda.device import cuda
@@ -11,17 +10,17 @@ from labkit.engines.kernel.motion import accelerate
 from labkit.grains.laws.vectors import Vector, dot, transform
 
 
-def damping_of(law: Any, s: int) -> Any:
+def damping_of(law: DeviceArray, s: int) -> float | None:
     """Coefficient of local damping of the state s, or None; labkit.engines.cuda.build replaces it."""
     return None
 
 
-def vector(rows: Any, i: int) -> Vector:
+def vector(rows: DeviceArray, i: int) -> Vector:
     """The i-th vector of rows (3, n)."""
     return Vector(rows[0, i], rows[1, i], rows[2, i])
 
 
-def put(rows: Any, i: int, v: Vector) -> None:
+def put(rows: DeviceArray, i: int, v: Vector) -> None:
     """Write the i-th vector of rows (3, n)."""
     rows[0, i], rows[1, i], rows[2, i] = v
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 import abc
 import contextlib
 import functools
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from typing import Any
 
 import numpy as np
 
 import labkit
-from labkit.engines.base import MOST_THREADS, Abilities, Engine, Load, Request, Work, answer_of
+from labkit.engines.base import MOST_THREADS, Abilities, Answer, Engine, Load, Request, Run, Work, answer_of
 from labkit.engines.cuda.batch import Batch
 from labkit.engines.cuda.device import SIMULATED
 from labkit.errors import PhysicsError
@@ -25,8 +24,6 @@ from labkit.grains.state import State
 from labkit.quantities.recorded import recorded
 from labkit.records.instant import Instant
 from labkit.servo.plan import Corrections
-
-Run = Generator[Request, Any, Any]
 
 
 class BatchEngine(Engine):
@@ -40,7 +37,7 @@ class BatchEngine(Engine):
         self.batch, self.place = batch, place
 
     @abc.abstractmethod
-    def begin(self, corrections: Corrections) -> None:
+    def follow(self, corrections: Corrections) -> None:
         """Advance by the steps of the corrections, of which the GPU runs the servo."""
 
     def load(self, state: State) -> None:
@@ -49,7 +46,7 @@ class BatchEngine(Engine):
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         if steps > 0:
-            self.begin(Corrections.constant(steps, velocity_gradient))
+            self.follow(Corrections.constant(steps, velocity_gradient))
 
     def stress(self) -> np.ndarray:
         return self.batch.stress()[self.place]
@@ -72,23 +69,23 @@ class Seat(BatchEngine):
     """
 
     abilities = Abilities(
-        follow=lambda seat, corrections: seat.begin(corrections),
+        follow=lambda seat, corrections: seat.follow(corrections),
         instant=lambda seat: Instant(*seat.batch.take(seat.place)),  # its State is made when it is first needed
     )
 
     def __init__(self, run: Run) -> None:
         """The run has not begun, and has no batch."""
         self.run = run
-        self.wanted: Request | Future[Any] | None = None
+        self.wanted: Request | Future[Answer] | None = None
         self.going = False
         self.pending: Corrections | None = None
         self.failure: Exception | None = None
 
-    def begin(self, corrections: Corrections) -> None:
+    def follow(self, corrections: Corrections) -> None:
         """Have the batch make the steps of the corrections, from its next launch on."""
         self.pending, self.going = corrections, True
 
-    def proceed(self, answer: Any = None, error: BaseException | None = None) -> None:
+    def proceed(self, answer: Answer = None, error: BaseException | None = None) -> None:
         """Let the run go on with an answer, or an error, until it wants something or ends."""
         try:
             self.wanted = self.run.send(answer) if error is None else self.run.throw(error)
@@ -105,7 +102,7 @@ class Seat(BatchEngine):
         """True if what the run waits for is available."""
         return self.wanted.done() if isinstance(self.wanted, Future) else not self.batch.going[self.place]
 
-    def outcome(self) -> Any:
+    def outcome(self) -> Answer:
         """The answer to the first request, or to one that took time. Raises what the work or the State raises."""
         self.going = False
         answer = self.wanted.result() if isinstance(self.wanted, Future) else self.abilities
@@ -156,7 +153,7 @@ class Pool:
             seat.batch, seat.place = batch, place
             self._go_on(seat, seat.outcome)
 
-    def _go_on(self, seat: Seat, find_answer: Callable[[], Any]) -> None:
+    def _go_on(self, seat: Seat, find_answer: Callable[[], Answer]) -> None:
         """Let a run go on with an answer, or the error in finding it, until it wants steps or work, or ends."""
         while True:
             try:
@@ -169,11 +166,11 @@ class Pool:
                 if seat.going or isinstance(answer, Future):
                     return
                 seat.proceed(answer)
-            if seat.wanted is None:
+            if seat.wanted is None or isinstance(seat.wanted, Future):
                 return
             find_answer = functools.partial(self._answer_of, seat, seat.wanted)
 
-    def _answer_of(self, seat: Seat, request: Any) -> Any:
+    def _answer_of(self, seat: Seat, request: Request) -> Answer:
         """The answer to a request; a Future, or None with the seat `going`, if it takes time."""
         if isinstance(request, Work) and not recorded():  # statistics of a user may open files
             return self._threads.submit(request.function, *request.arguments)

@@ -8,10 +8,10 @@ them (numba.cuda.stream creates blocking streams).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
+from labkit.engines.cuda.arrays import DeviceArray
 from labkit.engines.cuda.device import cuda
 
 ALIGNED = 8  # bytes
@@ -26,7 +26,7 @@ class Reader:
         self._stream = cuda.stream()
         self._memory = np.empty(0, np.uint8)
 
-    def read(self, rows: Mapping[str, Sequence[Any]]) -> dict[str, np.ndarray]:
+    def read(self, rows: Mapping[str, Sequence[DeviceArray]]) -> dict[str, np.ndarray]:
         """Arrays (k, ...) on the host for names with k contiguous arrays (...) on the device each.
 
         No kernel may be writing to these.

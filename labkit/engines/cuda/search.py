@@ -8,19 +8,19 @@ lists, and with them all sums of forces, depend neither on that order nor on whe
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from labkit.engines.cuda.arrays import HISTORY, DeviceGrains, DeviceGrid, Lists, States
+from labkit.engines.cuda.arrays import HISTORY, DeviceArray, DeviceGrains, DeviceGrid, Lists, States
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.kernel.arranging import LOST
+from labkit.engines.kernel.compiling import Untyped
 
-stiffness_of: Any = None  # that of the normal part of the law, set by labkit.engines.cuda.build
+stiffness_of: Untyped = None  # that of the normal part of the law, set by labkit.engines.cuda.build
 PARTIAL = BLOCK + 1  # sums of the threads of a block, and their total
 
 
-def exclusive_sums(partial: Any, t: int) -> int:
+def exclusive_sums(partial: DeviceArray, t: int) -> int:
     """Replace partial (PARTIAL,), shared by the threads t of a block, by the sums before each; return the total."""
     cuda.syncthreads()
     if t == 0:
@@ -158,7 +158,7 @@ def neighbours(
     return count
 
 
-def count(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -> None:
+def count_neighbours(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -> None:
     """Count the neighbours of each grain. One thread per grain, also for those that fill up blocks."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from labkit.engines.kernel import contact, steps
 from labkit.engines.kernel.compiling import (
     OPTIONS,
+    Function,
     Version,
     cached,
     compiled,
@@ -37,9 +38,9 @@ class Kernel(NamedTuple):
     advance, advance_threads: steps.advance for one thread and for several; branch_force: steps.branch_force.
     """
 
-    advance: Callable[..., Any]
-    advance_threads: Callable[..., Any]
-    branch_force: Callable[..., Any]
+    advance: Function
+    advance_threads: Function
+    branch_force: Function
 
 
 def kernel_of(law: ContactLaw, single: bool = False) -> Kernel:
@@ -57,7 +58,7 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
         try_out(law)
     version = Version(law.name + "_single" * single, single)
     double = Version(version.name)
-    known: dict[Any, Any] = {}
+    known: dict[Function, Function] = {}
     if single:
         known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, {}, version)
     names = {
@@ -73,7 +74,7 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     domain_contacts = compiled(with_globals(steps.domain_contacts, contacts, double))
     stamp = _stamp(law, known)
 
-    def loop(function: Callable[..., Any], name: str, names: dict[str, Any], **options: Any) -> Any:
+    def loop(function: Function, name: str, names: dict[str, Function], **options: bool) -> Function:
         fresh = with_globals(function, names, double)
         fresh.__qualname__ = f"{name}_{version.name}"  # Numba's cache distinguishes functions by name
         return cached(fresh, stamp, **OPTIONS, **options)
@@ -116,7 +117,7 @@ def explain_refusal(law: ContactLaw, where: str = "") -> Iterator[None]:
         ) from error
 
 
-def _stamp(law: ContactLaw, known: Iterable[Callable[..., Any]]) -> str | None:
+def _stamp(law: ContactLaw, known: Iterable[Function]) -> str | None:
     """Return a stamp of all sources of a kernel.
 
     It covers this package, the files of the law and of the functions `known` that it calls, and the constants that

@@ -14,7 +14,7 @@ import operator
 import types
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import llvmlite.binding
 import numba
@@ -24,7 +24,11 @@ from numba.extending import overload
 from labkit.engines.kernel import scalars
 from labkit.grains.laws import vectors
 
-CONFIG: Any = numba.config  # sets its attributes at run time, where type checkers cannot see them
+Untyped: TypeAlias = Any  # an object of Numba or a value of any type, which it passes on
+Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
+Plain = TypeVar("Plain", bound=Function)
+
+CONFIG: Untyped = numba.config  # sets its attributes at run time, where type checkers cannot see them
 
 if CONFIG.CPU_FEATURES is None:  # by default LLVM uses half the width of the widest vectors of a processor
     CONFIG.CPU_FEATURES = llvmlite.binding.get_host_cpu_features().flatten() + ",-prefer-256-bit"
@@ -34,7 +38,7 @@ if CONFIG.CPU_FEATURES is None:  # by default LLVM uses half the width of the wi
 CONFIG.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 
 # contract: a*b + c in one instruction; no other relaxation, so that NaN and the order of sums are preserved
-OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+OPTIONS: dict[str, Untyped] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 
 def stamp_of(files: Iterable[Path]) -> str:
@@ -45,50 +49,50 @@ def stamp_of(files: Iterable[Path]) -> str:
 KERNEL = stamp_of([*Path(__file__).parent.glob("*.py"), Path(vectors.__file__)])
 
 
-def compiled(function: Callable[..., Any]) -> Any:
+def compiled(function: Plain) -> Plain:
     """Compile with Numba and the options of the kernel; a decorator."""
-    return numba.njit(**OPTIONS)(function)
+    return cast(Plain, numba.njit(**OPTIONS)(function))
 
 
-def kept(function: Callable[..., Any]) -> Any:
+def kept(function: Plain) -> Plain:
     """Compile with the same options and cache the result on disk.
 
     A decorator for functions of this package that Python code calls.
     """
-    return cached(function, KERNEL, **OPTIONS)
+    return cast(Plain, cached(function, KERNEL, **OPTIONS))
 
 
-def cached(function: Callable[..., Any], stamp: str | None, **options: Any) -> Any:
+def cached(function: Function, stamp: str | None, **options: Untyped) -> Function:
     """Return the function compiled at its first call, or read from disk if it was compiled from sources of this stamp.
 
     Without a stamp it is recompiled in each process.
     """
-    dispatcher: Any = numba.njit(function, **options)
+    dispatcher: Untyped = numba.njit(function, **options)
     if stamp is None:
         return dispatcher
     try:
         dispatcher.enable_caching()
     except RuntimeError:  # no writable folder
         return numba.njit(function, **options)
-    file: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    file: Untyped = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if not hasattr(file, "_source_stamp"):  # a private name of Numba, which another version may lack
         return numba.njit(function, **options)
     file._source_stamp = stamp, 0
     return dispatcher
 
 
-def use_operators(overload: Callable[..., Any], kinds: Any, **options: Any) -> None:
+def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> None:
     """Teach a compiler the operators of vectors; overload, kinds: its numba.extending.overload and numba.types."""
 
-    def is_vector(kind: Any) -> bool:
+    def is_vector(kind: Untyped) -> bool:
         return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
 
-    def is_number(kind: Any) -> bool:
+    def is_number(kind: Untyped) -> bool:
         return isinstance(kind, kinds.Number)
 
-    def teach(operation: Any, meaning: Callable[..., Any], *fits: Callable[[Any], bool]) -> None:
+    def teach(operation: Function, meaning: Function, *fits: Callable[[Untyped], bool]) -> None:
         @functools.wraps(meaning)  # Numba compares the signatures
-        def implementation(*arguments: Any) -> Callable[..., Any] | None:
+        def implementation(*arguments: Untyped) -> Function | None:
             return meaning if all(fit(kind) for fit, kind in zip(fits, arguments, strict=True)) else None
 
         overload(operation, **options)(implementation)
@@ -109,7 +113,7 @@ class Version(NamedTuple):
     single: bool = False
 
 
-def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any], version: Version) -> Any:
+def compiled_with_callees(function: Function, known: dict[Function, Function], version: Version) -> Function:
     """Compile a plain Python function together with the plain Python functions that it calls.
 
     All are inlined, so that LLVM can vectorise the loop around them. `known`: functions compiled so far, function ->
@@ -125,19 +129,19 @@ def compiled_with_callees(function: Callable[..., Any], known: dict[Any, Any], v
     return known[function]
 
 
-def numpy_for_numbers(function: Callable[..., Any]) -> dict[str, Any]:
+def numpy_for_numbers(function: Function) -> dict[str, object]:
     """The name np, redefined, of a function that calls one of `scalars`; none if it does not."""
     return {"np": scalars} if {"maximum", "minimum", "sqrt"} & set(function.__code__.co_names) else {}
 
 
-def names_of(function: Callable[..., Any]) -> dict[str, Any]:
+def names_of(function: Function) -> dict[str, object]:
     """The values of the global names and of the variables of an enclosing function that a function uses."""
     used = {code.argval for code in dis.get_instructions(function) if code.opname in ("LOAD_GLOBAL", "LOAD_DEREF")}
     enclosed = inspect.getclosurevars(function).nonlocals
     return {name: value for name, value in {**function.__globals__, **enclosed}.items() if name in used}
 
 
-def with_globals(function: Callable[..., Any], names: dict[str, Any], version: Version) -> Callable[..., Any]:
+def with_globals(function: Function, names: dict[str, Untyped], version: Version) -> Function:
     """Return a copy of a function with some of its names redefined, and named after the version of its kernel.
 
     The name matters: kernels that different processes wrote to the cache may contain functions with equal symbols,
@@ -162,7 +166,7 @@ def with_globals(function: Callable[..., Any], names: dict[str, Any], version: V
     return fresh
 
 
-def rounded(value: Any, single: bool = True) -> Any:
+def rounded(value: Untyped, single: bool = True) -> Untyped:
     """A float, or the floats in a tuple, in single precision; other values as they are."""
     if single and isinstance(value, tuple):
         return type(value)(*map(rounded, value)) if hasattr(value, "_fields") else tuple(map(rounded, value))

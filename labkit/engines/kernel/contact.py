@@ -8,10 +8,10 @@ them by functions of the law and of the precision.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from labkit.engines.kernel.compiling import Untyped
 from labkit.engines.kernel.layout import (
     CELL_WORK,
     DASHPOT_LOSS,
@@ -37,8 +37,8 @@ from labkit.engines.kernel.layout import (
 from labkit.grains.laws.contact import Contact, Features
 from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
 
-pair: Any = None
-spring: Any = None
+pair: Untyped = None
+spring: Untyped = None
 
 
 def block_forces(

@@ -63,7 +63,7 @@ class PackedArrays:
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
         arrays, number = self.arrays, len(self.order)
-        velocity = rows_of(arrays.grains, np.arange(number))
+        velocity = take_rows(arrays.grains, np.arange(number))
         spin = arrays.motions[:number, SITE_W : SITE_W + 3]
         kinematics = np.empty((3, number, 3))
         kinematics[:, self.order] = arrays.places[:number, :3], velocity, spin
@@ -71,7 +71,7 @@ class PackedArrays:
 
     def unpack_history(self) -> History:
         """Return the History of all pairs, touching or not, with grains in the order of the grid."""
-        rows = rows_of(self.arrays.blocks[:, HISTORY:], self.slot)
+        rows = take_rows(self.arrays.blocks[:, HISTORY:], self.slot)
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
         return History(self.pairs, self.pair_shift, rows, number)
@@ -160,7 +160,7 @@ def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
     blocks[:] = whole.reshape(len(blocks), WIDTH, -1).transpose(0, 2, 1).reshape(blocks.shape)
 
 
-def rows_of(blocks: np.ndarray, slot: np.ndarray) -> np.ndarray:
+def take_rows(blocks: np.ndarray, slot: np.ndarray) -> np.ndarray:
     """The values (n, k) in the places slot (n,) of the k rows of blocks (block, k WIDTH)."""
     rows = blocks.reshape(len(blocks), -1, WIDTH)
     return np.ascontiguousarray(rows[slot // WIDTH, :, slot % WIDTH])

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from labkit.engines.base import Abilities
 from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
 from labkit.engines.lammps.domain import require_loadable
 from labkit.engines.lammps.process import require_lammps, start_ranks
-from labkit.engines.server import ServedEngine, Server
+from labkit.engines.server import ServedEngine, Server, Values
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -47,7 +45,7 @@ class LammpsEngine(ServedEngine):
     def start_server(cls, threads: int) -> Server:
         return start_ranks(threads)
 
-    def load_message(self, state: State) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
         require_loadable(state)
         pair_coefficients(state.scene, classes_of(state.radius)[1])  # raises InputError
         return {"scene": state.scene.to_json(), "work": state.ledger.cell_work}, {}

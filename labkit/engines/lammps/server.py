@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from labkit.engines.lammps.domain import Domain
 from labkit.engines.lammps.parts import gathered
-from labkit.engines.server import PROTOCOL, Message, receive, send
+from labkit.engines.server import PROTOCOL, Message, Values, receive, send
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -38,7 +38,7 @@ class Ranks:
         self._domain, self._peer = domain, peer
         self._step = 0
 
-    def _all(self, name: str, *arguments: Any) -> Any:
+    def _all(self, name: str, *arguments: object) -> Any:
         """Call a method of Domain on all ranks; returns the result of rank 0."""
         self._domain.comm.bcast((name, arguments))
         try:
@@ -51,7 +51,7 @@ class Ranks:
     def load(self, message: Message) -> Message:
         """The State of the message; `work`: on the cell so far, J, to which that of later steps is added."""
         values = message.values
-        arrays: dict[str, Any] = {name: message.arrays[name] for name in STATE}
+        arrays: Values = {name: message.arrays[name] for name in STATE}
         self._step, self._time, self._work = values["step"], values["time"], values["work"]
         self._loss, self._searches = 0.0, 0
         state = State(Scene.from_json(values["scene"]), **arrays, time_step=values["time_step"])

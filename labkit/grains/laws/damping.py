@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from labkit.grains.laws.parts import LawPart
+from labkit.grains.laws.parts import LawPart, Numbers
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -28,7 +28,7 @@ class Dashpots(LawPart):
         """Coefficient of local damping; None without."""
         return None
 
-    def numbers(self, scene: Scene) -> tuple[float, ...] | None:
+    def numbers(self, scene: Scene) -> Numbers | None:
         """The first argument of `coefficients`, (2 beta_n, 2 beta_t, density 4/3 pi); None without dashpots."""
         if scene.beta_n == scene.beta_t == 0.0:
             return None
@@ -40,7 +40,7 @@ class Dashpots(LawPart):
 
     @staticmethod
     def coefficients(
-        numbers: tuple[float, ...], share: float, normal: float, tangential: float, overlap: float
+        numbers: Numbers, share: float, normal: float, tangential: float, overlap: float
     ) -> tuple[float, float]:
         """(cn, ct), N s/m; share: kt/kn; normal, tangential: m* kn and m* kt, kg N/m; overlap: m, < 0 if apart."""
         root = (1.0 if overlap >= 0.0 else 0.0) * math.sqrt(normal)
@@ -75,7 +75,7 @@ class LocalDamping(Dashpots):
     def local(self, scene: Scene) -> float | None:
         return scene.local_damping or None
 
-    def numbers(self, scene: Scene) -> tuple[float, ...] | None:
+    def numbers(self, scene: Scene) -> Numbers | None:
         return None
 
     def ratio(self, scene: Scene) -> float:
@@ -94,7 +94,7 @@ class DashpotsOfYade(Dashpots):
 
     @staticmethod
     def coefficients(
-        numbers: tuple[float, ...], share: float, normal: float, tangential: float, overlap: float
+        numbers: Numbers, share: float, normal: float, tangential: float, overlap: float
     ) -> tuple[float, float]:
         return numbers[0] * math.sqrt(normal), numbers[1] * math.sqrt(tangential)
 

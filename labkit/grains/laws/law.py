@@ -12,7 +12,7 @@ from labkit.grains.laws.contact import Features, Response, Tangents
 from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder
 from labkit.grains.laws.normal import LinearSpring
-from labkit.grains.laws.pair import compose_pair
+from labkit.grains.laws.pair import Kinematics, compose_pair
 from labkit.grains.laws.parts import LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, Twisting
 from labkit.grains.laws.tangential import Coulomb
@@ -60,7 +60,7 @@ class ContactLaw:
     name: ClassVar[str]
     description: ClassVar[str] = ""
     parts: ClassVar[LawPart | LawParts] = LinearSpring()
-    kinematics: ClassVar[type[object]] = FirstOrder
+    kinematics: ClassVar[Kinematics] = FirstOrder
     avoids_ratcheting: ClassVar[bool] = False
     normal: ClassVar[LinearSpring]
     tangential: ClassVar[Coulomb]

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from labkit.grains.laws.contact import Contact, ContactMotion, Response
+from labkit.grains.laws.damping import Dashpots
+from labkit.grains.laws.kinematics import FirstOrder, Midpoint
+from labkit.grains.laws.normal import LinearSpring
+from labkit.grains.laws.parts import Numbers
+from labkit.grains.laws.rolling import Rolling
+from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector, across, cap, cross, dot
+
+Kinematics = type[FirstOrder] | type[Midpoint]
 
 
 def compose_pair(
-    kinematics: Any, normal: Any, tangential: Any, rolling: Any, twisting: Any, damping: Any
+    kinematics: Kinematics,
+    normal: LinearSpring,
+    tangential: Coulomb,
+    rolling: Rolling,
+    twisting: Rolling,
+    damping: Dashpots,
 ) -> Callable[..., Response]:
     """Return `pair`, the Response of a contact, for the parts of a law.
 
@@ -28,13 +40,13 @@ def compose_pair(
         t: Vector,
         m: Vector,
         dt: float,
-        energy: Any,
+        energy: object,
         shear: float,
-        friction: Any,
-        rolling: Any,
-        twisting: Any,
-        dashpots: Any,
-        whole: Any,
+        friction: float | None,
+        rolling: Numbers | None,
+        twisting: Numbers | None,
+        dashpots: Numbers | None,
+        whole: bool | None,
     ) -> Response:
         """The Response of a contact.
 
@@ -84,7 +96,9 @@ def compose_pair(
     return pair
 
 
-def compose_rotation(kinematics: Any, rolling: Any, twisting: Any) -> Callable[..., tuple[Vector, float]]:
+def compose_rotation(
+    kinematics: Kinematics, rolling: Rolling, twisting: Rolling
+) -> Callable[..., tuple[Vector, float]]:
     """Return `rotate`, the new moment on the first grain and the energy lost, for the parts that resist rotation."""
     carry = kinematics.carry
     roll_stiffness, roll_limit, roll_lost = rolling.stiffness, rolling.limit, rolling.loss
@@ -97,9 +111,9 @@ def compose_rotation(kinematics: Any, rolling: Any, twisting: Any) -> Callable[.
         dt: float,
         kt: float,
         limiting: float,
-        energy: Any,
-        rolling: Any,
-        twisting: Any,
+        energy: object,
+        rolling: Numbers | None,
+        twisting: Numbers | None,
     ) -> tuple[Vector, float]:
         n, ra, rb = contact.normal, contact.radius_a, contact.radius_b
         bend = contact.spin_b - contact.spin_a

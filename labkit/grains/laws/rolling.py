@@ -6,13 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from labkit.grains.laws.parts import LawPart
+from labkit.grains.laws.parts import LawPart, Numbers
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
-
-
-Numbers = tuple[float, ...]
 
 
 class Rolling(LawPart):
