@@ -6,14 +6,45 @@ import abc
 import dataclasses
 from typing import ClassVar
 
+import numba
 import numpy as np
 import scipy.integrate
 import scipy.linalg
 
 from labkit.errors import InputError
-from labkit.model.adaptive import FLOOR
-from labkit.model.integrators import Failure, Integrator, Problem
-from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS
+from labkit.model.integrators import FLOOR, Failure, Integrator, Problem
+from labkit.model.parameters import Constants
+from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, PointControl, outside, rates
+
+
+def jacobian_of(problem: Problem, y: np.ndarray) -> np.ndarray:
+    """d(dy/dt)/dy of a problem, shape (27, 27), by central differences. Raises Failure."""
+    out = np.empty((SIZE, SIZE))
+    problem.calls += 2 * SIZE
+    status = _jacobian(y, problem.control, problem.x, problem.constants, out)
+    if status != FINE:
+        raise Failure(status, y)
+    return out
+
+
+@numba.njit(error_model="numpy", nogil=True)
+def _jacobian(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
+    """Write the Jacobian to `out`; returns FINE, or the reason why it is undefined."""
+    plus, minus, shifted, guess = np.empty(SIZE), np.empty(SIZE), y.copy(), x.copy()
+    for k in range(SIZE):
+        step = 1e-6 * max(abs(y[k]), 1e-3 if k != 2 else 0.0)
+        shifted[k] = y[k] + step
+        status = rates(shifted, control, guess, c, plus)
+        if status != FINE:
+            return status
+        shifted[k] = y[k] - step
+        status = rates(shifted, control, guess, c, minus)
+        if status != FINE:
+            return status
+        shifted[k] = y[k]
+        for i in range(SIZE):
+            out[i, k] = (plus[i] - minus[i]) / (2.0 * step)
+    return FINE
 
 
 class Scipy(Integrator):
@@ -25,7 +56,7 @@ class Scipy(Integrator):
         self.tolerance = tolerance
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        jacobian = {"jac": lambda t, y: problem.jacobian(y)} if self.method in ("LSODA", "Radau", "BDF") else {}
+        jacobian = {"jac": lambda t, y: jacobian_of(problem, y)} if self.method in ("LSODA", "Radau", "BDF") else {}
         solution = scipy.integrate.solve_ivp(
             lambda t, y: problem.rates(y),
             (0.0, span),
@@ -62,7 +93,7 @@ class FixedStep(Integrator):
         h = span / steps
         for number in range(steps):
             y = self.step(problem, y, h)
-            status = problem.outside(y)
+            status = outside(y, problem.constants)
             if status != FINE:
                 raise Failure(status, y, number * h)
         return y
@@ -130,7 +161,7 @@ class BackwardEuler(FixedStep):
         raise Failure(NO_CONVERGENCE, y)
 
     def _factors(self, problem, y, h):
-        return scipy.linalg.lu_factor(np.eye(SIZE) - self.theta * h * problem.jacobian(y))
+        return scipy.linalg.lu_factor(np.eye(SIZE) - self.theta * h * jacobian_of(problem, y))
 
     @staticmethod
     def _within(y, change):
@@ -158,7 +189,7 @@ class Rosenbrock(FixedStep):
 
     def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
         gamma = 1.0 - np.sqrt(0.5)
-        factors = scipy.linalg.lu_factor(np.eye(SIZE) - gamma * h * problem.jacobian(y))
+        factors = scipy.linalg.lu_factor(np.eye(SIZE) - gamma * h * jacobian_of(problem, y))
         k1 = scipy.linalg.lu_solve(factors, problem.rates(y))
         k2 = scipy.linalg.lu_solve(factors, problem.rates(y + h * k1) - 2.0 * k1)
         return y + h * (1.5 * k1 + 0.5 * k2)
@@ -170,7 +201,7 @@ class ExponentialEuler(FixedStep):
     order = 2
 
     def step(self, problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
-        J, f = problem.jacobian(y), problem.rates(y)
+        J, f = jacobian_of(problem, y), problem.rates(y)
         block = np.zeros((SIZE + 1, SIZE + 1))
         block[:SIZE, :SIZE], block[:SIZE, SIZE] = h * J, h * f
         return y + scipy.linalg.expm(block)[:SIZE, SIZE]

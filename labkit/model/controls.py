@@ -15,6 +15,7 @@ from labkit.paths.step import Step
 
 __all__ = ["Mixed", "Oedometer", "control_of", "model_path", "strain_control"]
 
+NOTHING_HELD = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0)
 GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e within 1 % of strain
 
 
@@ -45,10 +46,10 @@ def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
     rates, held = step.rates(accumulated), step.held
     given = to_six(rates + rates.T) / 2.0
     if held is None:
-        return PointControl(given, np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)
+        return PointControl(given, *NOTHING_HELD, GAIN)
     return PointControl(given, np.ascontiguousarray(held.free), held.measure, held.at(accumulated), GAIN)
 
 
 def strain_control(strain_rate: np.ndarray) -> PointControl:
     """Control of a fully prescribed strain rate (3, 3), compression positive."""
-    return PointControl(to_six(strain_rate), np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), GAIN)
+    return PointControl(to_six(strain_rate), *NOTHING_HELD, GAIN)

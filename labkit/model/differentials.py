@@ -1,7 +1,7 @@
 """Differentials of C1 to C5: the change of their right-hand sides with the state and with the strain rate.
 
 Each block is the differential of the equation in its comment, for one direction (dy, dD) at a time; quantities that do
-not depend on the direction are computed once. Compiled. The differential of C0 is equations.stress_rate.
+not depend on the direction are computed once. Compiled. The differential of C0 is equations.stress_rate_of.
 """
 
 from __future__ import annotations

@@ -15,9 +15,9 @@ from labkit.grains.scene import Scene
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
+from labkit.model.equations import stress_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.parameters import Model
-from labkit.model.rates import stress_of
 from labkit.model.state import ModelState, require_density
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
@@ -28,18 +28,32 @@ from labkit.quantities.conditions import Condition, condition
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # of a span between records, in which a varying control is constant
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
-RECORDED = (  # variables of a simulation that the model has too
-    "axial_strain",
-    "strain",
-    "stress",
-    "void_ratio",
-    "void_ratio_nominal",
-    "coordination_number",
-    "mean_normalised_force",
-    "contact_anisotropy",
-    "normal_force_anisotropy",
-    "mobilisation",
-)
+
+
+def variables_of(vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
+    """Variables of a simulation that the model has too, name -> values.
+
+    Args:
+        vector: State with the strain, (..., 27).
+        stress: Its stress, (..., 3, 3), Pa.
+    """
+    e, Z, Lam = (vector[..., k] for k in range(3))
+    A, F, Ft, strain = (to_tensor(vector[..., k : k + 6]) for k in (3, 9, 15, 21))
+    return {
+        "axial_strain": vector[..., 23],
+        "strain": strain,
+        "stress": stress,
+        "void_ratio": e,
+        "void_ratio_nominal": e,
+        "coordination_number": Z,
+        "mean_normalised_force": Lam,
+        "contact_anisotropy": A,
+        "normal_force_anisotropy": F,
+        "mobilisation": Ft,
+    }
+
+
+RECORDED = tuple(variables_of(np.zeros(27), np.zeros((3, 3))))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -289,15 +303,7 @@ def _follow(
 
 def _record(model: Model, y: np.ndarray) -> dict[str, Any]:
     """The variables RECORDED of a state vector, name -> value."""
-    strain = to_tensor(y[21:27])
-    values = (
-        strain[2, 2],
-        strain,
-        to_tensor(np.array(stress_of(y, model.constants))),
-        *(y[0], y[0], y[1], y[2]),
-        *(to_tensor(y[3:9]), to_tensor(y[9:15]), to_tensor(y[15:21])),
-    )
-    return dict(zip(RECORDED, values, strict=True))
+    return variables_of(y, to_tensor(np.array(stress_of(y, model.constants))))
 
 
 def _require_start(model: Model, path: Path, state: ModelState) -> None:

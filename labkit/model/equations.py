@@ -22,6 +22,7 @@ from labkit.model.tensors import (
     deviatoric_part,
     multiply,
     norm,
+    six_at,
     six_product,
     subtract,
     trace,
@@ -227,32 +228,23 @@ def six_bracket(A: Six, F: Six, Ft: Six) -> Six:
 
 
 @jit
-def stress_from_c0(e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, c: Constants) -> Six:
-    """sigma = E Z Lambda/(1+e) [...] (C0)."""
-    return multiply(c.E * Z * Lam / (1.0 + e), six_bracket(A, F, Ft))
+def stress_of(y: np.ndarray, c: Constants) -> Six:
+    """sigma = E Z Lambda/(1+e) [...] (C0) at y, Pa."""
+    return multiply(c.E * y[1] * y[2] / (1.0 + y[0]), six_bracket(six_at(y, 3), six_at(y, 9), six_at(y, 15)))
 
 
 @jit
-def stress_rate_from_c0(
-    e: float,
-    Z: float,
-    Lam: float,
-    A: Six,
-    F: Six,
-    Ft: Six,
-    e_rate: float,
-    Z_rate: float,
-    Lam_rate: float,
-    A_rate: Six,
-    F_rate: Six,
-    Ft_rate: Six,
-    c: Constants,
-) -> Six:
-    """Total differential of C0: Eq. 33 with the coupled terms of A and F, which the paper leaves out."""
+def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
+    """d sigma/dt for dy/dt = v, Pa/s: the total differential of C0.
+
+    This is Eq. 33 with the coupled terms of A and F, which the paper leaves out.
+    """
+    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
+    A_rate, F_rate = six_at(v, 3), six_at(v, 9)
     scale = c.E * Z * Lam / (1.0 + e)
-    scale_rate = c.E * (Z_rate * Lam + Z * Lam_rate) / (1.0 + e) - scale * e_rate / (1.0 + e)
+    scale_rate = c.E * (v[1] * Lam + Z * v[2]) / (1.0 + e) - scale * v[0] / (1.0 + e)
     isotropic = multiply(2.0 / 105.0 * (contract(F_rate, A) + contract(F, A_rate)), IDENTITY)
-    linear = add(multiply(2.0 / 15.0, add(A_rate, F_rate)), Ft_rate)
+    linear = add(multiply(2.0 / 15.0, add(A_rate, F_rate)), six_at(v, 15))
     coupled = add(six_product(F_rate, A), six_product(F, A_rate))
     bracket_rate = add(isotropic, add(linear, multiply(8.0 / 105.0, coupled)))
     return add(multiply(scale_rate, six_bracket(A, F, Ft)), multiply(scale, bracket_rate))

@@ -12,6 +12,7 @@ import numpy as np
 
 from labkit.model import equations as eq
 from labkit.model.compiled import jit
+from labkit.model.equations import stress_of, stress_rate_of
 from labkit.model.parameters import Constants
 from labkit.model.tensors import Six, put_six, six_at
 
@@ -88,32 +89,6 @@ def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: n
     put_six(out, 3, A_rate)
     put_six(out, 9, eq.normal_force_anisotropy_rate(six_at(y, 9), line, Lam, n, rate, c))
     put_six(out, 15, eq.mobilisation_rate(six_at(y, 15), n, rate, c))
-
-
-@jit
-def stress_of(y: np.ndarray, c: Constants) -> Six:
-    """C0 at y, Pa."""
-    return eq.stress_from_c0(y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15), c)
-
-
-@jit
-def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
-    """d sigma/dt for dy/dt = v (Eq. 33 with its coupled terms), Pa/s."""
-    return eq.stress_rate_from_c0(
-        y[0],
-        y[1],
-        y[2],
-        six_at(y, 3),
-        six_at(y, 9),
-        six_at(y, 15),
-        v[0],
-        v[1],
-        v[2],
-        six_at(v, 3),
-        six_at(v, 9),
-        six_at(v, 15),
-        c,
-    )
 
 
 @jit
@@ -215,23 +190,3 @@ def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out
                     return FINE
     x[:] = guess
     return UNREACHABLE
-
-
-@jit
-def jacobian(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
-    """Write d(dy/dt)/dy (27, 27) by central differences to `out`; returns FINE, or the reason why it is undefined."""
-    plus, minus, shifted, guess = np.empty(SIZE), np.empty(SIZE), y.copy(), x.copy()
-    for k in range(SIZE):
-        step = 1e-6 * max(abs(y[k]), 1e-3 if k != 2 else 0.0)
-        shifted[k] = y[k] + step
-        status = rates(shifted, control, guess, c, plus)
-        if status != FINE:
-            return status
-        shifted[k] = y[k] - step
-        status = rates(shifted, control, guess, c, minus)
-        if status != FINE:
-            return status
-        shifted[k] = y[k]
-        for i in range(SIZE):
-            out[i, k] = (plus[i] - minus[i]) / (2.0 * step)
-    return FINE

@@ -10,8 +10,8 @@ import numpy as np
 import scipy.optimize
 
 from labkit.micro.tensors import to_six
-from labkit.model.adaptive import advance_adaptively
 from labkit.model.compiled import jit
+from labkit.model.integrators import advance_adaptively
 from labkit.model.observation import Observation
 from labkit.model.parameters import Constants, Model
 from labkit.model.rates import FINE, SIZE, PointControl

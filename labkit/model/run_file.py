@@ -11,6 +11,7 @@ import dataclasses
 import json
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ from labkit.grains.scene import Scene
 from labkit.io.conventions import describe
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import has_changed, provenance_json
-from labkit.io.schema import CONTACTS, GRAINS, RECORD
-from labkit.model.driver import Result
+from labkit.io.schema import CONTACTS, GRAINS, RECORD, Variable
+from labkit.model.driver import Result, variables_of
 from labkit.model.parameters import Model
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
@@ -40,19 +41,10 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
         "time": result.travelled / rate_of(result.path),
-        "axial_strain": result.axial_strain,
-        "strain": result.strain,
+        **variables_of(result.vector, result.stress),
+        "stress_sff": result.stress,
         "cell": cell,
         "volume": np.linalg.det(cell),
-        "stress": result.stress,
-        "stress_sff": result.stress,
-        "void_ratio": result.e,
-        "void_ratio_nominal": result.e,
-        "coordination_number": result.Z,
-        "contact_anisotropy": result.A,
-        "mean_normalised_force": result.Lam,
-        "normal_force_anisotropy": result.F,
-        "mobilisation": result.Ft,
     }
     size = {"time": len(result), "i": 3}
     absent = {
@@ -66,20 +58,28 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
 def as_run(result: Result) -> xr.Dataset:
     """The Result as the Dataset that labkit.open_run would return for its run file, without a file."""
     values = records_of_result(result)
-    table = {**RECORD, **(PROGRESS if result.path.phases else {})}
-    attributes = {name: {"units": v.units, "long_name": v.long_name} for name, v in table.items()}
-    run = xr.Dataset(
-        {name: (v.dimensions, values[name], attributes[name]) for name, v in table.items()},
-        attrs={
-            "engine": MODEL_ENGINE,
-            "path": result.path.name,
-            "path_parameters": json.dumps(dataclasses.asdict(result.path)),
-            "complete": int(result.failure is None),
-            "model": result.model.to_json(),
-            "ended_because": result.failure or result.ended_because,
-        },
-    )
-    return with_axes(run.set_coords(["time", "axial_strain"]))
+    variables = {
+        name: (v.dimensions, values[name], {"units": v.units, "long_name": v.long_name})
+        for name, v in _variables(result).items()
+    }
+    return with_axes(xr.Dataset(variables, attrs=_attributes(result, {})).set_coords(["time", "axial_strain"]))
+
+
+def _variables(result: Result) -> dict[str, Variable]:
+    """The variables of a run file of this Result."""
+    return {**RECORD, **(PROGRESS if result.path.phases else {})}
+
+
+def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, Any]:
+    """Attributes that tell which test this is and how it ended. parameters: further values that determine it."""
+    return {
+        "engine": MODEL_ENGINE,
+        "path": result.path.name,
+        "path_parameters": json.dumps({**dataclasses.asdict(result.path), **parameters}),
+        "complete": np.int32(result.failure is None),
+        "model": result.model.to_json(),
+        "ended_because": result.failure or result.ended_because,
+    }
 
 
 def write_result(
@@ -87,27 +87,32 @@ def write_result(
     result: Result,
     history: str = "",
     wall_time: float = 0.0,
-    parameters: dict[str, Any] | None = None,
+    parameters: Mapping[str, object] | None = None,
 ) -> None:
-    """Write a run file atomically.
+    """Write a run file atomically. Raises OSError.
 
-    history: the command; wall_time: s; parameters: further values that determine the result, for JSON. Raises OSError.
+    Args:
+        file: The run file.
+        result: The test.
+        history: The command.
+        wall_time: Its duration, s.
+        parameters: Further values that determine the result, for JSON.
     """
     with new_netcdf(file, 200_000 + 1_000 * len(result.vector)) as dataset:
         describe(dataset, "labkit run predicted by the constitutive model", history)
-        dataset.labkit_file = "run"
-        dataset.labkit_version = dataset.engine_version = labkit.__version__
-        dataset.engine = MODEL_ENGINE
-        dataset.scene = dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json()
-        dataset.model = result.model.to_json()
-        dataset.setncattr("path", result.path.name)  # `dataset.path` is a property of netCDF4
-        dataset.path_parameters = json.dumps(dataclasses.asdict(result.path) | (parameters or {}))
-        dataset.complete = np.int32(result.failure is None)
-        dataset.ended_because = result.failure or result.ended_because
-        dataset.wall_time = float(wall_time)
-        dataset.steps = np.int64(result.calls)
-        dataset.provenance = provenance_json(history or None, output=file)
-        create_variables(dataset, {**RECORD, **(PROGRESS if result.path.phases else {})}, {})
+        dataset.setncatts(
+            {
+                "labkit_file": "run",
+                "labkit_version": labkit.__version__,
+                "engine_version": labkit.__version__,
+                "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
+                **_attributes(result, parameters or {}),
+                "wall_time": float(wall_time),
+                "steps": np.int64(result.calls),
+                "provenance": provenance_json(history or None, output=file),
+            }
+        )
+        create_variables(dataset, _variables(result), {})
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
         dataset["contacts"]["row_size"].sample_dimension = "contact"
