@@ -12,11 +12,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import plotext
 import xarray
 from xarray.backends import NetCDF4DataStore
 
 import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
+from labkit.io.extras import require_library
 from labkit.io.interruption import being_written
 from labkit.io.netcdf import open_netcdf
 
@@ -89,7 +89,11 @@ def _cycles(run: xarray.Dataset) -> str:
 
 
 def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
-    """Three diagrams as text, `width` columns by `height` lines; each run has its own mark, see `mark_of`."""
+    """Three diagrams as text, `width` columns by `height` lines; each run has its own mark, see `mark_of`.
+
+    Raises InputError if plotext is not installed.
+    """
+    plotext = require_library("plotext", "diagrams in the terminal", "watch")
     plotext.main()  # selects the whole figure, so that the next line clears every panel
     plotext.clear_figure()
     plotext.theme("clear")

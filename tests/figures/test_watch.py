@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import labkit
+from labkit.cli import main
 from labkit.figures.watch import CLEAR, MARKS, draw, read_records, status
 from labkit.io.interruption import only_writer
 from tests.changed import changed
@@ -118,3 +119,9 @@ def test_the_view_ends_when_the_runs_are_complete(run_file, labkit_command):
 def test_a_state_file_is_refused(specimen_file, labkit_command):
     done = labkit_command("watch", "--once", specimen_file)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+
+
+def test_without_plotext_the_message_names_what_to_install(run_file, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "plotext", None)
+    assert main(["watch", str(run_file), "--once"]) == 2
+    assert "pip install" in capsys.readouterr().err
