@@ -1,4 +1,9 @@
-"""Real YADE, real files: a small specimen and a small run are made once and shared by the tests."""
+"""Real YADE, real files: a small specimen and a small run are made once and shared by the tests.
+
+The fast tier (`./lab test --fast`) is what starts no process and takes little time: all tests without the marker
+`slow`. A test whose fixture starts a process has the marker from here, and an audit hook fails a test of the fast tier
+that starts one.
+"""
 
 import signal
 import subprocess
@@ -17,7 +22,30 @@ settings.register_profile("search", derandomize=False)
 settings.load_profile("repeat")
 
 ROOT = Path(__file__).resolve().parents[1]
+PROCESSES = {"forks", "labkit_process"}  # fixtures that start one
 PATIENCE = 1800  # s, the most that a command may take, on a busy computer too
+
+
+started = []  # programs that the fast test now running has started, which it should not
+
+
+def pytest_configure(config):
+    if "not slow" in config.option.markexpr:
+        sys.addaudithook(lambda event, given: started.append(given[0]) if event == "subprocess.Popen" else None)
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if PROCESSES & set(item.fixturenames):
+            item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(autouse=True)
+def starts_no_process():
+    """Only in the fast tier, where the hook is."""
+    started.clear()
+    yield
+    assert not started, f"mark the test as slow: it starts {started}"
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -19,6 +19,8 @@ from labkit.engines import kernel
 from labkit.grains.state import read_state
 from tests.conftest import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 MINE = '''
 """A typical user file."""
 

@@ -14,6 +14,8 @@ import pytest
 import labkit
 from labkit.plugins import PLUGINS
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = Path(labkit.__file__).parent
 ADDS = {
     "exchange": (["import", "export", "statistics"], [], ["exchange", "import_state", "register_format"]),

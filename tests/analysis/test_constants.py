@@ -19,6 +19,8 @@ from analysis.constants.materials import (
 )
 from analysis.paper.lines import critical_Lambda, critical_Z
 
+pytestmark = pytest.mark.slow
+
 TIMES = 4.0  # E and stresses; a power of two, so that every product is exact
 
 

@@ -12,6 +12,8 @@ from PIL import Image
 from analysis.__main__ import main
 from analysis.paper.notebooks import execute, pictures
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "results" / "paper"
 NOTEBOOKS = sorted((ROOT / "analysis").glob("*.ipynb"))

@@ -12,6 +12,8 @@ from analysis.other_paths.errors import REFERENCE, comparison, direction, errors
 from analysis.other_paths.strength import matsuoka_nakai, principal_stresses
 from labkit.micro import equivalent_stress, mean_stress
 
+pytestmark = pytest.mark.slow
+
 PATHS = {
     "compression": lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.02, rate=60.0),
     "extension": lk.paths.ConstantMeanStress(pressure=0.3e6, strain=-0.02, rate=60.0),

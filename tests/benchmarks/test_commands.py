@@ -3,9 +3,12 @@
 import shutil
 
 import pandas
+import pytest
 
 from benchmarks import commands, lammps
 from labkit.cli import main
+
+pytestmark = pytest.mark.slow
 
 
 def test_whole_commands_and_the_loops_of_other_programs_are_measured(specimen_file, tmp_path, capsys, monkeypatch):

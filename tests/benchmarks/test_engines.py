@@ -3,8 +3,12 @@
 import re
 import shutil
 
+import pytest
+
 from benchmarks.engines import bench
 from labkit.cli import main
+
+pytestmark = pytest.mark.slow
 
 
 def test_every_engine_is_measured(specimen_file):

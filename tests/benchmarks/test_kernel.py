@@ -15,6 +15,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
 from labkit.grains.time_step import critical_time_step
 
+pytestmark = pytest.mark.slow
+
 
 def test_every_feature_is_measured_and_compared_with_the_limits_of_the_computer(specimen_file, capsys):
     assert main(["bench", str(specimen_file), "--what", "features", "--steps", "50", "--rounds", "1"]) == 0

@@ -1,9 +1,13 @@
 """The table of `labkit bench --what laws`."""
 
+import pytest
+
 from benchmarks.laws import laws
 from labkit.engines.base import silent
 from labkit.grains.laws import LAWS
 from labkit.grains.state import read_state
+
+pytestmark = pytest.mark.slow
 
 
 def test_every_law_is_timed_on_the_same_grains(specimen_file):

@@ -14,6 +14,8 @@ from labkit.campaigns.collection import open_campaign
 from labkit.errors import InputError
 from tests.changed import changed
 
+pytestmark = pytest.mark.slow
+
 RUNS = 300
 
 

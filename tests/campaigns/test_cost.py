@@ -22,6 +22,8 @@ from labkit.paths.standard import ConstantVolume
 from labkit.runs.tasks import RunTask, SpecimenTask
 from labkit.specimens.specimen import Recipe
 
+pytestmark = pytest.mark.slow
+
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 

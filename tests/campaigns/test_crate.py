@@ -7,6 +7,8 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 
+pytestmark = pytest.mark.slow
+
 rocrate = pytest.importorskip("rocrate.rocrate")
 
 

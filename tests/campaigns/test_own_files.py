@@ -13,6 +13,8 @@ import pytest
 import labkit
 from labkit.campaigns.own_files import copied_names, with_use
 
+pytestmark = pytest.mark.slow
+
 OWN = """\
 import dataclasses
 

@@ -19,6 +19,8 @@ from labkit.cli import main
 from labkit.io.extras import install_command
 from tests.conftest import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("snakemake", reason="needs Snakemake, the extra `campaign`")
 
 TINY = """\

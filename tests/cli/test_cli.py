@@ -16,6 +16,8 @@ from labkit.paths.registry import PATHS
 from labkit.runs.figures import FIGURES
 from tests.changed import changed
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def folder(tmp_path, specimen_file, run_file):

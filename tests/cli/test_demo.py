@@ -3,8 +3,11 @@
 import shutil
 
 import pandas
+import pytest
 
 from labkit.cli import demo, main
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_demo_compares_the_engines(specimen_file, tmp_path, monkeypatch, capsys):

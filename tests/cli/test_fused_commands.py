@@ -12,6 +12,8 @@ import pytest
 
 from labkit.grains.state import read_state
 
+pytestmark = pytest.mark.slow
+
 BARE = {**os.environ, "PATH": "/nowhere"}
 SPECIMEN = ("specimen", "--void-ratio", 0.67, "--grains", 300, "--engine", "fused")
 RUN = ("--engine", "fused", "--strain", 0.02, "--rate", 20, "--save-every", 3, "--snapshots", 2)

@@ -10,6 +10,8 @@ import yaml
 import labkit
 from tests.docs.pages import DOCS
 
+pytestmark = pytest.mark.slow
+
 ROOT = DOCS.parent
 CONDA = {"matplotlib": "matplotlib-base", "netCDF4": "netcdf4"}  # names that differ from those of PyPI
 

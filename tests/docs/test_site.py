@@ -7,6 +7,8 @@ import pytest
 
 from tests.docs.pages import DOCS, pages
 
+pytestmark = pytest.mark.slow
+
 
 def test_is_built_without_a_warning(tmp_path):
     pytest.importorskip("sphinx", reason="sphinx is not installed: pip install -e '.[docs]'")

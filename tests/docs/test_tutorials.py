@@ -8,6 +8,8 @@ import pytest
 
 from tests.docs.pages import DOCS
 
+pytestmark = pytest.mark.slow
+
 TUTORIALS = sorted((DOCS / "tutorials").glob("0*.md"))
 
 

@@ -19,6 +19,8 @@ from labkit.servo.plan import Corrections
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, build, lattice, memory
 
+pytestmark = pytest.mark.slow
+
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
 

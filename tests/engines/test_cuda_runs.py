@@ -20,7 +20,7 @@ from labkit.runs.batches import execute_together, packed
 from labkit.runs.tasks import RunTask
 from tests.engines.simulated_gpu import CudaBatches, Pool, Reader, cuda, lattice
 
-pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:at the axial strain rate")]
 
 RATE = 200.0  # 1/s
 UNSTABLE = Scene(law="spring_dashpot", time_step_factor=9.0)

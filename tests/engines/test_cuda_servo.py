@@ -13,6 +13,8 @@ from labkit.servo.correction import STANDARD, cell_stiffness, prescribed_gradien
 from labkit.servo.plan import Planner
 from tests.engines.simulated_gpu import CudaEngine, lattice
 
+pytestmark = pytest.mark.slow
+
 RATE = 20.0
 INTERVALS = (5, 5, 2)  # steps
 

@@ -6,6 +6,8 @@ import pytest
 
 import labkit as lk
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def specimen():

@@ -24,6 +24,8 @@ from labkit.servo.correction import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
 
+pytestmark = pytest.mark.slow
+
 STILL = np.zeros((3, 3))
 R = 85e-6
 FUSED = starter("fused")

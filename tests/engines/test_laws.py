@@ -18,6 +18,8 @@ from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured
 
+pytestmark = pytest.mark.slow
+
 ON_YADE = ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot")
 HERTZ = ("hertz_mindlin", "hertz_mindlin_dashpot", "hertz_mindlin_rescaled")
 ALL = [("fused", law) for law in LAWS] + [("yade", law) for law in ON_YADE]

@@ -14,7 +14,10 @@ import labkit as lk
 from labkit.engines.fused import FusedEngine
 from labkit.grains.state import grains_in_cell
 
-pytestmark = pytest.mark.skipif(not shutil.which("liggghts"), reason="needs LIGGGHTS: apt-get install liggghts")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not shutil.which("liggghts"), reason="needs LIGGGHTS: apt-get install liggghts"),
+]
 RADII, OVERLAP, SIDE = np.array([8.5e-5, 1.02e-4]), 1e-6, 1.5e-3  # m
 PLACE = 0.4 * SIDE * np.ones((2, 3)) + [[0.0, 0.0, 0.0], [RADII.sum() - OVERLAP, 0.0, 0.0]]  # normal: x
 STEP, STILL = 1e-13, (0.0, 0.0)  # s, rad/s

@@ -25,7 +25,7 @@ from labkit.servo.correction import prescribed_gradient
 R = 85e-6
 CV = lk.paths.ConstantVolume(strain=0.003, rate=100.0)  # so fast that rounding errors hardly grow
 
-pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:at the axial strain rate")]
 
 
 def gradient(state):

@@ -22,6 +22,8 @@ from labkit.engines.yade import YadeEngine
 from labkit.errors import PhysicsError
 from tests.engines.peek import PeekingEngine
 
+pytestmark = pytest.mark.slow
+
 PATH = lk.paths.ConstantVolume(strain=0.004)
 
 

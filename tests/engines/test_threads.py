@@ -8,6 +8,8 @@ import pytest
 from labkit.engines import threads
 from labkit.engines.threads import ThreadChoice
 
+pytestmark = pytest.mark.slow
+
 FREE, BUSY = {1: 5e-4, 2: 2.7e-4}, {1: 5e-4, 2: 1.5e-2}  # seconds per step on each number of threads
 
 

@@ -15,6 +15,8 @@ from labkit.records.energy import kinetic_energy
 from labkit.servo.correction import prescribed_gradient
 from tests.engines.peek import PeekingEngine
 
+pytestmark = pytest.mark.slow
+
 PAIRS = {"equal": (85e-6, 85e-6), "1.5": (102e-6, 68e-6), "1/1.5": (68e-6, 102e-6)}
 DT = 1e-9
 STILL = np.zeros((3, 3))

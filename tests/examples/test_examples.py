@@ -14,6 +14,8 @@ from labkit.grains.state import read_state
 from labkit.grains.time_step import critical_time_step
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = ROOT / "examples"
 
 

@@ -13,6 +13,8 @@ from labkit.exchange.importing import state_of_snapshot
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs, widths
 from labkit.grains.state import read_state, write_state
 
+pytestmark = pytest.mark.slow
+
 EXACT = {"lammps_data": "s.data", "ondem": "s.vtkhdf", "sphere_pack": "s.spheres"}
 MERCURY = """MercuryDPM 1.0 name two revision 1 repository none
 restartFile fileType ONE_FILE saveCount 1

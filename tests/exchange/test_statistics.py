@@ -11,6 +11,8 @@ from labkit.exchange import FORMATS, import_snapshot
 from labkit.exchange.grain_table import contact_table, grain_table
 from labkit.grains.state import write_state
 
+pytestmark = pytest.mark.slow
+
 E = 0.15e9
 LOCAL = "-,id1,id2,-,-,fnx,fny,fnz,ftx,fty,ftz"  # index, two atoms, distance, force, its normal and tangential parts
 

@@ -1,11 +1,14 @@
 """The overview of a campaign: one column of panels per loading path, with the recorded curves."""
 
 import numpy as np
+import pytest
 
 from labkit.campaigns.items import PlannedRun
 from labkit.figures.campaign_figure import overview
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.runs.dataset import open_run
+
+pytestmark = pytest.mark.slow
 
 
 def test_the_overview_has_a_column_per_path_and_a_line_per_run(run_file):

@@ -16,6 +16,8 @@ from labkit.paths.registry import travelled
 from labkit.runs.figures import FIGURES
 from labkit.runs.run import Run
 
+pytestmark = pytest.mark.slow
+
 OF_RUNS = [name for name in FIGURES if FIGURES[name].needs != "probes"]
 
 

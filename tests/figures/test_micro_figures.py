@@ -12,6 +12,8 @@ from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.runs.figures import FIGURES
 from labkit.sff.family import FORMS
 
+pytestmark = pytest.mark.slow
+
 OF_RUNS = [name for name in FIGURES if FIGURES[name].needs != "probes"]
 
 

@@ -14,6 +14,8 @@ from labkit.model.run_file import write_result
 from labkit.runs.critical import critical_states, mean_strengths, require_critical
 from labkit.runs.verify import findings_table
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def sheared(shear_file):

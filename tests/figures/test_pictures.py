@@ -20,6 +20,8 @@ from labkit.micro.stress import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs.dataset import snapshots
 
+pytestmark = pytest.mark.slow
+
 BLOCKS = ("grains", "contacts", "cell")
 
 

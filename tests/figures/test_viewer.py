@@ -12,6 +12,8 @@ import labkit as lk
 from labkit.cli import main
 from labkit.figures.viewer import Viewer
 
+pytestmark = pytest.mark.slow
+
 BROWSER = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 
 

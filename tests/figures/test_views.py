@@ -1,7 +1,11 @@
 """Commands that show runs: critical."""
 
+import pytest
+
 import labkit
 from labkit.runs.critical import critical_states
+
+pytestmark = pytest.mark.slow
 
 
 def test_critical_table_and_figure(run_file, labkit_command, tmp_path):

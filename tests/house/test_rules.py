@@ -9,6 +9,8 @@ import pytest
 
 from tests.house.source import ROOT, files
 
+pytestmark = pytest.mark.slow
+
 TABLES = 40  # lines that may keep a layout of their own
 
 

@@ -16,6 +16,8 @@ from labkit.model import Model, drive
 from labkit.model.run_file import as_run
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = ROOT / "examples/incremental_driver"
 FILES = ("--initial", "initialconditions.inp")
 

@@ -15,6 +15,8 @@ from labkit.cli import main
 from labkit.grains.state import read_state, write_state
 from labkit.io.atomic import write_text
 
+pytestmark = pytest.mark.slow
+
 LABKIT = [sys.executable, "-m", "labkit.cli"]
 
 

@@ -17,6 +17,8 @@ from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 from tests.conftest import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 FLIPS = 60  # damaged files of each kind
 
 

@@ -15,6 +15,8 @@ import pytest
 
 from labkit.io.schema import CONTACTS, RECORD
 
+pytestmark = pytest.mark.slow
+
 ESTIMATE = re.compile(r"grains, .* steps, about ")  # the line with the expected time of a run
 KILLS = int(os.environ.get("LABKIT_KILLS", "1"))
 PATHS = {

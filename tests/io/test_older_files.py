@@ -16,6 +16,8 @@ from labkit.paths.registry import PATHS
 from tests.changed import changed
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow
+
 RUNS = sorted((ROOT / "results/paper/runs").glob("*.run.nc"))
 EARLIER = {"yade": "rolling_resistance", "paper": "spring_dashpot"}  # names of laws in version 0.1.0
 OTHER = sorted(set(RECORD) - set(ESSENTIAL))

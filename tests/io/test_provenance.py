@@ -10,6 +10,8 @@ import pytest
 
 from labkit.io import provenance
 
+pytestmark = pytest.mark.slow
+
 KNOWN = ("command", "made", "labkit_version", "commit", "python", "libraries", "machine", "inputs", "seed")
 
 

@@ -9,6 +9,8 @@ import pytest
 
 import labkit as lk
 
+pytestmark = pytest.mark.slow
+
 FOLDER = Path(__file__).with_name("version_0_2")
 ENDS = json.loads((FOLDER / "ends.json").read_text())
 

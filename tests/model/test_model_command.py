@@ -16,6 +16,8 @@ from labkit.model.parameters import Model
 from labkit.model.run_file import as_run, model_of, read_model, records_of_result
 from labkit.model.state import isotropic_state
 
+pytestmark = pytest.mark.slow
+
 START = ("--void-ratio", 0.67, "--pressure", 0.5e6)
 
 

@@ -12,6 +12,8 @@ from labkit.model.stiffness import stress_rate
 from labkit.records.checkpoint import read_checkpoint
 from tests.model.random_states import random_state
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def sheared_state(run_file):

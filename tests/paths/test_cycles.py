@@ -11,6 +11,8 @@ from labkit.paths.path import status_of
 from labkit.paths.step import Here
 from labkit.runs.verify import findings
 
+pytestmark = pytest.mark.slow
+
 P, FAST = 1e5, {"progress": False, "snapshots": 2, "record_strain": 5e-4}
 
 

@@ -15,6 +15,8 @@ from labkit.paths import cycles, stress_reversals
 from labkit.paths import element_tests as tests
 from labkit.paths.rates import on_grains
 
+pytestmark = pytest.mark.slow
+
 P = 0.3e6
 STRESS_PATHS = {
     "constant axial stress": tests.ConstantAxialStress(pressure=P, strain=0.02),

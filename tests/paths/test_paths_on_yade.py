@@ -6,6 +6,8 @@ import pytest
 import labkit
 from labkit.runs.verify import findings
 
+pytestmark = pytest.mark.slow
+
 PATHS = {
     "cr": ["--pressure", 0.5e6, "--strain", 0.015],
     "cp": ["--pressure", 0.5e6, "--strain", 0.015],

@@ -17,6 +17,8 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.paths.standard import Biaxial, Consolidation
 from labkit.records.limits import INERTIAL_LIMIT, expected_inertial_number, rate_warning
 
+pytestmark = pytest.mark.slow
+
 TABLE_1 = {"cv": 10.0, "cr": 10.0, "cp": 10.0, "cyclic_cp": 10.0, "isoc": 5.0, "isod": 2.5}
 RECIPE = lk.Recipe(0.67, grains=150)
 

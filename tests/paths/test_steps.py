@@ -22,7 +22,7 @@ from labkit.records.schedule import Options, Schedule
 
 P = 0.3e6
 FAST = {"progress": False, "snapshots": 0}
-pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:at the axial strain rate")]
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,8 @@ from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
 
+pytestmark = pytest.mark.slow
+
 PROGRAM = Path(__file__).with_name("user_paths.py")
 
 

@@ -11,7 +11,7 @@ from labkit.paths import RecordMeets, Step, StrainReached, StressReached
 from labkit.paths.path import number_of_steps
 
 P, LEVEL, RATIO = 0.3e6, 0.4e6, 0.3
-pytestmark = pytest.mark.filterwarnings("ignore:at the axial strain rate")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:at the axial strain rate")]
 
 
 @lk.register_path

@@ -8,6 +8,8 @@ import labkit as lk
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.runs.verify import findings
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def squeezed():

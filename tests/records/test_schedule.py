@@ -15,6 +15,8 @@ from labkit.io.schema import CONTACTS, RECORD
 from labkit.paths.registry import make_path
 from labkit.records.schedule import Options, Schedule
 
+pytestmark = pytest.mark.slow
+
 REVERSALS = (0.0063, -0.0041, 0.0058)  # not multiples of the record interval
 CYCLIC = {"reversals": REVERSALS, "pressure": 0.5e6, "rate": 20.0}
 

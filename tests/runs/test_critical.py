@@ -10,6 +10,8 @@ from labkit.runs import ENOUGH_STRAIN, require_critical
 from tests.changed import changed
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow
+
 RUNS = ROOT / "results/paper/runs"
 LONG = ("cv-dense", "cr_500kPa-loose")
 START = ("--void-ratio", 0.67, "--pressure", 0.5e6)

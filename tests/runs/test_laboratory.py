@@ -15,6 +15,8 @@ import labkit as lk
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
 
+pytestmark = pytest.mark.slow
+
 PATH = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.004, rate=40.0)
 
 

@@ -10,6 +10,8 @@ import labkit as lk
 from labkit.errors import InputError
 from labkit.runs.pace import steps_at
 
+pytestmark = pytest.mark.slow
+
 NUMBER = 1e-3
 
 

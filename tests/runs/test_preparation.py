@@ -12,6 +12,8 @@ from labkit.runs.laboratory import make_specimen
 from labkit.runs.preparation import DensityLimits, make_twins, specimen_at
 from labkit.specimens.specimen import Recipe
 
+pytestmark = pytest.mark.slow
+
 
 def compressed(friction, **changes):
     values = {"void_ratio": 0.7, "grains": 200, "preparation": "compression", "pressure": "300 kPa", **changes}

@@ -16,6 +16,8 @@ from labkit.runs.probes import affine_stiffness, at_rest, path_maker, probes_of
 from labkit.runs.probing import PLANES, Probing, plane_of, without_sliding
 from tests.runs.linear_response import elastic_stiffness
 
+pytestmark = pytest.mark.slow
+
 SHORT = 10.0  # duration of elastic probes: enough, as they are linear
 ELASTIC = Probing(plane="all", duration=SHORT)
 

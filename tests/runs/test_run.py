@@ -8,6 +8,8 @@ import labkit
 from labkit.micro.stress import relative_error
 from labkit.runs.verify import findings
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def run(run_file):

@@ -11,6 +11,8 @@ from labkit.errors import InputError
 from labkit.runs.info import describe_file
 from labkit.runs.undrained import double_amplitude, number_of_cycles
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def run(liquefied_file):

@@ -8,6 +8,8 @@ from labkit.errors import PhysicsError
 from labkit.paths.element_tests import NORMAL, SHEAR_XZ
 from labkit.servo import reach
 
+pytestmark = pytest.mark.slow
+
 SHEAR = lk.paths.Mixed(
     free=[*NORMAL, SHEAR_XZ], measured=[*NORMAL, SHEAR_XZ], target=[1e5, 1e5, 1e5, 9e4], strain=0.02, rate=20.0
 )

@@ -11,6 +11,8 @@ import pytest
 
 from labkit.campaigns.workflow import PROFILES
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
 
 SCRIPT = Path(__file__).with_name("single_node.sh")

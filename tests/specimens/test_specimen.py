@@ -9,6 +9,8 @@ from labkit.micro import indicators
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.specimens.specimen import Equilibrium, Recipe, insert_grains, settle, side_for
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("void_ratio_target", [0.606, 0.67, 0.724, 0.77])
 def test_insertion_meets_the_void_ratio_the_side_and_the_sizes_exactly(void_ratio_target):

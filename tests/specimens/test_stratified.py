@@ -9,6 +9,8 @@ from labkit.grains.state import read_state
 from labkit.micro.stress import love_stress
 from labkit.specimens.stratified import Layer, insert_layer, strata, stratum_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def layer_file(tmp_path_factory, labkit_command):

@@ -17,6 +17,8 @@ from labkit.umat.props import properties
 from tests.umat.house_paths import PATHS, PRESSURE, TOLERANCE, assert_same_curve, curve
 from tests.umat.test_abaqus import components, engineering, statev_of
 
+pytestmark = pytest.mark.slow
+
 STRESS = slice(8, 14)  # columns of the output file, after two times and six strains
 
 

@@ -11,6 +11,8 @@ from labkit.umat.props import properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.test_abaqus import components, engineering, statev_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def kratos():

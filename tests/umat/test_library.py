@@ -18,6 +18,8 @@ from labkit.model.tensors import deviatoric_part, six_at, six_product
 from labkit.umat.props import PointStart, properties
 from tests.umat.points import deviators, random_increments, random_states
 
+pytestmark = pytest.mark.slow
+
 POINTS = int(os.environ.get("LABKIT_UMAT_POINTS", 3000))  # 100000 for the full check
 OTHER = {name: choices[1] for name, choices in READINGS.items() if name != "line_void_ratio"}
 

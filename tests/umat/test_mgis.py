@@ -12,6 +12,8 @@ from labkit.umat.props import PointStart, properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.points import random_increments, random_states
 
+pytestmark = pytest.mark.slow
+
 ORDER = [0, 1, 2, 5, 4, 3]  # of TFEL's xx, yy, zz, sqrt2 xy, sqrt2 xz, sqrt2 yz in Mandel's order of labkit
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 FIELDS = "gradients forces density properties internal stored dissipated external".split()

@@ -10,6 +10,8 @@ from labkit.model.parameters import Model
 from labkit.umat.library import missing_compilers
 from labkit.umat.props import PointStart, properties
 
+pytestmark = pytest.mark.slow
+
 
 def test_files_of_a_calibrated_model(tmp_path):
     model = Model().with_parameters(c_Z=0.2)

@@ -13,6 +13,8 @@ import pytest
 import labkit
 from labkit.grains.state import read_state
 
+pytestmark = pytest.mark.slow
+
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 

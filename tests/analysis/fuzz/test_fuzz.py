@@ -15,6 +15,8 @@ from analysis.fuzz.cases import Case, in_child, in_children
 from analysis.fuzz.command import Log, add_options, main
 from analysis.fuzz.damage import DAMAGES, damaged
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     parser = argparse.ArgumentParser()

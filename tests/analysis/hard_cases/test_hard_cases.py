@@ -18,6 +18,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import read_state, write_state
 from tests.changed import changed
 
+pytestmark = pytest.mark.slow
+
 GRAINS = 120
 EXTENT = 0.1  # fraction of the strains of the full cases
 ON_YADE = ("isod_to_nothing", "very_loose", "step_over", "fast", "deep_overlaps")

@@ -11,6 +11,8 @@ from analysis.paper.size_groups import read_size_groups
 from labkit.errors import InputError
 from labkit.io.provenance import check
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def thin(run_file, tmp_path_factory):

@@ -5,6 +5,8 @@ import pytest
 
 from analysis.paper.engines import KINDS, engine_table
 
+pytestmark = pytest.mark.slow
+
 
 def test_every_test_is_compared_with_yade(known):
     table = engine_table(known).set_index(["test", "kind"])

@@ -15,6 +15,8 @@ from labkit.cli.dispatch import main
 from labkit.io.provenance import provenance_of
 from labkit.model.parameters import Model
 
+pytestmark = pytest.mark.slow
+
 RUNS = {
     "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4],
     "cv-loose": ["cv", 0.724, 3e5, "--strain", 0.4],

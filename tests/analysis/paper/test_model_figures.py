@@ -1,6 +1,10 @@
 """Figs. 4 to 10 from the model only."""
 
+import pytest
+
 from analysis.__main__ import main
+
+pytestmark = pytest.mark.slow
 
 
 def test_figures_are_drawn_into_a_folder_of_the_current_directory(tmp_path, monkeypatch):

@@ -10,6 +10,8 @@ from labkit.errors import InputError
 from labkit.micro.stress import relative_error
 from labkit.model.parameters import Model
 
+pytestmark = pytest.mark.slow
+
 PATHS = {
     "cv": ["cv", "--void-ratio", 0.67, "--pressure", 3e5, "--strain", 0.1],
     "cp": ["cp", "--void-ratio", 0.65, "--pressure", 5e5, "--strain", 0.1],

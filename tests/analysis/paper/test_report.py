@@ -19,6 +19,8 @@ from analysis.paper.study import cost_table
 from labkit.errors import InputError
 from labkit.io import install_command
 
+pytestmark = pytest.mark.slow
+
 RESULTS = Path(labkit.__file__).parents[1] / "results"
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}

@@ -8,6 +8,8 @@ import labkit
 from analysis.paper.sff_errors import sff_errors
 from labkit.sff.budget import PARTS
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_parts_add_up(run_file):
     row = sff_errors({"small": labkit.open_run(run_file)}).iloc[0]

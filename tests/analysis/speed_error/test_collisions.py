@@ -10,6 +10,8 @@ from analysis.speed_error.collisions import collide, collision_errors, orders, r
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 
+pytestmark = pytest.mark.slow
+
 FRACTIONS = (0.2, 0.1, 0.05, 0.025)
 FIRST_ORDER = {(name, "spring_dashpot") for name in ("restitution", "tangential impulse", "tangential restitution")}
 

@@ -15,6 +15,8 @@ from labkit.grains.scene import Scene
 from labkit.paths.standard import ConstantVolume
 from labkit.servo.correction import prescribed_gradient
 
+pytestmark = pytest.mark.slow
+
 LAMMPS = shutil.which("lmp")
 needs_lammps = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")
 RATE, STRAIN, RECORDS, SETTLE = 100.0, 0.02, 2, 3000

@@ -17,6 +17,8 @@ from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
 from tests.analysis.conftest import in_the_clone
 
+pytestmark = pytest.mark.slow
+
 RESULTS = 5  # after so many the study is killed
 
 
