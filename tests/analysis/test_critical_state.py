@@ -2,10 +2,13 @@
 
 import numpy as np
 import pandas
+import pytest
 
 from analysis.critical_state.ends import factors, packing
 from analysis.critical_state.questions import direction, one_critical_state, stationarity
 from analysis.paper.lines import critical_Lambda, critical_Z
+
+pytestmark = pytest.mark.slow
 
 
 def planted(lower_M=0.0):

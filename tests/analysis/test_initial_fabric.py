@@ -23,6 +23,8 @@ from analysis.places import results_folder
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.sff import c0_stress
 
+pytestmark = pytest.mark.slow
+
 STORED = Path(results_folder("initial_fabric"))
 
 

@@ -12,6 +12,8 @@ from analysis.places import results_folder
 from analysis.size_scatter.command import sized_curves, tables_of
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
 
+pytestmark = pytest.mark.slow
+
 STORED = Path(results_folder("size_scatter"))
 
 

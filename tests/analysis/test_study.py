@@ -13,6 +13,8 @@ from analysis.pages import environment, lines, render, table
 from analysis.places import results_folder
 from analysis.study import Study
 
+pytestmark = pytest.mark.slow
+
 SLOW = ("model-evidence",)  # its tables take minutes
 FOUND = {name: study(module) for name, (module, _) in STUDIES.items()}
 FRAMED = {name: one for name, one in FOUND.items() if isinstance(one, Study) and (one.home / "page.md").exists()}

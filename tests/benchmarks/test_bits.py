@@ -8,6 +8,8 @@ import pytest
 from benchmarks import bits, options
 from tests.conftest import ROOT
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory):

@@ -1,10 +1,13 @@
 """The benchmark of the engine cuda, in Numba's simulator of a GPU."""
 
 import numpy as np
+import pytest
 
 from labkit.engines.base import silent
 from labkit.engines.fused import FusedEngine
 from tests.engines.simulated_gpu import lattice
+
+pytestmark = pytest.mark.slow
 
 
 def test_batches_are_measured_in_both_precisions():

@@ -141,6 +141,7 @@ def test_the_steps_of_a_campaign_become_options_of_its_jobs(written):
         read_campaign(written(CAMPAIGN, "d.yaml"))
 
 
+@pytest.mark.slow
 def test_the_model_takes_a_path_file(written, tmp_path, capsys):
     file = written("path: steps\nsteps:\n  - {strain: {zz: 1 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.4}\n")
     output = tmp_path / "m.run.nc"

@@ -11,6 +11,8 @@ from labkit.grains.laws import LAWS, Contact, require_potential
 from labkit.grains.laws.vectors import ZERO, Vector, dot, opposite
 from labkit.grains.scene import Scene
 
+pytestmark = pytest.mark.slow
+
 A, B = 9e-5, 8e-5  # radii, m
 REDUCED = A * B / (A + B)
 TWISTED = {"twisting_friction": 0.15}

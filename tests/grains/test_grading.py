@@ -109,6 +109,7 @@ def test_the_time_step_follows_the_smallest_grain():
         assert scene.time_step < 0.7 * 0.2 * scene.time_unit
 
 
+@pytest.mark.slow
 def test_the_time_step_is_stable_in_a_wide_grading():
     scene = Scene(grading="uniform smallest=0.05mm largest=0.3mm by=mass")
     recipe = Recipe(void_ratio=0.8, grains=400)

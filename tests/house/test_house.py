@@ -139,6 +139,7 @@ def test_netcdf_files_are_opened_in_one_place():
         assert text.count("open_dataset(") <= text.count("open_netcdf(") + text.count("damage_named("), name_of(file)
 
 
+@pytest.mark.slow
 def test_import_labkit_loads_no_library():
     libraries = {"numpy", "matplotlib", "xarray", "numba"}
     code = f"import sys, labkit; dir(labkit); print(*sorted({libraries} & set(sys.modules)))"
@@ -146,6 +147,7 @@ def test_import_labkit_loads_no_library():
     assert done.stdout.strip() == ""
 
 
+@pytest.mark.slow
 def test_a_run_starts_without_xarray():
     """It costs a third of a second; only who reads the run file needs it."""
     code = "import sys, labkit.cli.simulate, labkit.runs.tasks, labkit.engines.fused; print('xarray' in sys.modules)"

@@ -17,6 +17,8 @@ from labkit.io.hashes import data_sha256
 from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 
+pytestmark = pytest.mark.slow
+
 CHECKER = Path(sys.executable).with_name("compliance-checker")
 TIME_NAME = "time since the start of the path"
 SKIPPED = "check_invalid_same_named_dimension_across_groups"  # of version 6.1 fails in any file with two groups

@@ -16,6 +16,7 @@ def test_in_a_checkout_the_command_names_it():
     )
 
 
+@pytest.mark.slow
 def test_pip_accepts_the_command():
     """A dry run without an index resolves every extra from the checkout and what is installed."""
     words = shlex.split(install_command("paraview"))

@@ -9,6 +9,7 @@ from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.stress import love_stress, mean_stress
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["run_file", "shear_file"])
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_the_traction_on_every_plane_is_that_of_loves_stress(kind, axis, request):

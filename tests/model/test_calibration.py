@@ -19,6 +19,8 @@ from labkit.model.residuals import predict
 from labkit.model.run_file import as_run, records_of_result
 from labkit.model.state import isotropic_state
 
+pytestmark = pytest.mark.slow
+
 NOISE = {
     "coordination_number": 0.03,
     "mean_normalised_force": 1e-4,

@@ -141,6 +141,7 @@ def test_oedometer_has_no_lateral_strain(model):
     assert 0.3 < result.stress[-1, 0, 0] / result.stress[-1, 2, 2] < 0.7  # K0
 
 
+@pytest.mark.slow
 def test_mixed_control_of_a_shear_stress(model):
     """Simple shear under constant normal stresses: three normal stresses held, eps_xz prescribed."""
     start = isotropic_state(model, 0.67, 0.5e6)

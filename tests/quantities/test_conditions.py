@@ -72,6 +72,7 @@ def test_anything_else_is_refused_in_a_sentence(text, said):
     assert "\n" not in str(error.value).replace(repr(text), "")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:at the axial strain rate")
 def test_a_run_ends_at_the_record_that_meets_its_condition(tmp_path):
     state = lk.make_specimen(lk.Recipe(0.67, grains=150), progress=False)

@@ -13,6 +13,8 @@ from analysis.paper.fidelity import NO_RUNS, fidelity
 from analysis.paper.report_numbers import fidelity as values_of
 from labkit.model.parameters import Parameters
 
+pytestmark = pytest.mark.slow
+
 TABLE_2 = Parameters()
 PAGE = Path(lines.__file__).with_name("fidelity.md")
 CRITICAL = (

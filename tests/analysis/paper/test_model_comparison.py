@@ -16,6 +16,8 @@ from labkit.figures import plots
 from labkit.model import Model
 from tests.analysis.paper.conftest import make
 
+pytestmark = pytest.mark.slow
+
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
 FEW = (
     "cv-dense",

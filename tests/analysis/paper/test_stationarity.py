@@ -8,6 +8,8 @@ from analysis.paper.ends import ends, main, sheared
 from analysis.paper.specimens import density_of, specimen_of
 from analysis.paper.stationarity import components, stationarity
 
+pytestmark = pytest.mark.slow
+
 
 def test_specimens_are_told_from_the_names_of_runs():
     assert specimen_of("cr_1MPa-dense") == specimen_of("cv-dense") == "dense"
