@@ -6,6 +6,8 @@ import subprocess
 import sys
 from importlib import metadata
 
+import pytest
+
 from labkit.io import extras
 from labkit.io.extras import install_command
 
