@@ -13,9 +13,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pandas
-from scipy import stats
 
-from analysis.statistics import NOTHING, Tested, adjusted, student, verdict
+from analysis.statistics import NOTHING, Tested, adjusted, verdict
 
 PAPER = "paper"
 VARIED = {  # parameter -> {material: value}; `paper` is Table 1
@@ -106,13 +105,6 @@ def with_variance(cells: tuple[Cell, Cell], function: Callable[[np.ndarray], np.
     return value, variance
 
 
-def tested(value: float, variance: float, freedom: int, n: int) -> Tested:
-    """A number with its interval and the t test that it is zero."""
-    error = math.sqrt(variance)
-    p_value = 2.0 * float(stats.t.sf(abs(value) / error, freedom)) if error > 0.0 else math.nan
-    return Tested(value, student(error, freedom), n, p_value)
-
-
 def freedom_of(cells: Cells) -> int:
     """Degrees of freedom of the pooled scatter: the fewer of the two densities."""
     return min(cell.freedom for pair in cells.values() for cell in pair)
@@ -136,8 +128,9 @@ def constant_table(cells: Cells) -> pandas.DataFrame:
             own = material == PAPER
             for k, constant in enumerate(CONSTANTS):
                 n = sum(cell.specimens for cell in cells[material])
-                found = tested(values[k], variances[k], freedom, n)
-                other = tested(values[k] - known[PAPER][0][k], variances[k] + known[PAPER][1][k], freedom, n)
+                found = Tested.of(values[k], math.sqrt(variances[k]), freedom, n)
+                error = math.sqrt(variances[k] + known[PAPER][1][k])
+                other = Tested.of(values[k] - known[PAPER][0][k], error, freedom, n)
                 judged = LOOSEST if constant == "e_cmax" else JUDGED * abs(known[PAPER][0][k])
                 if own:
                     other = NOTHING
@@ -178,7 +171,7 @@ def slope_table(cells: Cells) -> pandas.DataFrame:
             y, variance = (np.array([known[material][part][k] for material in present]) for part in (0, 1))
             covariance = np.linalg.inv(design.T @ (design / variance[:, None]))
             slope = (covariance @ design.T @ (y / variance))[1]
-            found = tested(float(slope), float(covariance[1, 1]), freedom, len(present))
+            found = Tested.of(float(slope), math.sqrt(covariance[1, 1]), freedom, len(present))
             rows.append((parameter, constant, found.value, found.within, len(present), found.p_value))
     columns = ["parameter", "constant", "slope", "within", "materials", "p_value"]
     table = pandas.DataFrame(rows, columns=columns)

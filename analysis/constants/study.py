@@ -25,13 +25,12 @@ from analysis.constants.materials import (
     freedom_of,
     material_of,
     slope_table,
-    tested,
     with_variance,
 )
 from analysis.curves import AT_FULL_STRAIN, CURVES, collect_curves, curves_at_full_strain, read_curves, window_means
 from analysis.paper.estimates import text
 from analysis.places import results_folder
-from analysis.statistics import SIGNIFICANT, adjusted, stationarity_table
+from analysis.statistics import SIGNIFICANT, Tested, adjusted, stationarity_table
 from analysis.statistics import slope_table as slopes_of
 from analysis.study import Study, Tables
 from labkit.engines import Progress
@@ -115,7 +114,8 @@ def rate_table(cells: Cells, slow: Cells) -> pandas.DataFrame:
         here, there = with_variance(cells[PAPER], constants), with_variance(slow[material], constants)
         n = sum(cell.specimens for cell in (*cells[PAPER], *pair))
         for k, constant in enumerate(CONSTANTS):
-            found = tested(here[0][k] - there[0][k], here[1][k] + there[1][k], freedom_of(slow), n)
+            error = math.sqrt(here[1][k] + there[1][k])
+            found = Tested.of(here[0][k] - there[0][k], error, freedom_of(slow), n)
             rows.append({"constant": constant, "slow": there[0][k], **found.columns("difference")})
     table = pandas.DataFrame(rows, columns=["constant", "slow", "difference", "within", "specimens", "p_value"])
     table["corrected"] = adjusted(table["p_value"])

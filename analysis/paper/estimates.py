@@ -30,10 +30,8 @@ def jackknife(
     if n == 0:
         return NOTHING
     deviations = _deviations(statistic, n, clusters)
-    freedom = len(deviations) - parameters
     error = float(stats.sem(deviations)) if len(deviations) > 1 else math.nan
-    value = float(statistic(np.arange(n)))
-    return Tested(value, student(error, freedom), len(deviations), _probability(value, error, freedom))
+    return Tested.of(float(statistic(np.arange(n))), error, len(deviations) - parameters, len(deviations))
 
 
 def two_samples(
@@ -55,14 +53,7 @@ def two_samples(
     if max(n) < 2 or np.ptp(one) == np.ptp(other) == 0.0:
         return Tested(value, welch(other, one), sum(n), math.nan)
     test = stats.ttest_ind(other, one, equal_var=min(n) == 1)
-    within = t_interval(test)
-    error = within / student(1.0, test.df)
-    return Tested(value, within, sum(n), _probability(value, error, test.df))
-
-
-def _probability(value: float, error: float, freedom: float) -> float:
-    """Two-sided p-value of Student's t; NaN without degrees of freedom or without scatter."""
-    return 2.0 * float(stats.t.sf(abs(value) / error, freedom)) if freedom > 0 and error > 0.0 else math.nan
+    return Tested.of(value, t_interval(test) / student(1.0, test.df), test.df, sum(n))
 
 
 def _deviations(statistic: Callable[[np.ndarray], float], n: int, clusters: Sequence[str] | None) -> np.ndarray:

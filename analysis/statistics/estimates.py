@@ -35,6 +35,13 @@ class Tested(Estimate):
 
     p_value: float
 
+    @classmethod
+    def of(cls, value: float, error: float, freedom: float, n: int) -> Tested:
+        """A number with this standard error and number of degrees of freedom; without them only the number is known."""
+        known = freedom > 0 and error > 0.0
+        p_value = 2.0 * float(stats.t.sf(abs(value) / error, freedom)) if known else math.nan
+        return cls(value, student(error, freedom), n, p_value)
+
     def columns(self, name: str) -> dict[str, float]:
         """The number as columns of a table: specimens, `name`, within and p_value."""
         return {"specimens": self.n, name: self.value, "within": self.within, "p_value": self.p_value}
