@@ -14,8 +14,10 @@ import numpy as np
 import pandas
 
 import labkit as lk
+from analysis.pages import render
 from analysis.paper.ends import recorded_numbers
 from analysis.statistics import student, welch
+from labkit.io import write_text
 
 RESULTS = Path(__file__).resolve().parents[2] / "results" / "laws"
 WINDOW = 0.2  # axial strain from which values are averaged, to the end
@@ -95,6 +97,54 @@ def main(folder: str, size: str = "") -> None:
     compared = compare(table)
     compared.to_csv(RESULTS / f"{prefix}comparison.csv", index=False, float_format="%.4g")
     print(compared.to_string(index=False, float_format="%.4g"))
+    write_text(RESULTS / "README.md", page(RESULTS))
+
+
+LABELS = {  # value -> label; the last five are given in %
+    "M": "M",
+    "A_zz": "A_zz",
+    "F_zz": "F_zz",
+    "Ft_zz": "F^t_zz",
+    "Z": "Z",
+    "e": "void ratio",
+    "overlap": "overlap/D, %",
+    "C0 error": "error of C0, Frobenius, %",
+    "p_C0/p - 1": "p of C0 / p - 1, %",
+    "q_C0/q - 1": "q of C0 / q - 1, %",
+}
+
+
+def page(folder: Path) -> str:
+    """README.md of the study, from the tables in its folder."""
+    energy = pandas.read_csv(folder / "energy.csv")
+    friction = energy.set_index(["engine", "law"])["friction loss/work"]
+    values = {
+        "full": named(pandas.read_csv(folder / "full_comparison.csv")),
+        "small": named(pandas.read_csv(folder / "comparison.csv")),
+        "energy": energy,
+        "friction": friction["fused", "hertz_mindlin"] - friction["yade", "hertz_mindlin"],
+    }
+    return render(Path(__file__).with_name("page.md"), values)
+
+
+def named(table: pandas.DataFrame) -> dict[str, object]:
+    """Numbers of a comparison for the page: its rows with labels, and of each value how much lower Hertz-Mindlin is."""
+    table = table.rename(columns=lambda name: name.replace(" +-", "_within"))
+    every = table[table["density"] == "all"].set_index("value")
+    M = table[table["value"] == "M"].set_index("density")
+    scale = np.where(["%" in label for label in LABELS.values()], 100.0, 1.0)
+    numbers = [name for name in every.columns if name not in ("density", "linear runs", "hertz runs")]
+    rows = every.loc[list(LABELS), numbers].mul(scale, axis=0).assign(label=list(LABELS.values()))
+    densities = M.loc[["dense", "medium", "loose"], numbers].assign(label=lambda rows: "M, " + rows.index)
+    relative = (every[["difference", "difference_within"]].div(every["linear"], axis=0) * [-1.0, 1.0]).set_axis(
+        ["lower", "within"], axis=1
+    )
+    return {
+        "runs": int(every["linear runs"].iloc[0]),
+        "rows": pandas.concat([rows.iloc[:1], densities, rows.iloc[1:]]),
+        **relative.to_dict("index"),
+        **M.to_dict("index"),
+    }
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ import numpy as np
 import pandas
 import pytest
 
-from analysis.laws.compare import VALUES, comparison, pooled_comparison
+from analysis.laws.compare import RESULTS, VALUES, comparison, page, pooled_comparison
 
 
 def table(values):
@@ -48,3 +48,7 @@ def test_single_groups_have_their_own_scatter():
     dense = row(comparison(MADE_UP), "dense")
     assert dense["linear +-"] == pytest.approx(12.706 * 0.01, rel=1e-3)
     assert dense["difference"] == pytest.approx(0.04)
+
+
+def test_the_stored_page_follows_from_the_stored_tables():
+    assert page(RESULTS) == (RESULTS / "README.md").read_text()
