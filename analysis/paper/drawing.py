@@ -165,24 +165,14 @@ def path_and_start(run: xr.Dataset) -> str:
     return f"{run.attrs['path'].upper()}, {start_void_ratio(run)}"
 
 
-def is_model(run: xr.Dataset) -> bool:
-    """True for a prediction of the constitutive model."""
-    return run.attrs.get("engine") == "model"
-
-
 def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
-    """Simulations and model predictions in the diagrams `names`, one row of panels per group; a Figure.
-
-    `rows`: title of the row -> (label -> run). If a figure shows both kinds, the model is dotted.
-    """
+    """Runs in the diagrams `names`, one row of panels per group; `rows`: title of the row -> (label -> run)."""
     figure = plots.new_figure(plots.WIDTH, 3.1 * len(rows))
     grid = figure.panels(len(rows), len(names), squeeze=False)
-    both = len({is_model(run) for runs in rows.values() for run in runs.values()}) > 1
     for panels, (title, runs) in zip(grid, rows.items(), strict=True):
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
-            style = ":" if both and is_model(run) else "-"
             for axes, name in zip(panels, names, strict=True):
-                axes.plot(*plots.diagram(name)[2](run), style, color=color, lw=1.4, label=label)
+                axes.plot(*plots.diagram(name)[2](run), "-", color=color, lw=1.4, label=label)
         for axes, name in zip(panels, names, strict=True):
             axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
         panels[0].set_title(title, loc="left", fontsize=10)

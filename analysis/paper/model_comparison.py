@@ -17,7 +17,7 @@ from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
 from labkit.errors import InputError
 from labkit.io import RECORD, provenance_json, whole_file
-from labkit.model import MODEL_ENGINE, Fit, Model, Result, fit, observe, records_of_result
+from labkit.model import Fit, Model, Result, fit, observe, records_of_result
 from labkit.paths import travelled
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
@@ -189,32 +189,6 @@ def write_model(
         data = data.assign_attrs(provenance=provenance_json(command, inputs, file))
         coding: dict[str, dict[str, Any]] = {key: {"zlib": True, "complevel": 4} for key in STORED}
         data.to_netcdf(temporary, encoding=coding | characters(data))
-
-
-def open_model(file: str | Path) -> dict[str, dict[str, xr.Dataset]]:
-    """Name of a run -> (`table_2` or `ours` -> the model along its path, a Dataset like that of labkit.open_run).
-
-    `file`: model.nc. In these Datasets the stress of C0 is that of the model itself, and the only void ratio is the
-    nominal one.
-    """
-    with xr.open_dataset(file) as data:
-        data = data.load()
-    return {
-        str(name): {
-            str(label): run
-            for label in data["parameters"].values
-            for run in [_as_run(data.sel(run=name, parameters=label))]
-            if run.sizes["time"]
-        }
-        for name in data["run"].values
-    }
-
-
-def _as_run(test: xr.Dataset) -> xr.Dataset:
-    path = str(test["path"].values)
-    run = test.drop_vars(["run", "parameters", "path"]).rename(record="time").dropna("time", subset=["axial_strain"])
-    run = run.assign(stress_sff=run["stress"], void_ratio_nominal=run["void_ratio"])
-    return run.assign_attrs(engine=MODEL_ENGINE, path=path).set_coords("axial_strain")
 
 
 def as_json(found: Fit) -> str:
