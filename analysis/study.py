@@ -22,6 +22,18 @@ Tables = dict[str, pandas.DataFrame]
 STEPS = ("campaign", "gather", "tables", "figures", "page")
 
 
+class StoredTables(dict[str, pandas.DataFrame]):
+    """The tables in a folder, by name; a missing one is an InputError."""
+
+    def __init__(self, folder: Path) -> None:
+        """Reads every CSV file of the folder."""
+        super().__init__({file.stem: pandas.read_csv(file) for file in sorted(folder.glob("*.csv"))})
+        self.folder = folder
+
+    def __missing__(self, name: str) -> pandas.DataFrame:
+        raise InputError(f"{self.folder} contains no {name}.csv: add `tables` to --steps")
+
+
 class Study:
     """A study in a folder of analysis/, with `campaign.yaml` and the template `page.md`.
 
@@ -105,7 +117,7 @@ class Study:
             made = self.tables(data, lambda done, text: progress(0.7 * done, text))
             files += write_tables(made, folder, source, command)
         progress(0.7, "figures")
-        tables = {file.stem: pandas.read_csv(file) for file in sorted(folder.glob("*.csv"))}
+        tables = StoredTables(folder)
         if "figures" in steps:
             files += save_figures(self.figures(data, tables), folder, source, command)
         if "page" in steps:

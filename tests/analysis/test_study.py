@@ -8,7 +8,7 @@ import jinja2
 import pandas
 import pytest
 
-from analysis.__main__ import STUDIES, study
+from analysis.__main__ import STUDIES, main, study
 from analysis.pages import environment, lines, render, table
 from analysis.places import results_folder
 from analysis.study import Study
@@ -37,6 +37,11 @@ def test_a_page_has_numbers_and_names_of_headings_and_no_unknown_name(tmp_path):
     with pytest.raises(jinja2.UndefinedError, match="x"):
         render(file, {})
     assert environment() is environment()
+
+
+def test_a_page_without_its_tables_says_what_to_do(tmp_path, capsys):
+    assert main(["model-evidence", "--steps", "page", "-o", str(tmp_path)]) == 2
+    assert "add `tables` to --steps" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", FRAMED)
