@@ -76,23 +76,30 @@ class Text(str):
     """A single value, with its line; empty: True if YAML reads it as no value."""
 
     line: int
+    size = 1
     empty: bool
 
 
 class Rows(list["Node"]):
-    """A list, with the line at which it begins."""
+    """A list, with the line at which it begins; size: number of values that it stands for through its aliases."""
 
     line: int
+    size: int
 
 
 class Block(dict[str, "Node"]):
-    """A mapping, with the line at which it begins and those of its names."""
+    """A mapping, with the line at which it begins and those of its names; size: as for Rows."""
 
     line: int
+    size: int
     lines: dict[str, int]
 
 
 Node = Text | Rows | Block
+
+
+class TooManyValues(Exception):
+    """A list or mapping, in the line given, stands for too many values through its aliases, or contains itself."""
 
 
 class Entry(NamedTuple):
@@ -111,6 +118,11 @@ def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
         raise InputError(f"a {kind.name} needs {kind.needs}: {install_command('campaign')}") from None
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
+        found = None if root is None else _marked(root, errors, {})
+    except TooManyValues as error:
+        problem = f"its aliases stand for more than {MOST_NODES} values: write them out, or leave some out"
+        errors.add(error.args[0], problem)
+        return None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         errors.add(1 if mark is None else mark.line + 1, f"this is not YAML: {error.problem}")
@@ -121,52 +133,27 @@ def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
     except yaml.YAMLError as error:
         errors.add(1, f"this is not YAML: {str(error).splitlines()[0]}")
         return None
-    if root is not None and (line := _exploding(root)) is not None:
-        errors.add(line, f"its aliases stand for more than {MOST_NODES} values: write them out, or leave some out")
-        return None
-    found = None if root is None else _marked(root, errors, {})
     if not isinstance(found, Block):
         errors.add(1, f"a {kind.name} file holds {kind.holds}, see {kind.page}")
         return None
     return found
 
 
-def _exploding(root: YamlNode) -> int | None:
-    """Line of a list or mapping that stands for too many values through its aliases, or contains itself; else None."""
-    sizes: dict[int, int] = {}
-    stack, open_nodes = [(root, False)], set()
-    while stack:
-        node, visited = stack.pop()
-        children = _children(node)
-        if visited:
-            open_nodes.discard(id(node))
-            sizes[id(node)] = 1 + sum(sizes[id(child)] for child in children)
-            if sizes[id(node)] > MOST_NODES:
-                return _line(node)
-        elif id(node) in open_nodes:
-            return _line(node)
-        elif id(node) not in sizes:
-            open_nodes.add(id(node))
-            stack.append((node, True))
-            stack += [(child, False) for child in children]
-    return None
-
-
-def _children(node: YamlNode) -> list[YamlNode]:
-    if isinstance(node.value, str):
-        return []
-    return [child for one in node.value for child in (one if isinstance(one, tuple) else [one])]
-
-
 def _line(node: YamlNode) -> int:
     return int(node.start_mark.line) + 1
 
 
-def _marked(node: YamlNode, errors: Errors, done: dict[int, Node]) -> Node:
-    """A node as text, list or mapping with lines; adds an error for each name that is no word, or is there twice."""
+def _marked(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Node:
+    """A node as text, list or mapping with lines; adds an error for each name that is no word, or is there twice.
+
+    done: id of a node -> its content, None for one that contains the node. Raises TooManyValues.
+    """
     if id(node) in done:
-        return done[id(node)]
+        if (known := done[id(node)]) is None:
+            raise TooManyValues(_line(node))
+        return known
     found: Node
+    done[id(node)] = None
     if isinstance(node.value, str):
         found = Text(node.value)
         found.empty = node.value == "" or node.tag.endswith(":null")
@@ -183,6 +170,11 @@ def _marked(node: YamlNode, errors: Errors, done: dict[int, Node]) -> Node:
                 found[key.value], found.lines[key.value] = _marked(value, errors, done), _line(key)
     else:
         found = Rows(_marked(one, errors, done) for one in node.value)
+        found.size = 1 + sum(one.size for one in found)
+    if isinstance(found, Block):
+        found.size = 1 + len(found) + sum(one.size for one in found.values())
+    if found.size > MOST_NODES:
+        raise TooManyValues(_line(node))
     found.line = _line(node)
     done[id(node)] = found
     return found

@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from labkit.campaigns.document import Block, Entry, Errors, Fields, read_fields, similar
@@ -25,8 +24,10 @@ from labkit.grains.scene import Scene
 from labkit.parameters import restored
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
-from labkit.specimens.settings import Settings, settings
+from labkit.specimens.settings import SETTINGS, Settings
 from labkit.specimens.specimen import Recipe, side_for
+
+LONGEST_LOOP = 10  # names shown of specimens that are derived from each other
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +74,7 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
 
 def chosen_settings(values: Mapping[str, Any], top: Mapping[str, object]) -> Settings:
     """The Settings of an entry, or else those at the top of the file."""
-    return settings(values.get("settings", top.get("settings", Common.settings)))
+    return SETTINGS[values.get("settings", top.get("settings", Common.settings))]
 
 
 def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, Any]:
@@ -155,27 +156,21 @@ def _consolidated(
 
 def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
     """The names, each after its source; adds an error for specimens that are derived from each other."""
-    sources = {
-        name: {fields.values[FROM.name]} & others.keys()
-        for name, fields in others.items()
-        if FROM.name in fields.values
-    }
-    while True:
-        try:
-            return list(TopologicalSorter(sources).static_order())
-        except CycleError as error:
-            loop = error.args[1][:0:-1]  # each from the next one
+    ordered: dict[str, None] = {}
+    for name in others:
+        chain: dict[str, None] = {}
+        while name in others and name not in ordered and name not in chain:
+            chain[name] = None
+            name = others[name].values.get(FROM.name, "")
+        if name in chain:
+            loop = list(chain)[list(chain).index(name) :]  # each from the next one
             first = min(range(len(loop)), key=lambda k: others[loop[k]].line)
             turned = [*loop[first:], *loop[:first], loop[first]]
             shown = [*turned[:LONGEST_LOOP], "..."] if len(loop) > LONGEST_LOOP else turned
             problem = f"specimen {turned[0]} is derived from itself ({' from '.join(shown)})"
             errors.add(others[turned[0]].line, f"{problem}: start from a specimen with a void ratio")
-            for name in loop:
-                del sources[name]
-            sources = {name: source & sources.keys() for name, source in sources.items()}
-
-
-LONGEST_LOOP = 10  # names shown of specimens that are derived from each other
+        ordered |= dict.fromkeys(reversed(chain))
+    return list(ordered)
 
 
 def require_unique(named: Iterable[tuple[str, int]], what: str, errors: Errors) -> None:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 
-from labkit.errors import InputError, instead_of
 from labkit.grains.scene import Scene
 from labkit.specimens.specimen import SIDE
 
@@ -31,11 +30,3 @@ SETTINGS = {
     "standard": Settings(side=SIDE),
     "reference": Settings(side=SIDE, time_step_factor=0.1, rate_factor=0.5),
 }
-
-
-def settings(name: str) -> Settings:
-    """The Settings of that name. Raises InputError for an unknown name."""
-    if name not in SETTINGS:
-        allowed = instead_of(SETTINGS, name)
-        raise InputError("are unknown", field="settings", value=name, allowed=allowed, quoted=True)
-    return SETTINGS[name]

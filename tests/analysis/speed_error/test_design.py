@@ -7,9 +7,8 @@ import pytest
 from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, full
 from labkit.cli import simulate
 from labkit.cli.dispatch import parse
-from labkit.errors import InputError
 from labkit.paths.rates import on_grains
-from labkit.specimens.settings import SETTINGS, settings
+from labkit.specimens.settings import SETTINGS
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -64,8 +63,3 @@ def test_settings_change_size_rate_and_time_step(specimen_file):
     assert task.path.rate == pytest.approx(5.0 * quick.rate_factor) and task.scene.time_step_factor == 0.3
     task = run_task("isoc", specimen_file, "--settings", "quick", "--rate", "7", "--time-step-factor", "0.1")
     assert task.path.rate == 7.0 and task.scene.time_step_factor == 0.1
-
-
-def test_unknown_settings():
-    with pytest.raises(InputError, match="quick, standard, reference"):
-        settings("fast")
