@@ -8,8 +8,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,10 +16,12 @@ from pathlib import Path
 from labkit.engines import ENGINES
 from labkit.engines.base import Progress
 from labkit.engines.speed import speed
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.atomic import write_text
 from labkit.io.provenance import machine
+from labkit.runs.laboratory import make_specimen
+from labkit.specimens.specimen import Recipe
 
 SIZES = (150, 1000)  # grains of the two specimens
 STEPS = {"fused": 3000}
@@ -113,25 +113,13 @@ def law_on(engine: str) -> str:
 
 
 def _specimen(grains: int, law: str, folder: Path) -> Path:
-    """State file of a specimen, made in a separate process unless it is there."""
+    """State file of a specimen, made unless it is there."""
     file = folder / f"n{grains}-{law}.state.nc"
-    if file.exists():
-        return file
-    done = subprocess.run([sys.executable, "-c", MAKE, str(grains), law, str(file)], capture_output=True, text=True)
-    if done.returncode:
-        lines = done.stderr.strip().splitlines() or ["no output"]
-        raise PhysicsError(f"speeds cannot be measured: {lines[-1]}")
+    if not file.exists():
+        make_specimen(
+            Recipe(void_ratio=0.67, grains=grains, size_classes=16), Scene(law=law), file=file, progress=False
+        )
     return file
-
-
-MAKE = """
-import sys
-from labkit.runs.laboratory import make_specimen
-from labkit.grains.scene import Scene
-from labkit.specimens.specimen import Recipe
-recipe = Recipe(void_ratio=0.67, grains=int(sys.argv[1]), size_classes=16)
-make_specimen(recipe, Scene(law=sys.argv[2]), file=sys.argv[3], progress=False)
-"""
 
 
 def _speed_of(engine: str, files: Sequence[Path]) -> Speed:
