@@ -64,21 +64,16 @@ class Parameter:
     """
 
     name: str
-    default: Any
-    help: str
-    unit: str
-    kind: type
-    low: float
-    high: float
-    above: float
-    choices: Any
-    optional: bool
-    option: bool
-
-    @classmethod
-    def number(cls, name: str, unit: str) -> Parameter:
-        """A number that may have any value."""
-        return cls(name, None, "", unit, float, -math.inf, math.inf, -math.inf, None, False, False)
+    default: Any = None
+    help: str = ""
+    unit: str = "1"
+    kind: type = float
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    choices: Any = None
+    optional: bool = False
+    option: bool = False
 
     @property
     def example(self) -> str:
@@ -257,25 +252,15 @@ def parameter(
 ) -> Any:
     """A dataclass field that is a parameter; see Parameter. By default, its kind is the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
-    definition = {
-        "help": help,
-        "unit": unit,
-        "kind": kind,
-        "low": low,
-        "high": high,
-        "above": above,
-        "choices": choices,
-        "optional": default is None,
-        "option": option,
-    }
-    return dataclasses.field(default=default, metadata={"parameter": definition})
+    known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, option)
+    return dataclasses.field(default=default, metadata={"parameter": known})
 
 
 @functools.cache
 def parameters_of(kind: type) -> Mapping[str, Parameter]:
     """Parameters of a dataclass, name -> Parameter; other fields are left out."""
     return {
-        field.name: Parameter(field.name, field.default, **field.metadata["parameter"])
+        field.name: dataclasses.replace(field.metadata["parameter"], name=field.name)
         for field in dataclasses.fields(kind)
         if "parameter" in field.metadata
     }

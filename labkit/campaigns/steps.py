@@ -13,7 +13,6 @@ steps:
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 from labkit.campaigns.document import Block, Errors, Fields, Node, Rows, read_fields
@@ -63,7 +62,7 @@ def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth
 
 
 def _repeated(node: Block, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
-    times = Parameter(REPEAT, None, "", "1", int, 1, MOST_STEPS, -math.inf, None, False, False)
+    times = Parameter(REPEAT, kind=int, low=1, high=MOST_STEPS)
     fields = read_fields(node, {REPEAT: times}, where, errors, sections=(STEPS,))
     if STEPS not in node or depth == DEEPEST:
         text = f"repeats more than {DEEPEST} times within one another" if STEPS in node else "has nothing to repeat"
@@ -104,5 +103,5 @@ def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ..
     """Changes of named stresses or strains in SI units."""
     if node is None:
         return {}
-    known = {name: Parameter.number(name, unit) for name in names}
+    known = {name: Parameter(name, unit=unit) for name in names}
     return dict(read_fields(node, known, where, errors).values)

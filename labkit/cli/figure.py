@@ -9,7 +9,7 @@ from typing import Annotated
 
 from labkit.cli.arguments import Csv, Option, one_of
 from labkit.cli.naming import figure_name
-from labkit.cli.outputs import require_outputs, write_table
+from labkit.cli.outputs import require_outputs, write_outputs
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import open_runs
@@ -71,9 +71,7 @@ def figure_command(
     drawn, table = draw(runs if len(runs) > 1 else first, groups, snapshot, **own)
     if len(runs) == 1:
         plots.name_run(drawn, first)  # a figure of the user may not name its run
-    plots.save(drawn, output, run)
-    print(f"figure: {output}")
-    write_table(table, csv, run)
+    write_outputs(drawn, output, table, csv, run)
     if not csv:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
@@ -103,7 +101,7 @@ def grading_command(
     Example:
         labkit grading s.state.nc
     """
-    from labkit.figures import grading_figure, plots
+    from labkit.figures import grading_figure
     from labkit.grains.state import read_state
     from labkit.records.checkpoint import read_checkpoint
 
@@ -112,9 +110,7 @@ def grading_command(
     require_outputs(output, csv)
     table = grading_figure.grading_table(state)
     print(table.to_string(index=False, float_format="%.4g"))
-    plots.save(grading_figure.grading(state), output, [file])
-    print(f"figure: {output}")
-    write_table(table, csv, [file])
+    write_outputs(grading_figure.grading(state), output, table, csv, [file])
 
 
 @command("picture")

@@ -12,6 +12,7 @@ from labkit.io.provenance import write_with_provenance
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 
 def require_outputs(figure: str, csv: str | None, *other: str) -> None:
@@ -24,6 +25,15 @@ def require_outputs(figure: str, csv: str | None, *other: str) -> None:
         require_writable(csv)
         if Path(csv).resolve() == Path(figure).resolve():
             raise InputError(f"{csv} is given as both the figure and the CSV file: use two different names")
+
+
+def write_outputs(drawn: Figure, figure: str, table: pandas.DataFrame, csv: str | None, inputs: Sequence[str]) -> None:
+    """Writes a figure and says where it is, and writes the table behind it if `csv` is given."""
+    from labkit.figures.plots import save
+
+    save(drawn, figure, inputs)
+    print(f"figure: {figure}")
+    write_table(table, csv, inputs)
 
 
 def write_table(table: pandas.DataFrame, file: str | None, inputs: Sequence[str], digits: int = 5) -> None:

@@ -40,7 +40,7 @@ from labkit.records.schedule import Options
 from labkit.runs.endings import met_conditions
 from labkit.runs.laboratory import load_task
 from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute
-from labkit.specimens.consolidation import pressure_error
+from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
 from labkit.specimens.stratified import Layer
@@ -140,7 +140,7 @@ def consolidate_command(
         state=start, source=source, pressure=wanted, output=output, history=history, start=computation
     )
     state = _made(task, announcing(task, "consolidation"))
-    error = pressure_error(state.snapshot(), wanted)
+    error = stress_error(state.snapshot(), path_to(wanted).control())
     print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
 
 
@@ -253,8 +253,8 @@ def stratified_command(
     """
     import pandas
 
-    from labkit.cli.outputs import require_outputs, write_table
-    from labkit.figures import layer_figure, plots
+    from labkit.cli.outputs import require_outputs, write_outputs
+    from labkit.figures import layer_figure
     from labkit.specimens.stratified import strata
 
     drawn = figure or output.removesuffix(".state.nc") + ".png"
@@ -265,10 +265,8 @@ def stratified_command(
         print(f"{output}: {made.number_of_grains} grains")
     state = read_state(output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in strata(state)])
-    plots.save(layer_figure.stratified_layer(state), drawn, [output])
     print(table.T.to_string(header=False))
-    print(f"figure: {drawn}")
-    write_table(table, csv, [output])
+    write_outputs(layer_figure.stratified_layer(state), drawn, table, csv, [output])
 
 
 def _made(task: Task, progress: Progress) -> State:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Csv, Option
 from labkit.cli.naming import figure_name
-from labkit.cli.outputs import require_outputs, write_table
+from labkit.cli.outputs import require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.io.provenance import write_with_provenance
 
@@ -85,9 +85,7 @@ def critical_command(
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
     print(*mean_strengths(runs, table), sep="\n")
-    plots.save(plots.e_p_paths(runs, list_runs=True), output, files)
-    print(f"figure: {output}")
-    write_table(table, csv, files)
+    write_outputs(plots.e_p_paths(runs, list_runs=True), output, table, csv, files)
 
 
 @command("info")

@@ -31,7 +31,7 @@ def _in_pascals(stresses: object) -> object:
     """Stresses in Pa; those in a list may be text with a unit."""
     if not isinstance(stresses, list | tuple):
         return stresses
-    return [Parameter.number("target", "Pa").read(one) if isinstance(one, str) else one for one in stresses]
+    return [Parameter("target", unit="Pa").read(one) if isinstance(one, str) else one for one in stresses]
 
 
 def six_columns(tensors: object) -> np.ndarray:

@@ -101,7 +101,7 @@ def mixed_step(
 
 def _in_si(values: Mapping[str, float | str] | None, unit: str) -> dict[str, float]:
     """Name -> value as a number; text is read with its unit. Raises InputError."""
-    read = {name: Parameter.number(name, unit).read for name in values or {}}
+    read = {name: Parameter(name, unit=unit).read for name in values or {}}
     return {name: read[name](value) if isinstance(value, str) else value for name, value in (values or {}).items()}
 
 

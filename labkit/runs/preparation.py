@@ -28,7 +28,6 @@ from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.laboratory import consolidate, make_specimen, run
-from labkit.specimens.compression import at_friction
 from labkit.specimens.specimen import Recipe
 
 PRESSURE = 100e3  # Pa, of the limits
@@ -112,7 +111,8 @@ def density_limits(
 
 def _with_share(share: float, recipe: Recipe, scene: Scene) -> Recipe:
     """The recipe with a share of the scene's friction and rolling friction during the compression."""
-    return at_friction(recipe, share * scene.friction, share * scene.rolling_friction)
+    friction, rolling_friction = share * scene.friction, share * scene.rolling_friction
+    return dataclasses.replace(recipe, step1_friction=friction, step1_rolling_friction=rolling_friction)
 
 
 def specimen_at(
@@ -131,7 +131,7 @@ def specimen_at(
     The friction and rolling friction during the compression are the same share of those of the scene. Raises
     PhysicsError if no share from 0 to 1 gives the void ratio within TOLERANCE.
     """
-    held: float = Parameter.number("pressure", "Pa").read(pressure)
+    held: float = Parameter("pressure", unit="Pa").read(pressure)
     low, high, share = 0.0, 1.0, 0.3
     for trial in range(TRIALS):
         recipe = _with_share(share, _recipe(grains, seed, held), scene)

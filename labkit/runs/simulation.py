@@ -18,7 +18,7 @@ from labkit.runs.endings import unfinished
 from labkit.runs.grains import Grains
 from labkit.runs.pace import TRAVELLED
 from labkit.servo.reach import require_way
-from labkit.specimens.consolidation import approach, path_to, pressure_error
+from labkit.specimens.consolidation import approach, path_to, stress_error
 from labkit.specimens.interim import interim_of
 from labkit.specimens.specimen import ready
 
@@ -84,10 +84,11 @@ def prepare(
     """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate)."""
     specimen = yield from ready(specimen, guarded)
     pressure = path.start_pressure()
-    if pressure is not None and pressure_error(specimen.snapshot(), pressure) > CONSOLIDATED:
+    held = None if pressure is None else path_to(pressure)
+    if held is not None and stress_error(specimen.snapshot(), held.control()) > CONSOLIDATED:
 
         def shown(done: float, text: str) -> None:
             progress(0.0, text)
 
-        specimen = yield from approach(specimen, path_to(pressure), engine, shown, interim)
+        specimen = yield from approach(specimen, held, engine, shown, interim)
     return opened(specimen)

@@ -122,8 +122,8 @@ class ConsolidationTask(_OfState):
     kind = "consolidation"
 
     def do(self, progress: Progress) -> State:
-        interim = interim_of(self.output)
-        state = consolidation.bring_to_pressure(self.state, self.pressure, self.start, progress, interim)
+        held, interim = consolidation.path_to(self.pressure), interim_of(self.output)
+        state = consolidation.bring_to(self.state, held, self.start, progress, interim)
         return self.finished(state, self.inputs)
 
 

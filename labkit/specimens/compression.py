@@ -8,7 +8,6 @@ with the friction of step 1 and then with that of the scene.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -23,7 +22,7 @@ from labkit.micro.stress import mean_stress
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import IsotropicCompression
 from labkit.records.energy import opened
-from labkit.specimens.consolidation import bring_to_pressure
+from labkit.specimens.consolidation import bring_to, path_to
 from labkit.specimens.specimen import (
     FIRST,
     RELEASE_TIME_STEP,
@@ -61,9 +60,10 @@ def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress 
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, f"{SECOND}: {text}"))
         made = reload(engine).at_rest()
     else:
-        soft_state = bring_to_pressure(state, recipe.pressure, start, lambda f, text: progress(0.5 + 0.3 * f, text))
+        target = path_to(recipe.pressure)
+        soft_state = bring_to(state, target, start, lambda f, text: progress(0.5 + 0.3 * f, text))
         switched = _with_scene(soft_state, scene, start)
-        made = bring_to_pressure(switched, recipe.pressure, start, lambda f, text: progress(0.8 + 0.2 * f, text))
+        made = bring_to(switched, target, start, lambda f, text: progress(0.8 + 0.2 * f, text))
     return made.replace(recipe=recipe.to_json())
 
 
@@ -104,8 +104,3 @@ def _compress(engine: Engine, recipe: Recipe, progress: Progress) -> None:
                 return
     if recipe.pressure is not None:
         raise PhysicsError(f"the pressure did not reach {recipe.pressure:.3g} Pa at a void ratio of {DENSEST:g}")
-
-
-def at_friction(recipe: Recipe, friction: float, rolling_friction: float) -> Recipe:
-    """The recipe with another friction during compression."""
-    return dataclasses.replace(recipe, step1_friction=friction, step1_rolling_friction=rolling_friction)

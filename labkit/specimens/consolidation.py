@@ -36,21 +36,6 @@ STEP_LIMIT = 200_000  # to reach the stress
 REST_LIMIT = 1_000_000  # to come to rest at the stress: specimens without friction need many steps
 
 
-def pressure_error(snapshot: Snapshot, pressure: float) -> float:
-    """Largest relative deviation of the three normal stresses from `pressure` (Pa)."""
-    return stress_error(snapshot, path_to(pressure).control())
-
-
-def bring_to_pressure(
-    specimen: State, pressure: float, start: Start, progress: Progress = silent, interim: File | None = None
-) -> State:
-    """A State at rest with the normal stresses at `pressure` (Pa). Raises PhysicsError at the step limit.
-
-    interim: file that keeps the state from time to time, so that an interrupted consolidation continues from there.
-    """
-    return bring_to(specimen, path_to(pressure), start, progress, interim)
-
-
 def path_to(pressure: float) -> Consolidation:
     """The path to an isotropic stress, Pa."""
     return Consolidation(pressure=with_unit(pressure, "Pa"))
@@ -67,7 +52,8 @@ def bring_to(
 ) -> State:
     """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit.
 
-    interim: as for `consolidate`; Interrupted is then raised after a signal, once the file is written.
+    interim: file that keeps the state from time to time, so that an interrupted consolidation continues from there;
+    Interrupted is then raised after a signal, once the file is written.
     """
     return drive(approach(specimen, path, start.name, progress, interim), start)
 
