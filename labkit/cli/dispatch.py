@@ -8,6 +8,7 @@ import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import labkit
 from labkit import extensions
@@ -79,7 +80,7 @@ def _call(argv: list[str]) -> int:
     return function(**arguments) or 0
 
 
-def parse(argv: Sequence[str]) -> tuple[Function, dict[str, object]]:
+def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
     """The function that a command line calls and its arguments. Raises InputError for a line that is not valid."""
     known = find_command(argv[0])
     if known is None:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable
 from os.path import exists
 from pathlib import Path
 
@@ -27,23 +26,33 @@ from labkit.io.interruption import die_with_parent
 from labkit.runs.tasks import RunTask
 
 
-def run_job(kind: str, *name: str) -> int:
+def run_job(kind: str, name: str = "") -> int:
     """Carries out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     die_with_parent()  # after a kill of the workflow, no job continues to write files
     if not campaign_lives():  # killed while this job was starting
         return fail("the campaign was killed", 1)
     plan = plan_of(read_copy())
-    products: dict[str, Callable[..., None]] = {
-        "batch": batch,
-        "statistics": summarise_run,
-        "figure": figure,
-        "report": report,
-    }
-    if kind not in products:
-        return simulate(next(job for job in plan.jobs if (job.kind, job.name) == (kind, *name)))
     try:
-        products[kind](plan, *name)
+        match kind:
+            case "batch":
+                from labkit.campaigns.batches import batches_of, carry_out
+
+                carry_out(next(one for one in batches_of(plan) if one.name == name), task_of)
+            case "statistics":
+                from labkit.campaigns.products import write_statistics
+
+                write_statistics(name)
+            case "figure":
+                from labkit.figures import plots
+                from labkit.runs.run import Run
+
+                file = f"{RUNS}/{name}.run.nc"
+                plots.save(Run.open(file).plot(), f"{FIGURES}/{name}.png", [file])
+            case "report":
+                report(plan)
+            case _:
+                return simulate(next(job for job in plan.jobs if (job.kind, job.name) == (kind, name)))
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error), exit_code(error))
     return 0
@@ -79,34 +88,10 @@ def _run_and_move(job: Job) -> int:
     return code
 
 
-def batch(plan: Plan, name: str) -> None:
-    """Carries out the runs of a batch."""
-    from labkit.campaigns.batches import batches_of, carry_out
-
-    carry_out(next(one for one in batches_of(plan) if one.name == name), task_of)
-
-
 def task_of(job: Job) -> RunTask:
     """The task of a run that its command describes. Raises InputError."""
-    build: Callable[..., RunTask] = run_task
     _, arguments = parse(job.command)
-    return build(**arguments)
-
-
-def summarise_run(plan: Plan, name: str) -> None:
-    """Writes the statistics of a run."""
-    from labkit.campaigns import products
-
-    products.write_statistics(name)
-
-
-def figure(plan: Plan, name: str) -> None:
-    """Draws the figure that suits the path of a run."""
-    from labkit.figures import plots
-    from labkit.runs.run import Run as RunResult
-
-    file = Path(RUNS) / f"{name}.run.nc"
-    plots.save(RunResult.open(file).plot(), Path(FIGURES) / f"{name}.png", [file])
+    return run_task(**arguments)
 
 
 def report(plan: Plan) -> None:
