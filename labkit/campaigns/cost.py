@@ -11,11 +11,12 @@ import heapq
 from collections.abc import Mapping
 
 from labkit.campaigns.batches import batches_of
-from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, PlannedRun, schedule_of
+from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, PlannedRun
 from labkit.campaigns.plan import Job, Plan
 from labkit.campaigns.speeds import Speed, known_speeds, likely_speed
 from labkit.engines import ENGINES
 from labkit.errors import InputError
+from labkit.grains.scene import Scene
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths.path import Path, holds_stress
 from labkit.paths.rates import on_grains
@@ -47,34 +48,55 @@ class Cost:
     disk: float
 
 
+@dataclasses.dataclass(frozen=True)
+class _Work:
+    """What a job or a command computes.
+
+    slower: time steps of a run divided by the planned ones, which differ if it has an inertial number; servo: steps
+    between two stress sums, None without a servo.
+    """
+
+    grains: int
+    planned_steps: int
+    slower: float = 1.0
+    records: float = 0.0
+    servo: int | None = None
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps."""
+        return round(self.slower * self.planned_steps)
+
+    def seconds(self, speed: Speed, threads: int) -> float:
+        """Time on an engine, s; records and the servo's stress sums count as steps."""
+        servo = 0.0 if self.servo is None else speed.stress_steps / self.servo
+        steps = self.slower * self.planned_steps * (1.0 + servo) + self.records * speed.record_steps
+        return speed.start + speed.seconds(steps, self.grains) / threads
+
+
+def _of_run(path: Path, scene: Scene, options: Options, grains: int, pressure: float) -> _Work:
+    """The work of a run at a mean stress of `pressure`, Pa."""
+    schedule = Schedule.of(path, scene.time_step, grains, options)
+    slower = 1.0 / expected_pace(path, options, scene, pressure)
+    servo = options.servo.interval if holds_stress(path) else None
+    return _Work(grains, schedule.steps, slower, schedule.steps / schedule.steps_per_record, servo)
+
+
 def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
     """The Cost of a job of a Plan. `speeds`: engine -> Speed. For a path that ends at a stress it is an upper bound."""
-    item, engine = job.item, speeds[job.item.engine]
+    item = job.item
     origin = campaign.origin(_specimen_of(item))
     grains = origin.expected_grains
     base, each = MEMORY.get(item.engine, OTHER_MEMORY)
+    work = _Work(grains, SPECIMEN_STEPS if job.kind == "specimen" else CONSOLIDATION_STEPS)
     disk = STATE_BYTES * grains
     if isinstance(item, PlannedRun):
-        schedule = schedule_of(item, origin)
         path = item.loading(origin)
-        slower = 1.0 / expected_pace(path, item.options, item.scene(origin), path.start_pressure() or TYPICAL_PRESSURE)
-        steps = round(slower * schedule.steps)
-        equivalent = _equivalent_steps(schedule, path, item.options, engine, slower)
-        disk += (
-            schedule.steps / schedule.steps_per_record * RECORD_BYTES
-            + (item.options.snapshots + 1) * grains * SNAPSHOT_BYTES
-        )
-    else:
-        steps = SPECIMEN_STEPS if job.kind == "specimen" else CONSOLIDATION_STEPS
-        equivalent = float(steps)
-    seconds = engine.start + engine.seconds(equivalent, grains) / item.threads
-    return Cost(steps * grains, seconds, base + each * grains, disk)
-
-
-def _equivalent_steps(schedule: Schedule, path: Path, options: Options, speed: Speed, slower: float) -> float:
-    """Steps of a run that takes `slower` times the planned ones, with records and the servo's stress sums as steps."""
-    servo = speed.stress_steps / options.servo.interval if holds_stress(path) else 0.0
-    return slower * schedule.steps * (1.0 + servo) + schedule.steps / schedule.steps_per_record * speed.record_steps
+        pressure = path.start_pressure() or TYPICAL_PRESSURE
+        work = _of_run(path, item.scene(origin), item.options, grains, pressure)
+        disk += work.records * RECORD_BYTES + (item.options.snapshots + 1) * grains * SNAPSHOT_BYTES
+    seconds = work.seconds(speeds[item.engine], item.threads)
+    return Cost(work.steps * grains, seconds, base + each * grains, disk)
 
 
 def _specimen_of(item: Item) -> str:
@@ -138,61 +160,37 @@ def announcement(task: Task, steps_done: int = 0) -> str:
 
     steps_done: steps of the run already completed.
     """
-    grains, steps = _size(task)
-    left = max(1.0 - steps_done / steps, 0.0)
+    work, engine = work_of(task), task.start
+    left = max(1.0 - steps_done / work.steps, 0.0)
     done = f", {1.0 - left:.0%} of them done" if steps_done else ""
     most = " at most" if isinstance(task, RunTask) and next(iter(task.path.steps_from(Here()))).stress_ends else ""
     about = "" if isinstance(task, RunTask) else "about "
-    line = f"{task.start.name}, {about}{grains:,} grains, {about}{steps:,} steps{most}{done}"
-    batches = ENGINES[task.start.name].abilities.batches
+    line = f"{engine.name}, {about}{work.grains:,} grains, {about}{work.steps:,} steps{most}{done}"
+    batches = ENGINES[engine.name].abilities.batches
     if batches is not None:
-        line += f", about {size_text(batches.memory(grains, task.start.precision))} of the GPU's memory"
-        if known_speeds([task.start.name]) is None:
+        line += f", about {size_text(batches.memory(work.grains, engine.precision))} of the GPU's memory"
+        if known_speeds([engine.name]) is None:
             return f"{line}; its speed on this computer is not known"
-    seconds = left * task_seconds(task, task.start.name)
+    seconds, fused = (left * work.seconds(likely_speed(name), engine.threads) for name in (engine.name, "fused"))
     line += f", about {rough_time(seconds)}"
     if seconds > ENDLESS:
         return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
-    fused = left * task_seconds(task, "fused")
-    if task.start.name == "fused" or seconds < MUCH_FASTER * fused or not _fits("fused", task):
+    if engine.name == "fused" or seconds < MUCH_FASTER * fused or not _fits("fused", task):
         return line
     return f"{line}; with --engine fused about {rough_time(fused)}"
 
 
-def task_seconds(task: Task, engine: str) -> float:
-    """Approximate time of a task on an engine, s."""
-    speed = likely_speed(engine)
-    grains, steps = _size(task)
-    equivalent = float(steps)
-    if isinstance(task, RunTask):
-        schedule = _schedule(task)
-        equivalent = _equivalent_steps(schedule, task.path, task.options, speed, _slower(task))
-    return speed.start + speed.seconds(equivalent, grains) / task.start.threads
-
-
-def _size(task: Task) -> tuple[int, int]:
-    """Number of grains and of steps of a task; approximate for a specimen and a consolidation."""
+def work_of(task: Task) -> _Work:
+    """The work of a task; approximate for a specimen and a consolidation."""
     if isinstance(task, SpecimenTask):
-        return task.recipe.expected_grains(task.material), SPECIMEN_STEPS
+        return _Work(task.recipe.expected_grains(task.material), SPECIMEN_STEPS)
     assert isinstance(task, (ConsolidationTask, RunTask))
     grains = task.state.number_of_grains
-    if isinstance(task, RunTask):
-        return grains, round(_slower(task) * _schedule(task).steps)
-    return grains, CONSOLIDATION_STEPS
-
-
-def _slower(task: RunTask) -> float:
-    """Time steps of a run divided by the planned ones, which differ if it has an inertial number."""
-    if task.options.inertial_number is None:
-        return 1.0
+    if isinstance(task, ConsolidationTask):
+        return _Work(grains, CONSOLIDATION_STEPS)
     path = on_grains(task.path, task.scene)
     pressure = path.start_pressure() or float(mean_stress(love_stress(task.state.snapshot())))
-    return 1.0 / expected_pace(path, task.options, task.scene, pressure)
-
-
-def _schedule(task: RunTask) -> Schedule:
-    path = on_grains(task.path, task.scene)
-    return Schedule.of(path, task.scene.time_step, task.state.number_of_grains, task.options)
+    return _of_run(path, task.scene, task.options, grains, pressure)
 
 
 def _fits(engine: str, task: Task) -> bool:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from labkit.campaigns.cost import announcement, cost_of, expected_seconds, rough_time, task_seconds
+from labkit.campaigns.cost import announcement, cost_of, expected_seconds, rough_time, work_of
 from labkit.campaigns.file import campaign_file, read_campaign
 from labkit.campaigns.plan import plan_of
-from labkit.campaigns.speeds import TYPICAL, cache_file
+from labkit.campaigns.speeds import TYPICAL, cache_file, likely_speed
 from labkit.engines import starter
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
@@ -116,6 +116,10 @@ def test_speeds_have_a_file_where_the_user_has_no_home(monkeypatch):
     assert cache_file() == Path(tempfile.gettempdir()) / "labkit" / "speed.json"
 
 
+def seconds_on(engine, task):
+    return work_of(task).seconds(likely_speed(engine), task.start.threads)
+
+
 def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen_file):
     state = read_state(specimen_file)
     path = ConstantVolume(strain=0.4)
@@ -123,12 +127,12 @@ def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen
     steps = round(path.strain / on_grains(path, state.scene).rate / state.scene.time_step)
     grains = state.number_of_grains
     assert announcement(slow).startswith(f"yade, {grains:,} grains, {steps:,} steps, about ")
-    assert announcement(slow).endswith(f"; with --engine fused about {rough_time(task_seconds(slow, 'fused'))}")
+    assert announcement(slow).endswith(f"; with --engine fused about {rough_time(seconds_on('fused', slow))}")
     assert announcement(slow, steps // 4).startswith(
         f"yade, {grains:,} grains, {steps:,} steps, 25% of them done, about"
     )
     assert "--engine fused" not in announcement(RunTask(state=state, path=path, start=starter("fused")))
-    assert task_seconds(slow, "yade") > 3.0 * task_seconds(slow, "fused")
+    assert seconds_on("yade", slow) > 3.0 * seconds_on("fused", slow)
 
 
 def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
