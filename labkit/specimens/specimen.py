@@ -18,12 +18,20 @@ from labkit.io.progress import log_fraction
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.parameters import Named, Number, check_parameters, parameter
+from labkit.parameters import Named, Number, Parameter, check_parameters, parameter
 from labkit.records.energy import kinetic_energy, opened, require_balanced
 from labkit.records.limits import require_shallow
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # m, of the cube in the paper
+VOID_RATIO = Parameter(
+    "void_ratio",
+    dataclasses.MISSING,
+    "target void ratio, not corrected for overlaps, e.g. 0.67",
+    low=0.3,
+    high=1.5,
+    option=True,
+)
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
 
@@ -38,9 +46,7 @@ class Recipe(Named):
     Raises InputError for values outside their ranges.
     """
 
-    void_ratio: Number[float] = parameter(
-        low=0.3, high=1.5, help="target void ratio, not corrected for overlaps, e.g. 0.67"
-    )
+    void_ratio: float = dataclasses.field(metadata={"parameter": VOID_RATIO})  # a type checker sees that it is required
     step1_friction: Number[float] = parameter(
         0.15, low=0.0, high=10.0, help="friction coefficient mu of step 1; determines the pressure"
     )

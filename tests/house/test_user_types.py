@@ -33,6 +33,7 @@ MISTAKES = {
     "lk.paths.ThereIsNoSuchPath()": "attr-defined",
     "lk.micro.there_is_no_such_name": "attr-defined",
     "lk.Scene(fricton=0.5)": "call-arg",
+    "lk.Recipe(grains=1000)": "call-arg",
     "lk.Scene(friction=[0.5])": "arg-type",
     'lk.run(state, "cp")': "arg-type",
     "lk.make_specimen(recipe, engin='fused')": "call-arg",
