@@ -280,11 +280,16 @@ def restored(kind: type, values: Mapping[str, Any]) -> Any:
     """
     for name in values.keys() - inspect.signature(kind).parameters.keys():
         raise TypeError(f"{kind.__name__} has no {name}")
-    known = parameters_of(kind)
-    pressures = {name for name, value in values.items() if isinstance(value, float) and name in known}
-    pressures = {name for name in pressures if known[name].unit == "Pa"}
-    unambiguous = {name: with_unit(value, "Pa") if name in pressures else value for name, value in values.items()}
-    return kind(**unambiguous)
+    return kind(**with_units(kind, values))
+
+
+def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of parameters of a dataclass in SI units, with their unit where a number alone would be ambiguous."""
+    pressures = {name for name, known in parameters_of(kind).items() if known.unit == "Pa"}
+    return {
+        name: with_unit(value, "Pa") if name in pressures and isinstance(value, float) else value
+        for name, value in values.items()
+    }
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -15,6 +15,7 @@ from labkit.campaigns.document import Block, Errors, Kind, compose, read_fields,
 from labkit.campaigns.keys import PATH, options_of
 from labkit.campaigns.steps import STEPS, read_steps
 from labkit.errors import InputError
+from labkit.parameters import with_units
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.steps import Steps
@@ -59,21 +60,10 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]]
     fields.require([PATH], example="cv")
     if kind is None:
         return None
-    values = {name: value for name, value in fields.values.items() if name != PATH.name}
     if kind is Steps:
-        if STEPS not in root:
-            fields.error(f"{STEPS} is missing: give a list of steps, see {KIND.page}")
-            return None
-        values["steps"], values["order"] = read_steps(root[STEPS], STEPS, errors)
+        read_steps(root, fields, STEPS)
+    given = {name: value for name, value in fields.values.items() if name != PATH.name}
+    values = with_units(kind, given)
     if not errors.count:
-        fields.attempt(lambda: make_path(kind.name, _with_units(kind, values)))
-    return kind, _with_units(kind, values)
-
-
-def _with_units(kind: type[Path], values: dict[str, object]) -> dict[str, object]:
-    """The values with units where a number alone would be ambiguous."""
-    known = options_of(kind)
-    return {
-        name: f"{value!r} Pa" if isinstance(value, float) and known[name].unit == "Pa" else value
-        for name, value in values.items()
-    }
+        fields.attempt(lambda: make_path(kind.name, values))
+    return kind, values

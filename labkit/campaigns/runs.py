@@ -37,27 +37,13 @@ def read_runs(
         sections = (STEPS,) if kind is Steps else ()
         fields = read_fields(node, run_keys(kind), where, errors, MULTIPLIED["runs"], sections, line)
         if kind is Steps:
-            _read_steps(fields, node)
+            read_steps(node, fields, f"{where}: {STEPS}")
         runs += [(run, fields) for run in _runs(name, kind, fields, top, specimens)]
         if len(runs) > MOST_RUNS:
             errors.add(line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them")
             return []
     require_unique([(run.name, fields.line) for run, fields in runs], "run", errors)
     return runs
-
-
-def _read_steps(fields: Fields, node: Node) -> None:
-    """Adds the list `steps` of a run to its fields."""
-    if not isinstance(node, Block) or STEPS not in node:
-        fields.error(f"{STEPS} is missing: give a list of steps, see docs/paths.md")
-        fields.broken.add(STEPS)
-        return
-    before = fields.errors.count
-    found = read_steps(node[STEPS], f"{fields.where}: {STEPS}", fields.errors)
-    if fields.errors.count > before:
-        fields.broken.add(STEPS)
-    else:
-        fields.values[STEPS], fields.values["order"] = found
 
 
 def _path_of(node: Node) -> type[Path] | None:

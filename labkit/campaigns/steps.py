@@ -37,14 +37,21 @@ class _Keys:
     label: str = parameter("", help="name of the step in messages")
 
 
-def read_steps(node: Node, where: str, errors: Errors) -> tuple[tuple[Phase, ...], tuple[int, ...]]:
-    """The steps of a list, each once, and the order in which they are carried out; adds every error with its line."""
-    steps: list[Phase] = []
-    order = _read_list(node, where, errors, steps, 0)
-    if len(order) > MOST_STEPS:
-        errors.add(node.line, f"{where} makes {len(order)} steps: give at most {MOST_STEPS}")
-        order = []
-    return tuple(steps), tuple(order)
+def read_steps(node: Node, fields: Fields, where: str) -> None:
+    """Adds the steps of a path, each once, and their order to its fields; adds every error with its line.
+
+    node: the mapping that has the list `steps`; where: name of the list in messages.
+    """
+    before, steps = fields.errors.count, list[Phase]()
+    if not isinstance(node, Block) or STEPS not in node:
+        fields.error(f"{STEPS} is missing: give a list of steps, see docs/paths.md")
+    else:
+        order = _read_list(node[STEPS], where, fields.errors, steps, 0)
+        if len(order) > MOST_STEPS:
+            fields.errors.add(node[STEPS].line, f"{where} makes {len(order)} steps: give at most {MOST_STEPS}")
+        fields.values |= {STEPS: tuple(steps), "order": tuple(order)}
+    if fields.errors.count > before:
+        fields.broken.add(STEPS)
 
 
 def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
