@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from pathlib import Path as File
-from typing import Annotated
+from typing import Annotated, Any
 
 from labkit.cli.announce import announcing
 from labkit.cli.arguments import (
@@ -23,7 +24,7 @@ from labkit.cli.arguments import (
 )
 from labkit.cli.naming import consolidated_name, run_name, specimen_name
 from labkit.cli.registry import command
-from labkit.engines import Start, require_engine
+from labkit.engines import require_engine
 from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.grains.scene import MADE_WITH, Scene
@@ -49,8 +50,7 @@ MATERIAL = "material, contact law and time step"
 NAMED = "(default: a name built from the parameters)"
 
 
-@command("specimen")
-def specimen_command(
+def specimen_task(
     *,
     recipe: Annotated[Texts, ParameterTexts(Recipe, "specimen")],
     material: Annotated[Texts, ParameterTexts(Scene, MATERIAL)],
@@ -58,30 +58,8 @@ def specimen_command(
     computation: Working,
     output: Annotated[str | None, Option(f"state file to write {NAMED}", "FILE")] = None,
     history: History,
-) -> None:
-    """Makes a periodic specimen at a given void ratio: grains are inserted at random and come to rest in two steps.
-
-    Writes a state file.
-
-    Example:
-        labkit specimen --void-ratio 0.67 --grains 4000 --engine fused -o s.state.nc
-    """
-    task = specimen_task(recipe, material, settings, computation, output, history)
-    if File(str(task.output)).exists():
-        if _holds(read_state(str(task.output)), task):
-            print(f"{task.output}: already holds this specimen, nothing to do")
-            return
-        print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
-    state = _made(task, announcing(task, "specimen"))
-    print(f"{task.output}: {one_line(state)}")
-    for limit in exceeded_by(state):
-        print(f"{task.output}: {limit}")
-
-
-def specimen_task(
-    recipe: Texts, material: Texts, settings: str | None, computation: Start, output: str | None, history: str
 ) -> SpecimenTask:
-    """The task one_line by the options. Raises InputError for invalid input, before work begins."""
+    """The task that the options describe. Raises InputError for invalid input, before work begins."""
     require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
     chosen = SETTINGS[settings or "standard"]
     size: dict[str, object] = {**recipe}
@@ -94,6 +72,28 @@ def specimen_task(
     output = output or specimen_name(made, scene)
     require_writable(output, "state")
     return SpecimenTask(recipe=made, material=scene, output=output, history=history, start=computation)
+
+
+@command("specimen")
+@functools.wraps(specimen_task, assigned=("__annotations__",))
+def specimen_command(**options: Any) -> None:
+    """Makes a periodic specimen at a given void ratio: grains are inserted at random and come to rest in two steps.
+
+    Writes a state file.
+
+    Example:
+        labkit specimen --void-ratio 0.67 --grains 4000 --engine fused -o s.state.nc
+    """
+    task = specimen_task(**options)
+    if File(str(task.output)).exists():
+        if _holds(read_state(str(task.output)), task):
+            print(f"{task.output}: already holds this specimen, nothing to do")
+            return
+        print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
+    state = _made(task, announcing(task, "specimen"))
+    print(f"{task.output}: {one_line(state)}")
+    for limit in exceeded_by(state):
+        print(f"{task.output}: {limit}")
 
 
 def _holds(state: State, task: SpecimenTask) -> bool:
@@ -144,8 +144,7 @@ def consolidate_command(
     print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
 
 
-@command("run", epilog=list_of_paths)
-def run_command(
+def run_task(
     path: Annotated[str | None, Option(f"loading path, one of {', '.join(PATHS)}, or a path file, FILE.yaml")] = None,
     specimen: Annotated[str | None, Option("state file to start from")] = None,
     *,
@@ -158,44 +157,8 @@ def run_command(
     computation: Working,
     output: Annotated[str | None, Option(f"run file to write or resume {NAMED}", "FILE")] = None,
     history: History,
-) -> None:
-    """Loads a specimen along a path.
-
-    Writes a run file with stresses, strains and statistics at each record, and the contacts at some of them. Repeat
-    the same command to resume an interrupted run.
-
-    Examples:
-        labkit run cv s.state.nc --strain 0.1 --engine fused -o r.run.nc
-        labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused
-        labkit run cp --help                  # only the options of this path
-    """
-    task = run_task(path, specimen, loading, recording, material, settings, computation, output, history)
-    file = str(task.output)
-    finished = _finished(file)
-    execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))
-    with open_netcdf(file, "run") as dataset:
-        reason = getattr(dataset, "ended_because", "")
-        records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
-    met = met_conditions(task.path, task.options.stop_when, records)
-    print(f"{file}: " + ", ".join(("was already complete, nothing to do" if finished else "complete", *met)))
-    if reason:
-        print(f"{file}: ended: {reason}")
-    for limit in exceeded_in(file):
-        print(f"{file}: {limit}")
-
-
-def run_task(
-    path: str | None,
-    specimen: str | None,
-    loading: Texts,
-    recording: Options,
-    material: Texts,
-    settings: str | None,
-    computation: Start,
-    output: str | None,
-    history: str,
 ) -> RunTask:
-    """The task one_line by the options. Raises InputError for invalid input, before work begins."""
+    """The task that the options describe. Raises InputError for invalid input, before work begins."""
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
     kind, written = named_path(word)
     source = require(specimen, "specimen", "a state file")
@@ -217,6 +180,34 @@ def run_task(
     )
     require_writable(str(task.output), "run")
     return task
+
+
+@command("run", epilog=list_of_paths)
+@functools.wraps(run_task, assigned=("__annotations__",))
+def run_command(**options: Any) -> None:
+    """Loads a specimen along a path.
+
+    Writes a run file with stresses, strains and statistics at each record, and the contacts at some of them. Repeat
+    the same command to resume an interrupted run.
+
+    Examples:
+        labkit run cv s.state.nc --strain 0.1 --engine fused -o r.run.nc
+        labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused
+        labkit run cp --help                  # only the options of this path
+    """
+    task = run_task(**options)
+    file = str(task.output)
+    finished = _finished(file)
+    execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))
+    with open_netcdf(file, "run") as dataset:
+        reason = getattr(dataset, "ended_because", "")
+        records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
+    met = met_conditions(task.path, task.options.stop_when, records)
+    print(f"{file}: " + ", ".join(("was already complete, nothing to do" if finished else "complete", *met)))
+    if reason:
+        print(f"{file}: ended: {reason}")
+    for limit in exceeded_in(file):
+        print(f"{file}: {limit}")
 
 
 def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
