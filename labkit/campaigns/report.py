@@ -32,9 +32,14 @@ def write_report(plan: Plan) -> None:
     """Writes the report: a summary, one row per run, limits exceeded, what failed and why, and the provenance."""
     finished = [job for job in plan.runs if Path(job.output).exists()]
     limits = {job.name: exceeded_in(job.output) for job in finished}
+    rates = {
+        job.name: _rate_factor(run, plan.campaign) if limits[job.name] else 1.0
+        for job in finished
+        if isinstance(run := job.item, PlannedRun)
+    }
     rows = [row for job in finished if (row := _row(job, limits[job.name]))]
     failed, waiting = failures(plan, ".")
-    lines = [f"# Campaign {Path.cwd().name}", "", _summary(plan, finished, failed, limits), ""]
+    lines = [f"# Campaign {Path.cwd().name}", "", _summary(len(plan.runs), rates, len(failed), limits), ""]
     if failed:
         lines += ["## Failed", "", *(f"- {kind} `{name}`: {reason}" for kind, name, reason in failed), ""]
     if waiting:
@@ -42,46 +47,46 @@ def write_report(plan: Plan) -> None:
     if rows:
         lines += ["## Overview", "", f"![q/p and void ratio of all runs]({OVERVIEW})", ""] * Path(OVERVIEW).exists()
         lines += ["## Runs", "", *markdown_table(rows), ""]
-        lines += limits_section(
-            [item for job in finished if isinstance(item := job.item, PlannedRun)], limits, plan.campaign
-        )
+        lines += _limits_section(rates, limits)
         lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
     lines += ["## Provenance", "", *_origin(rows)]
     inputs = [Path(STATISTICS) / f"{row['run']}.nc" for row in rows]
     write_with_provenance(REPORT, "\n".join(lines) + "\n", inputs)
 
 
-def _summary(plan: Plan, finished: Sequence[Job], failed: Sequence[object], limits: Limits) -> str:
-    """Sentence on finished runs, failures and limits."""
-    failures = f", {len(failed)} {'job' if len(failed) == 1 else 'jobs'} failed" if failed else ""
-    start = f"{len(finished)} of {len(plan.runs)} runs are finished{failures}."
-    if not finished:
+def _summary(planned: int, rates: Mapping[str, float], failed: int, limits: Limits) -> str:
+    """Sentence on finished runs, failures and limits. rates: run -> its rate divided by the standard one."""
+    failures = f", {failed} {'job' if failed == 1 else 'jobs'} failed" if failed else ""
+    start = f"{len(rates)} of {planned} runs are finished{failures}."
+    if not rates:
         return start
-    runs = [item for job in finished if isinstance(item := job.item, PlannedRun) and limits[job.name]]
-    fast = [run for run in runs if _only_inertial(limits[run.name]) and _rate_factor(run, plan.campaign) > 1.0]
+    above = {name: {one.name for one in limits[name]} for name in rates if limits[name]}
+    fast = sum(names == {INERTIAL} and rates[run] > 1.0 for run, names in above.items())
     sentences = [start]
     if fast:
         sentences.append(
-            f"{len(fast)} exceed only the limit on the inertial number, as expected of runs above the standard rate."
+            f"{fast} exceed only the limit on the inertial number, as expected of runs above the standard rate."
         )
-    if len(runs) > len(fast):
+    if len(above) > fast:
         others = "others" if fast else "of them"
-        sentences.append(f"{len(runs) - len(fast)} {others} exceed a limit of quasi-static tests.")
-    return " ".join([*sentences, "See Limits." if runs else "None exceeds a limit of quasi-static tests."])
+        sentences.append(f"{len(above) - fast} {others} exceed a limit of quasi-static tests.")
+    return " ".join([*sentences, "See Limits." if above else "None exceeds a limit of quasi-static tests."])
 
 
-def _only_inertial(limits: Sequence[Exceeded]) -> bool:
-    """True if the inertial number is the only limit exceeded."""
-    return {one.name for one in limits} == {INERTIAL}
-
-
-def limits_section(runs: Sequence[PlannedRun], limits: Limits, campaign: Campaign) -> list[str]:
+def _limits_section(rates: Mapping[str, float], limits: Limits) -> list[str]:
     """Lines of the section on limits: one table row per limit, and how many runs exceed it because of their rate."""
-    names = dict.fromkeys(one.name for run in runs for one in limits[run.name])
+    names = dict.fromkeys(one.name for ones in limits.values() for one in ones)
     if not names:
         return []
-    rows = [_limit_row(name, len(runs), limits) for name in names]
-    return ["## Limits", "", *markdown_table(rows), "", *_explanation(runs, limits, campaign)]
+    rows = [_limit_row(name, len(rates), limits) for name in names]
+    settings = {known.rate_factor: f" (`settings: {name}`)" for name, known in SETTINGS.items()}
+    fast = Counter(rates[run] for run in rates if rates[run] > 1.0 and INERTIAL in {one.name for one in limits[run]})
+    lines = [
+        f"{number} of these runs are sheared at {factor:.3g} times the standard rate{settings.get(factor, '')}. This "
+        "is a choice of the campaign file, which trades accuracy for time, and a higher inertial number is expected."
+        for factor, number in sorted(fast.items())
+    ]
+    return ["## Limits", "", *markdown_table(rows), "", *lines, *[""] * bool(lines)]
 
 
 def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, object]:
@@ -96,21 +101,6 @@ def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, object]:
         "times the limit": over[worst].largest / over[worst].limit,
         "in run": worst,
     }
-
-
-def _explanation(runs: Sequence[PlannedRun], limits: Limits, campaign: Campaign) -> list[str]:
-    """Lines on the runs whose inertial number is high because they are sheared faster than the standard rate."""
-    inertial = [run for run in runs if any(one.name == INERTIAL for one in limits[run.name])]
-    fast = Counter(factor for run in inertial if (factor := _rate_factor(run, campaign)) > 1.0)
-    if not fast:
-        return []
-    names = {settings.rate_factor: f" (`settings: {name}`)" for name, settings in SETTINGS.items()}
-    lines = [
-        f"{number} of these runs are sheared at {factor:.3g} times the standard rate{names.get(factor, '')}. This is a "
-        "choice of the campaign file, which trades accuracy for time, and a higher inertial number is expected."
-        for factor, number in sorted(fast.items())
-    ]
-    return [*lines, ""]
 
 
 def _rate_factor(run: PlannedRun, campaign: Campaign) -> float:
