@@ -106,11 +106,6 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
                 "is unknown", field=field or self.kind, value=name, allowed=self.instead_of(name), quoted=True
             ) from None
 
-    @property
-    def allowed(self) -> str:
-        """The valid names, worded for an error message."""
-        return self.instead_of(None)
-
     def instead_of(self, name: object) -> str:
         """The valid names, the most similar one first, worded for an error message."""
         return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use){missing()}"
@@ -122,10 +117,6 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def earlier(self, name: str) -> tuple[str, ...]:
         """Former names of an entry."""
         return tuple(alias for alias, known in self._aliases.items() if known == name)
-
-    def names(self) -> tuple[str, ...]:
-        """All names, including those of earlier versions."""
-        return (*self, *self._aliases)
 
 
 def _origin(entry: object) -> str:

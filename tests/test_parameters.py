@@ -208,7 +208,7 @@ def test_choices_accept_their_former_names():
     for value in ("hertz", "", "Paper", 3, None):
         error = refused(Scene, law=value)
         assert (error.field, error.problem) == ("law", "is unknown") and error.value == value
-        assert error.allowed == LAWS.allowed and error.allowed.startswith("one of rolling_resistance, spring_dashpot")
+        assert error.allowed.startswith("one of rolling_resistance, spring_dashpot")
     assert str(refused(Scene, law="hertz")).startswith(
         "law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot"
     )

@@ -10,7 +10,7 @@ import contextlib
 import hashlib
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,7 +105,8 @@ def carry_out(batch: RunBatch, task_of: Callable[[Job], RunTask]) -> None:
     try:
         failures = execute_together(list(tasks.values()))
     except (InputError, PhysicsError, Interrupted, MemoryError) as error:
-        _log_all(tasks, f"labkit: {sentence(error)}")
+        for job in tasks:
+            _log(job, f"labkit: {sentence(error)}")
         raise
     for job, failure in zip(tasks, failures, strict=True):
         _log(job, f"{job.unfinished}: complete" if failure is None else f"labkit: {sentence(failure)}")
@@ -125,8 +126,3 @@ def _is_due(job: Job) -> bool:
 def _log(job: Job, line: str) -> None:
     with open(job.log, "a") as log:
         print(line, file=log)
-
-
-def _log_all(jobs: Iterable[Job], line: str) -> None:
-    for job in jobs:
-        _log(job, line)

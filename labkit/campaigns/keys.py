@@ -34,24 +34,12 @@ class Common:
     precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engines fused and cuda")
 
 
-@dataclasses.dataclass(frozen=True)
-class _Words:
-    """Keys with a meaning of their own."""
-
-    name: str = parameter(kind=str, help="name of the campaign and of its folder")
-    path: str = parameter(kind=str, choices=PATHS, help="loading path")
-    specimen: str = parameter(kind=str, help="specimen to start from")
-    gpu_memory: float | None = parameter(
-        None,
-        unit="GB",
-        above=0.0,
-        high=1e6,
-        help="memory of the GPU for the runs of a batch (default: asked from the GPU of this computer)",
-    )
-
-
-NAME, PATH, SPECIMEN, GPU_MEMORY = parameters_of(_Words).values()
-FROM = dataclasses.replace(SPECIMEN, name="from", help="specimen to consolidate")
+NAME = Parameter("name", help="name of the campaign and of its folder", kind=str)
+PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
+SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
+FROM = Parameter("from", help="specimen to consolidate", kind=str)
+GPU = "memory of the GPU for the runs of a batch (default: asked from the GPU of this computer)"
+GPU_MEMORY = Parameter("gpu_memory", help=GPU, unit="GB", above=0.0, high=1e6)
 
 
 def options_of(kind: type) -> Keys:

@@ -124,34 +124,25 @@ def _all_consolidated(
     errors: Errors,
 ) -> list[Consolidated]:
     """The Consolidated of these entries, each after its source; adds them to the groups and the origins."""
-    for fields in others.values():
-        fields.require([consolidated_keys()["pressure"]])
-        source = fields.values.get(FROM.name)
-        if source is not None and source not in groups:
-            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
     consolidated = []
     for name in _sources_first(others, errors):
         fields = others[name]
-        for item in _consolidated(name, fields, groups, top):
-            origins[item.name] = origin = origins[item.source]
+        source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
+        fields.require([consolidated_keys()["pressure"]])
+        if source is not None and source not in groups:
+            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
+        if fields.broken or pressure is None or source is None:
+            continue
+        for one in tuple(groups.get(source, ())):
+            made = name if one == source else name + one.removeprefix(source)
+            item = Consolidated(made, one, pressure, **worked(fields.values, top))
+            origins[made] = origin = origins[one]
             fields.attempt(functools.partial(require_engine, item.engine, origin.scene, item.precision))
             path = restored(Consolidation, {"pressure": item.pressure})
             fields.attempt(functools.partial(require_pressure, path, origin.scene))
             groups[name].append(item.name)
             consolidated.append(item)
     return consolidated
-
-
-def _consolidated(
-    name: str, fields: Fields, groups: Mapping[str, Sequence[str]], top: Mapping[str, object]
-) -> list[Consolidated]:
-    """The Consolidated of one entry, one per specimen of its source; empty if the entry has errors."""
-    source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
-    if fields.broken or pressure is None or source is None:
-        return []
-    chosen, ones = worked(fields.values, top), list(groups.get(source, ()))
-    names = [name] if ones == [source] else [name + one.removeprefix(source) for one in ones]
-    return [Consolidated(made, one, pressure, **chosen) for made, one in zip(names, ones, strict=True)]
 
 
 def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:

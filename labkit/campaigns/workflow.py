@@ -25,6 +25,7 @@ SNAKEFILE = HERE / "Snakefile"
 PROFILES = HERE / "profiles"
 PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
 LOG = f"{LOGS}/snakemake.log"
+FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quiet rules"
 
 
 def require_snakemake(profile: str | None = None) -> None:
@@ -114,22 +115,8 @@ def snakemake_command(cores: int, profile: str | None) -> list[str]:
     labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
     move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
     """
-    arguments = [
-        "--snakefile",
-        str(SNAKEFILE),
-        "--nolock",
-        "--ignore-incomplete",
-        "--keep-going",
-        "--rerun-triggers",
-        "mtime",
-        "--quiet",
-        "rules",
-    ]
-    if profile is None:
-        arguments += ["--cores", str(cores), "--resources", "gpu=1"]
-    else:
-        arguments += ["--profile", str(profile_folder(profile))]
-    return [sys.executable, "-m", "snakemake", *arguments]
+    where = ["--profile", str(profile_folder(profile))] if profile else ["--cores", str(cores), "--resources", "gpu=1"]
+    return [sys.executable, "-m", "snakemake", "--snakefile", str(SNAKEFILE), *FLAGS.split(), *where]
 
 
 def uses_slurm(profile: str) -> bool:
