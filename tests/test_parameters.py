@@ -13,7 +13,6 @@ import pytest
 from labkit.cli.arguments import ParameterTexts, PathOptions
 from labkit.cli.parser import Parser, named
 from labkit.errors import InputError, option_name
-from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.parameters import check_parameters, parameter, parameters_of, restored, with_unit
 from labkit.paths.registry import PATHS, make_path, path_of

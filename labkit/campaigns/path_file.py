@@ -4,22 +4,37 @@ path: cp                        path: steps
 pressure: 300 kPa               pressure: 300 kPa
 strain: 5 %                     steps:
                                   - {strain: {zz: 2 %}, stress: {xx: 0, yy: 0}}
+
+The steps of a path, here or in a campaign, are named increments of stress and strain:
+
+steps:
+  - strain: {zz: 2 %}                      # drained triaxial compression: the lateral stresses stay as they are
+    stress: {xx: 0, yy: 0}
+    until: q/p > 0.8
+  - repeat: 10
+    steps:
+      - {stress: {q: -40 kPa}, variables: roscoe}       # undrained: v is not named, and keeps its value
+      - {stress: {q: 40 kPa}, variables: roscoe}
 """
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path as File
 
-from labkit.campaigns.document import Block, Errors, Kind, compose, read_fields, read_text
+from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.campaigns.keys import PATH, options_of
-from labkit.campaigns.steps import STEPS, read_steps
 from labkit.errors import InputError
-from labkit.parameters import with_units
+from labkit.parameters import Parameter, parameter, parameters_of, with_units
 from labkit.paths.path import Path
+from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
-from labkit.paths.steps import Steps
+from labkit.paths.steps import MOST_STEPS, Steps
+from labkit.paths.variables import VARIABLES, increments
 
+STEPS, REPEAT = "steps", "repeat"
+DEEPEST = 5  # repetitions within one another
 KIND = Kind("path", "PyYAML", "`path:` and its parameters", "docs/paths.md")
 ENDINGS = (".yaml", ".yml")
 
@@ -67,3 +82,92 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]]
     if not errors.count:
         fields.attempt(lambda: make_path(kind.name, values))
     return kind, values
+
+
+@dataclasses.dataclass(frozen=True)
+class _Keys:
+    """Keys of a step apart from `stress` and `strain`."""
+
+    variables: str = parameter("cartesian", choices=VARIABLES, help="names of stresses and strains")
+    absolute: bool = parameter(False, help="stresses are values to reach, not increments")
+    over: float | None = parameter(None, above=0.0, high=50.0, help="accumulated strain of the step")
+    until: str | None = parameter(None, kind=str, help="condition that ends the step")
+    records: int | None = parameter(None, low=1, high=100_000, kind=int, help="number of records")
+    label: str = parameter("", help="name of the step in messages")
+
+
+def read_steps(node: Node, fields: Fields, where: str) -> None:
+    """Adds the steps of a path, each once, and their order to its fields; adds every error with its line.
+
+    node: the mapping that has the list `steps`; where: name of the list in messages.
+    """
+    before, steps = fields.errors.count, list[Phase]()
+    if not isinstance(node, Block) or STEPS not in node:
+        fields.error(f"{STEPS} is missing: give a list of steps, see docs/paths.md")
+    else:
+        order = _read_list(node[STEPS], where, fields.errors, steps, 0)
+        if len(order) > MOST_STEPS:
+            fields.errors.add(node[STEPS].line, f"{where} makes {len(order)} steps: give at most {MOST_STEPS}")
+        fields.values |= {STEPS: tuple(steps), "order": tuple(order)}
+    if fields.errors.count > before:
+        fields.broken.add(STEPS)
+
+
+def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+    if not isinstance(node, Rows) or not node:
+        errors.add(node.line, f"{where} is not a list of steps: write each step after a dash, see docs/paths.md")
+        return []
+    order: list[int] = []
+    for number, one in enumerate(node, start=1):
+        name = f"{where}, step {number}"
+        if isinstance(one, Block) and REPEAT in one:
+            order += _repeated(one, name, errors, steps, depth)
+        else:
+            order += _single(one, name, errors, steps)
+    return order
+
+
+def _repeated(node: Block, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+    times = Parameter(REPEAT, kind=int, low=1, high=MOST_STEPS)
+    fields = read_fields(node, {REPEAT: times}, where, errors, sections=(STEPS,))
+    if STEPS not in node or depth == DEEPEST:
+        text = f"repeats more than {DEEPEST} times within one another" if STEPS in node else "has nothing to repeat"
+        fields.error(f"{text}: give `repeat` a list of `steps`")
+        return []
+    once = _read_list(node[STEPS], where, errors, steps, depth + 1)
+    number = fields.values.get(REPEAT, 1)
+    if number * len(once) > MOST_STEPS:
+        fields.error(f"makes {number * len(once)} steps: give at most {MOST_STEPS}", REPEAT)
+        return []
+    return once * number
+
+
+def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[int]:
+    before = errors.count
+    fields = read_fields(node, parameters_of(_Keys), where, errors, sections=("stress", "strain"))
+    parts = node if isinstance(node, Block) else Block()
+    variables = VARIABLES[fields.values.get("variables", "cartesian")]
+    changes = {
+        name: _changes(parts.get(name), f"{where}: {name}", errors, names, unit)
+        for name, names, unit in (("stress", variables.stress, "Pa"), ("strain", variables.strain, "1"))
+    }
+    if errors.count == before and not (changes["stress"] or changes["strain"]):
+        fields.error("changes nothing: give `stress` or `strain`, e.g. strain: {zz: 2 %}")
+    if errors.count > before:
+        return []
+    made = _made(fields, changes)
+    steps += [] if made is None else [made]
+    return [] if made is None else [len(steps) - 1]
+
+
+def _made(fields: Fields, changes: dict[str, dict[str, float]]) -> Phase | None:
+    values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
+    return fields.attempt(lambda: increments(**values))
+
+
+def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ...], unit: str) -> dict[str, float]:
+    """Changes of named stresses or strains in SI units."""
+    if node is None:
+        return {}
+    known = {name: Parameter(name, unit=unit) for name in names}
+    return dict(read_fields(node, known, where, errors).values)

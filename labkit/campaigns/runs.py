@@ -11,8 +11,8 @@ from typing import Any
 from labkit.campaigns.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
 from labkit.campaigns.items import Campaign, PlannedRun, schedule_of
 from labkit.campaigns.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, changes_of_runs, given, options_of, run_keys
+from labkit.campaigns.path_file import STEPS, read_steps
 from labkit.campaigns.specimens import Specimens, chosen_settings, require_unique, worked
-from labkit.campaigns.steps import STEPS, read_steps
 from labkit.engines import require_engine
 from labkit.parameters import restored
 from labkit.paths.path import Path

@@ -18,8 +18,7 @@ from labkit.runs.endings import unfinished
 from labkit.runs.grains import Grains
 from labkit.runs.pace import TRAVELLED
 from labkit.servo.reach import require_way
-from labkit.specimens.consolidation import approach, path_to, stress_error
-from labkit.specimens.interim import interim_of
+from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.specimen import ready
 
 CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again

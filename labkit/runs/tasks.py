@@ -22,7 +22,7 @@ from labkit.records.schedule import Options
 from labkit.runs import probing as probes
 from labkit.runs.simulation import simulation
 from labkit.specimens import compression, consolidation, specimen, stratified
-from labkit.specimens.interim import interim_of
+from labkit.specimens.consolidation import interim_of
 from labkit.specimens.specimen import Recipe
 from labkit.specimens.stratified import Layer
 

@@ -1,8 +1,17 @@
-"""Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses."""
+"""Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses.
+
+The state of an unfinished consolidation is kept in a file, so that a killed command need not begin anew. It then ends
+at the same stresses as if it had not been interrupted, but not with the same bits: loading a state changes the order in
+which contact forces are summed.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
+import hashlib
+import json
+import time
 from collections.abc import Generator
 from pathlib import Path as File
 from typing import Any
@@ -10,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.base import Advance, Load, Progress, Request, Start, drive, silent
-from labkit.errors import InputError, PhysicsError
-from labkit.grains.state import State
+from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.grains.state import State, read_state, write_state
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
@@ -26,7 +35,6 @@ from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
 from labkit.records.energy import opened, require_balanced
 from labkit.servo import correction as servo
-from labkit.specimens.interim import Interim
 from labkit.specimens.specimen import ready
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
@@ -34,6 +42,8 @@ UNBALANCED = 1e-3
 CHECK_INTERVAL = 250  # steps
 STEP_LIMIT = 200_000  # to reach the stress
 REST_LIMIT = 1_000_000  # to come to rest at the stress: specimens without friction need many steps
+PAUSE = 60.0  # s between two saves of an unfinished consolidation
+SHARE = 0.05  # of the time may be spent on saving
 
 
 def path_to(pressure: float) -> Consolidation:
@@ -103,3 +113,55 @@ def _to_rest(
         f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
         f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"
     )
+
+
+class Interim:
+    """Keeps states of the consolidation of a specimen along a path in a file.
+
+    file: None to keep nothing; engine: its name.
+    """
+
+    def __init__(self, file: File | None, specimen: State, path: Path, engine: str) -> None:
+        """Read nothing yet."""
+        self.file = file
+        aim = [specimen.digest(), path.name, dataclasses.asdict(path), engine]
+        self._key = hashlib.sha256(json.dumps(aim).encode()).hexdigest()
+        self._specimen = specimen
+        self._saved, self._took = time.monotonic(), 0.0
+
+    def resumed(self) -> State | None:
+        """The last state that was kept of the same consolidation; None if there is none."""
+        if self.file is None or not self.file.exists():
+            return None
+        try:
+            state = read_state(self.file)
+        except InputError:  # damaged, or of another version: begin anew
+            return None
+        if state.history != self._key:
+            return None
+        kept = self._specimen
+        return state.replace(history=kept.history, recipe=kept.recipe, provenance=kept.provenance)
+
+    def keep(self, state: State, signals: Signals) -> None:
+        """Save a state if that is due. Raises Interrupted, after saving it, if a signal was caught."""
+        now = time.monotonic()
+        if self.file is None or not (signals.caught or now - self._saved > max(PAUSE, self._took / SHARE)):
+            return
+        write_state(self.file, state.replace(history=self._key, recipe="", provenance=""))
+        self._saved, self._took = time.monotonic(), time.monotonic() - now
+        if signals.caught:
+            raise Interrupted(
+                f"stopped by signal {signals.caught}; {self.file} keeps the consolidation so far: give the same "
+                "command to continue it",
+                128 + signals.caught,
+            )
+
+    def remove(self) -> None:
+        """Delete the file, when the consolidation is complete."""
+        if self.file is not None:
+            self.file.unlink(missing_ok=True)
+
+
+def interim_of(output: File | str | None) -> File | None:
+    """Path of the file that keeps the consolidation of a command that writes `output`."""
+    return None if output is None else File(output).with_name(f".{File(output).name}.consolidation")
