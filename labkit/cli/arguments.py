@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import inspect
 import os
 import typing
@@ -141,6 +142,7 @@ class ParameterTexts:
         title: of the group in the help; note: the line below it.
         leave_out: parameters without an option.
         unset: True if the defaults are determined at run time, so that the help omits them.
+        made: True to make an instance of the dataclass of the texts.
     """
 
     kind: type
@@ -148,6 +150,7 @@ class ParameterTexts:
     note: str | None = None
     leave_out: Collection[str] = ()
     unset: bool = False
+    made: bool = False
 
     def add(self, parser: Parser) -> None:
         """Adds the options."""
@@ -156,23 +159,15 @@ class ParameterTexts:
             _add(group, known, help_of(known, None if self.unset else known.default))
 
     def read(self, options: argparse.Namespace) -> object:
-        """The texts that are given."""
-        return self.texts(options)
-
-    def texts(self, options: argparse.Namespace) -> Texts:
-        """The texts that are given."""
-        return _given(options, self._known())
+        """The texts that are given, or the instance. Raises InputError."""
+        texts = _given(options, self._known())
+        return self.kind(**texts) if self.made else texts
 
     def _known(self) -> list[Parameter]:
         return [one for one in parameters_of(self.kind).values() if one.option and one.name not in self.leave_out]
 
 
-class Instance(ParameterTexts):
-    """An option for each parameter of a dataclass; the argument is an instance of it."""
-
-    def read(self, options: argparse.Namespace) -> object:
-        """The instance. Raises InputError."""
-        return self.kind(**self.texts(options))
+Instance = functools.partial(ParameterTexts, made=True)
 
 
 @dataclasses.dataclass(frozen=True)
