@@ -22,6 +22,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path as File
+from typing import Any
 
 from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.campaigns.keys import PATH, options_of
