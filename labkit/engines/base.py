@@ -1,8 +1,8 @@
 """What a run and an engine have in common: the interface of an engine, and the requests of a run.
 
 A run is a generator that yields what it needs of an engine and receives the answers. A request is a Load, an Advance,
-Corrections, Work, or a function of the engine. `drive` answers from one engine; other drivers answer the requests of
-several runs, or of a test.
+Corrections, Work, or a function of the engine. `drive_engine` answers from one engine; other drivers answer the
+requests of several runs, or of a test.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ Request = Load | Advance | Corrections | Work | Callable[[Engine], Answer]
 Run = Generator[Request, Answer, object]
 
 
-def drive(run: Generator[Request, Answer, Result], start: Start) -> Result:
+def drive_engine(run: Generator[Request, Answer, Result], start: Start) -> Result:
     """Carry out a run with one engine; returns its result. Raises what the run or the engine raises."""
     engine: Engine | None = None
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from pathlib import Path as File
 
-from labkit.engines.base import Progress, Request, Start, drive, silent
+from labkit.engines.base import Progress, Request, Start, silent
 from labkit.grains.state import State
 from labkit.io.interruption import stop_on_signals
 from labkit.micro.stress import love_stress
@@ -23,23 +23,6 @@ from labkit.specimens.specimen import ready
 
 CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
 LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack
-
-
-def run(
-    specimen: State,
-    path: Path,
-    file: File,
-    start: Start,
-    options: Options | None = None,
-    progress: Progress = silent,
-) -> bool:
-    """Load a specimen along a path and record it in a run file; resume an unfinished file.
-
-    Returns False if the file already held the finished run. Raises InputError for a file that holds another run or that
-    another process is writing, PhysicsError if the simulation fails or a held stress cannot reach its target,
-    Interrupted after SIGINT or SIGTERM, once a checkpoint is written.
-    """
-    return drive(simulation(specimen, path, file, start, options, progress), start)
 
 
 def simulation(

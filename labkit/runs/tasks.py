@@ -9,7 +9,7 @@ from pathlib import Path as File
 from typing import ClassVar
 
 from labkit.engines import Fused, require_engine
-from labkit.engines.base import Engine, Progress, Request, Start, drive, silent
+from labkit.engines.base import Engine, Progress, Request, Start, drive_engine, silent
 from labkit.errors import InputError
 from labkit.extensions import used
 from labkit.grains.scene import Scene
@@ -152,7 +152,7 @@ class RunTask(_OfState):
         return rate_warning(self.path, self.state, self.options.inertial_number)
 
     def do(self, progress: Progress) -> None:
-        drive(self.run(progress), self.start)
+        drive_engine(self.run(progress), self.start)
 
     def run(self, progress: Progress) -> Generator[Request, object, bool]:
         """What the task needs of an engine."""

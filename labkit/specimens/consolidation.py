@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Advance, Load, Progress, Request, Start, drive, silent
+from labkit.engines.base import Advance, Load, Progress, Request, Start, drive_engine, silent
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State, read_state, write_state
 from labkit.io.interruption import Signals, stop_on_signals
@@ -65,7 +65,7 @@ def bring_to(
     interim: file that keeps the state from time to time, so that an interrupted consolidation continues from there;
     Interrupted is then raised after a signal, once the file is written.
     """
-    return drive(approach(specimen, path, start.name, progress, interim), start)
+    return drive_engine(approach(specimen, path, start.name, progress, interim), start)
 
 
 def approach(

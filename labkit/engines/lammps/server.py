@@ -138,7 +138,7 @@ class Ranks:
                 send(self._peer, answer)
 
 
-def follow(domain: Domain) -> None:
+def follow_first_rank(domain: Domain) -> None:
     """Make the calls that rank 0 makes, until it has finished."""
     while True:
         name, arguments = domain.comm.bcast(None)
@@ -154,7 +154,7 @@ def serve_ranks(name: str) -> None:
         signal.signal(number, signal.SIG_IGN)
     domain = Domain(MPI.COMM_WORLD)
     if domain.comm.rank:
-        follow(domain)
+        follow_first_rank(domain)
         return
     with socket.socket(socket.AF_UNIX) as peer:
         peer.connect(name)
