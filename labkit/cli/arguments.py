@@ -4,7 +4,7 @@
         run: Annotated[list[str], Option("run file")],
         *,
         rows: Annotated[int, Option("number of rows of the table")] = 20,
-        computation: Annotated[Start, EngineOptions()],
+        computation: Annotated[Start, Made(start_of_options)],
     ) -> int:
 
 What stands before `*` is an argument, the rest are options; a default makes either optional. A Section stands for
@@ -21,7 +21,7 @@ import os
 import typing
 from collections.abc import Callable, Collection, Iterable, Sequence
 from types import NoneType
-from typing import Annotated, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, TypeVar, runtime_checkable
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Start, start_of
@@ -220,28 +220,24 @@ def _given(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
     return {one.name: text for one in known if (text := getattr(options, one.name)) is not None}
 
 
-class EngineOptions:
-    """--engine, --threads, --ranks and --precision."""
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """The arguments and options of a function, which makes one argument of a command of them."""
+
+    function: Callable[..., object]
 
     def add(self, parser: Parser) -> None:
         """Adds the options."""
-        group = parser.group("computation")
-        engine = f"simulation engine, one of {', '.join(ENGINES)} (default: yade)"
-        group.add_argument("--engine", type=one_of(ENGINES), default="yade", help=engine)
-        group.add_argument("--threads", type=threads, default=1, metavar="N", help="number of threads (default: 1)")
-        ranks = "number of MPI ranks of the engine lammps, instead of threads (default: 1)"
-        group.add_argument("--ranks", type=positive_int, metavar="N", help=ranks)
-        precision = "double, or mixed on the engines fused and cuda: faster, with half of the numbers in single "
-        group.add_argument(
-            "--precision",
-            type=one_of(PRECISIONS),
-            default="double",
-            help=f"{precision}precision (default: double)",
-        )
+        for section in sections_of(self.function).values():
+            section.add(parser)
 
-    def read(self, options: argparse.Namespace) -> Start:
-        """The engine that is asked for. Raises InputError for ranks of an engine with threads, or the opposite."""
-        return start_of(options.engine, options.threads, options.precision, options.ranks)
+    def arguments(self, options: argparse.Namespace) -> dict[str, Any]:
+        """Arguments of the function, from the values of the options. Raises InputError."""
+        return {name: section.read(options) for name, section in sections_of(self.function).items()}
+
+    def read(self, options: argparse.Namespace) -> object:
+        """What the function makes. Raises InputError."""
+        return self.function(**self.arguments(options))
 
 
 class CommandLine:
@@ -305,8 +301,27 @@ def require(value: Value | None, field: str, example: str | None = None) -> Valu
 
 # --- options of several commands -------------------------------------------------------------------------------------
 
+
+def start_of_options(
+    *,
+    engine: Annotated[
+        str, Option(f"simulation engine, one of {', '.join(ENGINES)}", type=one_of(ENGINES), group="computation")
+    ] = "yade",
+    threads: Annotated[int, Option("number of threads", type=threads, group="computation")] = 1,
+    ranks: Annotated[
+        int | None,
+        Option("number of MPI ranks of the engine lammps, instead of threads (default: 1)", group="computation"),
+    ] = None,
+    precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
+) -> Start:
+    """The engine that is asked for. Raises InputError for ranks of an engine with threads, or the opposite."""
+    return start_of(engine, threads, precision, ranks)
+
+
+PRECISION = "double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision"
+
 Csv = Annotated[str | None, Option("also write the table as CSV, to this file", "FILE")]
-Working = Annotated[Start, EngineOptions()]
+Working = Annotated[Start, Made(start_of_options)]
 History = Annotated[str, CommandLine()]
 Preset = Annotated[
     str | None,

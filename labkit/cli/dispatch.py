@@ -86,7 +86,7 @@ def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
     if known is None:
         allowed = f"{instead_of(summaries(), argv[0])}{missing()}"
         raise InputError(f"COMMAND {argv[0]!r} is unknown: give {allowed} (see labkit --help)")
-    from labkit.cli.arguments import sections_of
+    from labkit.cli.arguments import Made
 
     options = parser_for(known, argv[1:]).read(argv[1:])
     options.command_line = shlex.join(["labkit", *argv])
@@ -94,16 +94,15 @@ def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
         from labkit.io.netcdf import TRUST
 
         os.environ[TRUST] = "1"  # inherited by child processes
-    return known.function, {name: section.read(options) for name, section in sections_of(known.function).items()}
+    return known.function, Made(known.function).arguments(options)
 
 
 def parser_for(command: Command, words: Sequence[str]) -> Parser:
     """The parser with the options of a command, for these words."""
-    from labkit.cli.arguments import sections_of
+    from labkit.cli.arguments import Made
 
     parser = Parser(f"labkit {command.name}", words, command.description)
-    for section in sections_of(command.function).values():
-        section.add(parser)
+    Made(command.function).add(parser)
     use = "Python file that registers paths, contact laws, statistics, engines, figures or commands"
     parser.add_argument("--use", action="append", metavar="FILE", help=use)
     trust = "read files whose hashes show that they are damaged or changed, as far as possible"

@@ -20,7 +20,6 @@ from labkit.campaigns.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
 from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.dispatch import parse
-from labkit.cli.simulate import run_task
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 from labkit.io.interruption import die_with_parent
 from labkit.runs.tasks import RunTask
@@ -90,8 +89,8 @@ def _run_and_move(job: Job) -> int:
 
 def task_of(job: Job) -> RunTask:
     """The task of a run that its command describes. Raises InputError."""
-    _, arguments = parse(job.command)
-    return run_task(**arguments)
+    task: RunTask = parse(job.command)[1]["task"]
+    return task
 
 
 def report(plan: Plan) -> None:

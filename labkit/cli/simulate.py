@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import json
 from pathlib import Path as File
-from typing import Annotated, Any
+from typing import Annotated
 
 from labkit.cli.announce import announcing
 from labkit.cli.arguments import (
     Csv,
     History,
     Instance,
+    Made,
     Option,
     ParameterTexts,
     PathOptions,
@@ -75,8 +75,7 @@ def specimen_task(
 
 
 @command("specimen")
-@functools.wraps(specimen_task, assigned=("__annotations__",))
-def specimen_command(**options: Any) -> None:
+def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> None:
     """Makes a periodic specimen at a given void ratio: grains are inserted at random and come to rest in two steps.
 
     Writes a state file.
@@ -84,7 +83,6 @@ def specimen_command(**options: Any) -> None:
     Example:
         labkit specimen --void-ratio 0.67 --grains 4000 --engine fused -o s.state.nc
     """
-    task = specimen_task(**options)
     if File(str(task.output)).exists():
         if _holds(read_state(str(task.output)), task):
             print(f"{task.output}: already holds this specimen, nothing to do")
@@ -183,8 +181,7 @@ def run_task(
 
 
 @command("run", epilog=list_of_paths)
-@functools.wraps(run_task, assigned=("__annotations__",))
-def run_command(**options: Any) -> None:
+def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     """Loads a specimen along a path.
 
     Writes a run file with stresses, strains and statistics at each record, and the contacts at some of them. Repeat
@@ -195,7 +192,6 @@ def run_command(**options: Any) -> None:
         labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused
         labkit run cp --help                  # only the options of this path
     """
-    task = run_task(**options)
     file = str(task.output)
     finished = _finished(file)
     execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))

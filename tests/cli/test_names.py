@@ -4,7 +4,6 @@ import pytest
 
 from labkit.cli.dispatch import parse
 from labkit.cli.naming import consolidated_name, run_name
-from labkit.cli.simulate import specimen_task
 from labkit.paths.registry import PATHS
 
 SPECIMENS = {
@@ -43,7 +42,7 @@ RUNS = {
 
 @pytest.mark.parametrize("words", SPECIMENS)
 def test_names_of_specimens(words):
-    assert specimen_task(**parse(["specimen", *words.split()])[1]).output == f"{SPECIMENS[words]}.state.nc"
+    assert parse(["specimen", *words.split()])[1]["task"].output == f"{SPECIMENS[words]}.state.nc"
 
 
 @pytest.mark.parametrize("words", RUNS)
