@@ -112,12 +112,12 @@ def _read(file: Path) -> _File:
     with open_netcdf(file, "run", verify=False) as run:  # the hashes are checked when values are read
         texts = {name: getattr(run, name, "") for name in ("recipe", "provenance", "path_parameters", "scene")}
         known = {name: json.loads(text) if text else {} for name, text in texts.items()}
-        inputs, name = known["provenance"].get("inputs", []), run.getncattr("path")
+        inputs, name = [one["file"] for one in known["provenance"].get("inputs", [])], run.getncattr("path")
         records = len(run.dimensions["time"])
         of_file = {
             "path": name,
             "engine": str(run.engine),
-            "specimen": _specimen_of(inputs),
+            "specimen": next((Path(file).name for file in inputs if str(file).endswith(".state.nc")), ""),
             "seed": int(getattr(run, "seed", 0)),
             "grains": len(run["grains"].dimensions["grain"]),
             "records": records,
@@ -153,11 +153,6 @@ def _described(variable: netCDF4.Variable) -> Variable:
     attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
     own = Variable(variable.name, variable.dimensions, "f8", *attributes)
     return RECORD.get(variable.name, own)
-
-
-def _specimen_of(inputs: list[dict[str, Any]]) -> str:
-    """Name of the state file among the inputs of a run, which may include user-supplied files."""
-    return next((Path(one["file"]).name for one in inputs if str(one["file"]).endswith(".state.nc")), "")
 
 
 class _Records(BackendArray):

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 from labkit.campaigns.batches import batches_of
 from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, PlannedRun
 from labkit.campaigns.plan import Job, Plan
-from labkit.campaigns.speeds import Speed, known_speeds, likely_speed
+from labkit.campaigns.speeds import Speed, known_speeds, likely_speed, supports
 from labkit.engines import ENGINES
-from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths.path import Path, holds_stress
@@ -175,7 +174,7 @@ def announcement(task: Task, steps_done: int = 0) -> str:
     line += f", about {rough_time(seconds)}"
     if seconds > ENDLESS:
         return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
-    if engine.name == "fused" or seconds < MUCH_FASTER * fused or not _fits("fused", task):
+    if engine.name == "fused" or seconds < MUCH_FASTER * fused or not supports("fused", task.scene):
         return line
     return f"{line}; with --engine fused about {rough_time(fused)}"
 
@@ -191,15 +190,6 @@ def work_of(task: Task) -> _Work:
     path = on_grains(task.path, task.scene)
     pressure = path.start_pressure() or float(mean_stress(love_stress(task.state.snapshot())))
     return _of_run(path, task.scene, task.options, grains, pressure)
-
-
-def _fits(engine: str, task: Task) -> bool:
-    """True if an engine can simulate the scene of a task."""
-    try:
-        ENGINES[engine].abilities.require_scene(task.scene)
-    except InputError:
-        return False
-    return True
 
 
 def rough_time(seconds: float) -> str:

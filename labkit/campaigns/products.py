@@ -76,7 +76,8 @@ def numbers(run: xr.Dataset) -> Numbers:
         end = critical_states({"run": run}).iloc[0]
         for key, long_name in CRITICAL.items():
             values[f"critical_{key}"] = float(end[key]), "1", long_name
-    return {**values, **{f"final_{name}": _at_end(run[name]) for name in run.data_vars if _is_own(run[name])}}
+    own = {name: each for name, each in run.data_vars.items() if each.dims == ("time",) and name not in RECORD}
+    return values | {f"final_{name}": _at_end(each) for name, each in own.items()}
 
 
 def _cyclic(run: xr.Dataset) -> Numbers:
@@ -90,11 +91,6 @@ def _cyclic(run: xr.Dataset) -> Numbers:
         values["cycles_to_pressure"] = found.cycles_to_ratio, "1", "cycles to r_u > 0.95"
         values["cycles_to_strain"] = found.cycles_to_double_amplitude, "1", "cycles to a double amplitude of 5 % strain"
     return values
-
-
-def _is_own(variable: xr.DataArray) -> bool:
-    """True for a user-defined statistic: one number per record, not one of labkit's variables."""
-    return variable.dims == ("time",) and variable.name not in RECORD
 
 
 def _at_end(variable: xr.DataArray) -> tuple[float, str, str]:

@@ -96,20 +96,21 @@ def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Spee
         speeds = {}
         for number, engine in enumerate(engines):
             progress(number / len(engines), f"measuring {engine}")
-            files = [_specimen(grains, law_on(engine), Path(folder)) for grains in SIZES]
+            law = Scene().law if supports(engine, Scene()) else "spring_dashpot"
+            files = [_specimen(grains, law, Path(folder)) for grains in SIZES]
             speeds[engine] = _speed_of(engine, files)
         progress(1.0, "speeds measured")
     _store(speeds)
     return speeds
 
 
-def law_on(engine: str) -> str:
-    """The contact law on which an engine is measured: that of the paper's tests, if the engine has it."""
+def supports(engine: str, scene: Scene) -> bool:
+    """True if an engine can simulate a scene."""
     try:
-        ENGINES.require(engine).abilities.require_scene(Scene())
+        ENGINES.require(engine).abilities.require_scene(scene)
     except InputError:
-        return "spring_dashpot"
-    return Scene().law
+        return False
+    return True
 
 
 def _specimen(grains: int, law: str, folder: Path) -> Path:
