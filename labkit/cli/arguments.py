@@ -76,32 +76,29 @@ class Single:
 
     def add(self, parser: Parser) -> None:
         """Adds the option."""
-        name, default, group = self.parameter.name, self.parameter.default, parser.group(self.option.group)
+        option, name, default = self.option, self.parameter.name, self.parameter.default
+        group = parser.group(option.group)
         required = default is inspect.Parameter.empty
         read, metavar, several = _value(self.kind)
-        read, metavar = self.option.type or read, self.option.metavar or metavar
-        help = self.option.help.replace("%", "%%")
+        help = option.help.replace("%", "%%")
         if not (required or default in (None, False, ()) or "(default" in help):
             help += f" (default: {shown(default)})"
+        names = ["-o"] * (name == "output") + [option_name(name)]
+        given: dict[str, Any] = {
+            "type": option.type or read,
+            "metavar": option.metavar or metavar,
+            "help": help,
+        }
         if self.parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
             nargs = ("+" if required else "*") if several else None if required else "?"
-            kept = None if required or default == () else default
-            metavar = self.option.metavar or name.upper()
-            group.add_argument(name, nargs=nargs, type=read, default=kept, metavar=metavar, help=help)
-            return
-        names = ["-o"] * (name == "output") + [option_name(name)]
-        if self.kind is bool:
-            group.add_argument(*names, action="store_true", help=help)
-            return
-        group.add_argument(
-            *names,
-            nargs="+" if several else None,
-            type=read,
-            default=None if required else default,
-            required=required,
-            metavar=metavar,
-            help=help,
-        )
+            names, default = [name], None if default == () else default
+            given |= {"nargs": nargs, "metavar": option.metavar or name.upper()}
+        elif self.kind is bool:
+            given = {"action": "store_true", "help": help}
+        else:
+            given |= {"nargs": "+" if several else None, "required": required}
+        given["default"] = None if required else default
+        group.add_argument(*names, **given)
 
     def read(self, options: argparse.Namespace) -> object:
         """The value of the option."""

@@ -223,7 +223,9 @@ def test_the_help_of_every_command_has_a_description_and_an_example(name, capsys
 
 
 @pytest.mark.parametrize("name", sorted(summaries()))
-def test_the_examples_of_the_help_can_be_parsed(name):
+def test_the_examples_of_the_help_can_be_parsed(name, specimen_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(specimen_file, "s.state.nc")
     heading, *examples = find_command(name).examples.splitlines()
     assert heading in ("example:", "examples:")
     for example in examples:
