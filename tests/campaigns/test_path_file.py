@@ -7,11 +7,11 @@ from labkit.campaigns.file import read_campaign
 from labkit.campaigns.path_file import read_path
 from labkit.campaigns.plan import plan_of
 from labkit.cli import main
-from labkit.cli.dispatch import parse
 from labkit.cli.simulate import named_path
 from labkit.errors import InputError
 from labkit.paths.registry import make_path
 from labkit.paths.variables import increments
+from tests.cli.options import run_options
 
 STEPS = """\
   - strain: {zz: 2 %}
@@ -105,7 +105,7 @@ def test_a_file_that_is_not_text_is_refused(written, tmp_path):
 
 def commanded_path(words):
     """The path of a command line, from its options and its path file."""
-    _, given = parse(words)
+    given = run_options(words[1:])
     kind, values = named_path(given["path"])
     return make_path(kind.name, {**values, **given["loading"]})
 
@@ -135,7 +135,7 @@ def test_the_steps_of_a_campaign_become_options_of_its_jobs(written):
     assert [job.item.path.pressure for job in jobs] == [2e5, 3e5] and len(jobs) == 2
     for job in jobs:
         words = [*job.command[:2], "s.state.nc", *job.arguments[2:]]
-        assert commanded_path(words) == job.item.path and parse(words)[1]["recording"].stop_when == "q/p > 1"
+        assert commanded_path(words) == job.item.path and run_options(words[1:])["recording"].stop_when == "q/p > 1"
     assert [step.label for step in jobs[0].item.path.steps][2] == "shear"
     with pytest.raises(InputError, match="line 4: run own: steps is missing"):
         read_campaign(written(CAMPAIGN, "d.yaml"))

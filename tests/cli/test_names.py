@@ -2,12 +2,10 @@
 
 import pytest
 
-from labkit.cli.arguments import Made
-from labkit.cli.dispatch import parse, parser_for
+from labkit.cli.dispatch import parse
 from labkit.cli.naming import consolidated_name, run_name
-from labkit.cli.registry import find_command
-from labkit.cli.simulate import run_task
 from labkit.paths.registry import PATHS
+from tests.cli.options import run_options
 
 SPECIMENS = {
     "--void-ratio 0.67": "e0.67_f0.15_r0.1_l0.004_s1",
@@ -51,9 +49,7 @@ def test_names_of_specimens(words):
 @pytest.mark.parametrize("words", RUNS)
 def test_names_of_runs_in_the_folders_of_their_specimens(words):
     path, *more = words.split()
-    options = parser_for(find_command("run"), words.split()).read([path, "some/s.state.nc", *more])
-    options.command_line = ""
-    given = Made(run_task).arguments(options)
+    given = run_options([path, "some/s.state.nc", *more])
     name = run_name(path, "some/s.state.nc", PATHS[path], given["loading"], given["material"], given["settings"])
     assert name == f"some/{RUNS[words]}.run.nc"
 
