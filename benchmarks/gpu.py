@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,7 +12,7 @@ import pandas
 from benchmarks.kernel import copies
 from labkit.engines.base import Progress
 from labkit.engines.cuda.batch import Batch
-from labkit.engines.cuda.device import bandwidth
+from labkit.engines.cuda.device import SIMULATED, cuda
 from labkit.engines.cuda.memory import memory_of, room
 from labkit.grains.state import State
 from labkit.micro.stress import love_stress, mean_stress
@@ -21,6 +22,15 @@ from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.paths.step import Here
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import Corrections, Planner
+
+
+def bandwidth() -> float:
+    """Peak bandwidth of the memory of the device, bytes per second; NaN if the driver does not say."""
+    if SIMULATED:
+        return math.nan
+    device = cuda.get_current_device()
+    clock, width = (getattr(device, name, math.nan) for name in ("MEMORY_CLOCK_RATE", "GLOBAL_MEMORY_BUS_WIDTH"))
+    return 2.0 * clock * 1e3 * width / 8.0  # kHz, two transfers per cycle, bits
 
 
 class Case(NamedTuple):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.micro.contacts import branch_vectors
-
 
 def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """True (n,) for contacts that a State lists with their grains exchanged; the shift decides for an own image.
@@ -30,22 +28,9 @@ def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.n
     """
     swap = is_reversed(pair, shift)[:, None]
     pair, shift = np.where(swap, pair[:, ::-1], pair), np.where(swap, -shift, shift)
-    order = np.lexsort((*shift.T, pair[:, 1], pair[:, 0]))
+    key = pair[:, 0] * np.int64(pair.max(initial=0) + 1) + pair[:, 1]
+    order = np.argsort(key, kind="stable")
+    if (np.diff(key[order]) == 0).any():  # two grains meet across two sides of the cell
+        order = np.lexsort((*shift.T, key))
     sign = np.where(swap[order], -1.0, 1.0)
     return pair[order].astype(np.int32), shift[order].astype(np.int32), order, sign
-
-
-def touching(
-    pair: np.ndarray, shift: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
-) -> np.ndarray:
-    """Indices of the pairs (n, 2) of grains that overlap or touch.
-
-    Args:
-        pair: Numbers of the two grains, (n, 2).
-        shift: Cell periods to add to the second grain, (n, 3).
-        position: Of all grains, (grain, 3), m.
-        radius: (grain,), m.
-        cell: (3, 3), m.
-    """
-    branch = branch_vectors(position, cell, pair, shift)
-    return np.flatnonzero(radius[pair].sum(axis=1) - np.sqrt(np.einsum("ci,ci->c", branch, branch)) >= 0.0)

@@ -14,7 +14,8 @@ import numpy as np
 
 import labkit
 from labkit.engines.base import IN_ENGINE, Abilities, Engine
-from labkit.engines.contacts import sort_contacts, touching
+from labkit.engines.contacts import sort_contacts
+from labkit.engines.kernel.arranging import touching
 from labkit.engines.kernel.build import explain_refusal, kernel_of
 from labkit.engines.kernel.compiling import CONFIG, rounded
 from labkit.engines.kernel.layout import (
@@ -207,11 +208,11 @@ class FusedEngine(Engine):
     def state(self) -> State:
         self._enter_flows()
         position, velocity, spin = self.packing.unpack_grains()
-        history = self.packing.unpack_history()
-        pair = np.argsort(history.number)[history.pairs.T]
-        kept = touching(pair, history.shift, position, self._start.radius, self._cell)
-        contact_grain, contact_shift, order, sign = sort_contacts(pair[kept], history.shift[kept])
-        rows = sign * history.rows[kept][order]
+        p = self.packing
+        pair = p.order[p.pairs.T]
+        kept = touching(pair, p.pair_shift, position, self._start.radius, self._cell)
+        contact_grain, contact_shift, order, sign = sort_contacts(pair[kept], p.pair_shift[kept])
+        rows = sign * p.take_history(kept[order])
         zero = np.zeros((len(order), 3))
         law = self._law
         return self._start.replace(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import inspect
-import math
 import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from labkit.engines.kernel.compiling import Function, Version, names_of, numpy_for_numbers, use_operators, with_globals
+from labkit.engines.kernel.compiling import Function, Version, callees, use_operators, with_globals
 from labkit.errors import InputError
 
 try:
@@ -47,36 +45,13 @@ def require_device() -> None:
         )
 
 
-def bandwidth() -> float:
-    """Peak bandwidth of the memory of the device, bytes per second; NaN if the driver does not say."""
-    if SIMULATED:
-        return math.nan
-    device = cuda.get_current_device()
-    clock, width = (getattr(device, name, math.nan) for name in ("MEMORY_CLOCK_RATE", "GLOBAL_MEMORY_BUS_WIDTH"))
-    return 2.0 * clock * 1e3 * width / 8.0  # kHz, two transfers per cycle, bits
-
-
-def device_function(function: Function, known: dict[Function, Function], version: Version) -> Function:
-    """Compile a plain Python function for the device, together with the plain Python functions that it calls.
-
-    known: functions compiled so far, function -> compiled; extended in place.
-    """
+def on_device(function: Function) -> Function:
+    """Compile one function for the device; in the simulator it stays plain Python unless it uses numba.cuda."""
     plain = SIMULATED and "cuda" not in function.__code__.co_names
-    if plain and not version.single:
-        return function
-    if function not in known:
-        fresh = with_globals(function, callees(function, known, version), version)
-        known[function] = fresh if plain else cuda.jit(fresh, device=True)
-    return known[function]
-
-
-def callees(function: Function, known: dict[Function, Function], version: Version) -> dict[str, object]:
-    """The plain Python functions that a function calls, compiled, and numpy for numbers: name -> value."""
-    used = {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
-    return numpy_for_numbers(function) | {name: device_function(f, known, version) for name, f in used.items()}
+    return function if plain else cuda.jit(function, device=True)
 
 
 def kernel(function: Function, names: dict[str, object], version: Version) -> DeviceKernel:
     """Compile a kernel, and the functions that it calls; `names`: global names to redefine before."""
     fresh = with_globals(function, names, version)
-    return cuda.jit(with_globals(fresh, callees(fresh, {}, version), version))
+    return cuda.jit(with_globals(fresh, callees(fresh, {}, version, on_device), version))

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from labkit.engines.contacts import is_reversed, sort_contacts, touching
+from labkit.engines.contacts import is_reversed, sort_contacts
 from labkit.engines.cuda.arrays import HISTORY
 from labkit.engines.cuda.device import SLICE
+from labkit.engines.kernel.arranging import touching
 from labkit.errors import PhysicsError
 from labkit.grains.state import State
 

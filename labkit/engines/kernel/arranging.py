@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from labkit.engines.kernel.compiling import compiled, kept
@@ -107,3 +109,32 @@ def carry(
             blocks[block, 1 + k, i] = sign * rows[found, k] if found >= 0 else 0.0
         if found >= 0:
             next_one = found + 1
+
+
+@kept
+def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
+    """The values (n, k) in the places slot (n,) of the k rows of blocks (block, ...) from the offset `first` on."""
+    rows = np.empty((len(slot), (blocks.shape[1] - first) // WIDTH), blocks.dtype)
+    for k in range(len(slot)):
+        block, i = slot[k] // WIDTH, slot[k] % WIDTH
+        for j in range(rows.shape[1]):
+            rows[k, j] = blocks[block, first + j * WIDTH + i]
+    return rows
+
+
+@kept
+def touching(
+    pair: np.ndarray, shift: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
+) -> np.ndarray:
+    """Indices of the pairs (n, 2) of grains that overlap or touch; shift (n, 3): periods of the second grain."""
+    found, count = np.empty(len(pair), np.int64), 0
+    for k in range(len(pair)):
+        a, b, squared = pair[k, 0], pair[k, 1], 0.0
+        for j in range(3):
+            period = cell[j, 0] * shift[k, 0] + cell[j, 1] * shift[k, 1] + cell[j, 2] * shift[k, 2]
+            d = position[b, j] + period - position[a, j]
+            squared += d * d
+        if radius[a] + radius[b] - math.sqrt(squared) >= 0.0:
+            found[count] = k
+            count += 1
+    return found[:count]

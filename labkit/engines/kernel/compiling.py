@@ -113,20 +113,39 @@ class Version(NamedTuple):
     single: bool = False
 
 
-def compiled_with_callees(function: Function, known: dict[Function, Function], version: Version) -> Function:
+def inlined(function: Function) -> Function:
+    """Compile a function that is inlined wherever compiled code calls it."""
+    return numba.njit(forceinline=True, **OPTIONS)(function)
+
+
+def compiled_with_callees(
+    function: Function,
+    known: dict[Function, Function],
+    version: Version,
+    compiler: Callable[[Function], Function] = inlined,
+) -> Function:
     """Compile a plain Python function together with the plain Python functions that it calls.
 
-    All are inlined, so that LLVM can vectorise the loop around them. `known`: functions compiled so far, function ->
-    compiled; extended in place.
+    All are inlined on the CPU, so that LLVM can vectorise the loop around them.
+
+    Args:
+        function: In plain Python.
+        known: Functions compiled so far, function -> compiled; extended in place.
+        version: Of the kernel that they belong to.
+        compiler: Compiles one function.
     """
     if function not in known:
-        callees = numpy_for_numbers(function) | {
-            name: compiled_with_callees(value, known, version)
-            for name, value in names_of(function).items()
-            if inspect.isfunction(value)
-        }
-        known[function] = numba.njit(forceinline=True, **OPTIONS)(with_globals(function, callees, version))
+        known[function] = compiler(with_globals(function, callees(function, known, version, compiler), version))
     return known[function]
+
+
+def callees(
+    function: Function, known: dict[Function, Function], version: Version, compiler: Callable[[Function], Function]
+) -> dict[str, object]:
+    """What the names in a function become: the plain Python functions that it calls, compiled, and np for numbers."""
+    used = {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
+    compiled = {name: compiled_with_callees(value, known, version, compiler) for name, value in used.items()}
+    return numpy_for_numbers(function) | compiled
 
 
 def numpy_for_numbers(function: Function) -> dict[str, object]:

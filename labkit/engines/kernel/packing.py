@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from labkit.engines.kernel.arranging import carry, find_images
+from labkit.engines.kernel.arranging import carry, find_images, take_rows
 from labkit.engines.kernel.layout import (
     DOUBLE_ROWS,
     FORCE_COLUMNS,
@@ -23,6 +23,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     WORK_ROWS,
     Arrays,
+    V,
 )
 from labkit.engines.kernel.neighbours import find_pairs, sort_grains
 from labkit.grains.scene import Scene
@@ -63,15 +64,19 @@ class PackedArrays:
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
         arrays, number = self.arrays, len(self.order)
-        velocity = take_rows(arrays.grains, np.arange(number))
-        spin = arrays.motions[:number, SITE_W : SITE_W + 3]
-        kinematics = np.empty((3, number, 3))
-        kinematics[:, self.order] = arrays.places[:number, :3], velocity, spin
-        return kinematics[0], kinematics[1], kinematics[2]
+        velocity = take_rows(arrays.grains, V, np.arange(number))
+        position, velocities, spins = (np.empty((number, 3)) for _ in range(3))
+        position[self.order], velocities[self.order] = arrays.places[:number, :3], velocity
+        spins[self.order] = arrays.motions[:number, SITE_W : SITE_W + 3]
+        return position, velocities, spins
+
+    def take_history(self, which: np.ndarray | slice) -> np.ndarray:
+        """The rows of the History (n, k) of some pairs."""
+        return take_rows(self.arrays.blocks, HISTORY, self.slot[which])
 
     def unpack_history(self) -> History:
         """Return the History of all pairs, touching or not, with grains in the order of the grid."""
-        rows = take_rows(self.arrays.blocks[:, HISTORY:], self.slot)
+        rows = self.take_history(slice(None))
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
         return History(self.pairs, self.pair_shift, rows, number)
@@ -158,12 +163,6 @@ def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
     whole = np.zeros((len(blocks) * WIDTH, values.shape[1]))
     whole[: len(values)] = values
     blocks[:] = whole.reshape(len(blocks), WIDTH, -1).transpose(0, 2, 1).reshape(blocks.shape)
-
-
-def take_rows(blocks: np.ndarray, slot: np.ndarray) -> np.ndarray:
-    """The values (n, k) in the places slot (n,) of the k rows of blocks (block, k WIDTH)."""
-    rows = blocks.reshape(len(blocks), -1, WIDTH)
-    return np.ascontiguousarray(rows[slot // WIDTH, :, slot % WIDTH])
 
 
 def aligned(shape: tuple[int, ...], kind: type = float) -> np.ndarray:
