@@ -1,7 +1,9 @@
 """Engines advance a State.
 
+base          what a run and an engine have in common: its interface, and the requests of a run
+contacts      contacts as a State lists them
 registry      the engines by name, and what starts them
-server        engines whose grains are in another process, and that process
+server        engines whose grains are in another process, that process, and the messages to it
 yade          the YADE engine, the reference
 yade_process  finds YADE and runs scripts in it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
