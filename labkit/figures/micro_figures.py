@@ -17,13 +17,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
+from labkit.errors import InputError
 from labkit.figures.direction_figure import directions
-from labkit.figures.frame import WIDTH, add_heading, new_figure, strain_axis, where
+from labkit.figures.frame import WIDTH, add_heading, colors_for, new_figure, strain_axis, where
 from labkit.figures.layer_figure import stratified_layer
 from labkit.figures.sff_figures import budget, family, shares, stack_shares
 from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.runs.figures import register_figure
 
 __all__ = [
@@ -34,6 +36,7 @@ __all__ = [
     "draw_group_stresses",
     "family",
     "groups",
+    "planes",
     "shares",
     "stack_shares",
     "stratified_layer",
@@ -111,7 +114,7 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
     colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
     bins = np.linspace(0.0, DENSITY_TOP, DENSITY_BINS + 1)
     middle = 0.5 * (bins[1:] + bins[:-1])
-    rows = []
+    tables = []
     for panel, (title, sides) in zip(axes, values.items(), strict=True):
         sides = sides / sides.mean()
         for k, color in enumerate(colors):
@@ -119,25 +122,17 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
             if not len(chosen):
                 continue
             density = np.histogram(chosen, bins)[0] / len(chosen) / np.diff(bins)
-            label = f"{0.5e3 * (edges[k] + edges[k + 1]):.3f}"
-            panel.semilogy(middle, np.where(density > 0, density, np.nan), "o-", ms=2.5, color=color, label=label)
+            size = 0.5e3 * (edges[k] + edges[k + 1])
+            seen = np.where(density > 0, density, np.nan)
+            panel.semilogy(middle, seen, "o-", ms=2.5, color=color, label=f"{size:.3f}")
             panel.axvline(chosen.mean(), color=color, lw=0.8, ls=":")
-            rows += [
-                {
-                    "of": title.split(",")[0],
-                    "group": k,
-                    "diameter_mm": 0.5e3 * (edges[k] + edges[k + 1]),
-                    "group_mean": chosen.mean(),
-                    "value": m,
-                    "density": d,
-                }
-                for m, d in zip(middle, density, strict=True)
-            ]
+            group = {"of": title.split(",")[0], "group": k, "diameter_mm": size, "group_mean": chosen.mean()}
+            tables.append(pandas.DataFrame({**group, "value": middle, "density": density}))
         panel.set(xlabel=title)
     axes[0].set_ylabel("probability density")
     add_heading(figure, run, f"at {where(run, snapshot)}; dotted: mean of the group")
     figure.key(number, title="mid-size D of the group (mm)")
-    return figure, pandas.DataFrame(rows)
+    return figure, pandas.concat(tables, ignore_index=True)
 
 
 @register_figure("contacts")
@@ -201,3 +196,43 @@ def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q:
         share = np.where(enough, chosen["share_of_q"], np.nan)
         axes.plot(accumulated, share, "-", color=f"C{k}", label=f"strong ({definition}): share of q")
     axes.set(xlabel=f"accumulated {strain} (%)", ylabel="fraction", ylim=(0, None))
+
+
+PLANES = 400  # per cell vector: several in each branch
+
+
+@register_figure("planes")
+def planes(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """Difference of the tractions on planes parallel to the faces of the cell from Love's stress (section 2).
+
+    At rest the traction is the same on all parallel planes, because each layer between two of them is in equilibrium:
+    what is left is the unbalanced force.
+    """
+    grains = run.lab.snapshot(snapshot)
+    love = love_stress(grains)
+    p = float(mean_stress(love))
+    if p == 0.0:
+        raise InputError("carries no stress", field="snapshot", value=snapshot, allowed="another")
+    position = (np.arange(PLANES) + 0.5) / PLANES
+    figure = new_figure(WIDTH, 3.6)
+    rows = []
+    for axis, panel in enumerate(figure.panels(1, 3, sharey=True)):
+        n = plane_normal(grains, axis)
+        traction, mean = plane_tractions(grains, axis, PLANES), n @ love
+        for color, k in zip(colors_for(3), range(3), strict=True):
+            panel.plot(position, (traction[:, k] - mean[k]) / p, color=color, lw=0.9, label=f"$t_{'xyz'[k]}$")
+            rows.append(
+                {
+                    "axis": "xyz"[axis],
+                    "component": "xyz"[k],
+                    "mean_Pa": traction[:, k].mean(),
+                    "love_Pa": mean[k],
+                    "scatter_over_p": traction[:, k].std() / p,
+                }
+            )
+        panel.set_title(f"planes cut cell vector {'xyz'[axis]}", fontsize=10)
+        panel.set_xlabel("position along the cell vector")
+    figure.axes[0].set_ylabel("traction - $n\\cdot\\sigma$, divided by p")
+    figure.key(3)
+    add_heading(figure, run, where(run, snapshot))
+    return figure, pandas.DataFrame(rows)

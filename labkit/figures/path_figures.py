@@ -15,7 +15,7 @@ import xarray
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.coordinates import (
+from labkit.figures.frame import (
     ABSCISSA,
     INVARIANT,
     NORMAL_STRESS,
@@ -23,23 +23,22 @@ from labkit.figures.coordinates import (
     STRAIN,
     VOID_RATIO,
     VOLUMETRIC,
+    WIDTH,
     Coordinate,
+    Drawing,
     P,
     Q,
-    draw_runs,
-    styles_of,
-    volumetric_strain,
-)
-from labkit.figures.frame import (
-    WIDTH,
-    Drawing,
     Runs,
     add_heading,
     columns_of,
+    draw_runs,
     gray_lines,
     include_zero,
-    name_of,
+    name_runs,
     new_figure,
+    styles_of,
+    table_of,
+    volumetric_strain,
 )
 from labkit.micro.stress import deviatoric_stress, equivalent_stress, lode_angle, mean_stress
 from labkit.micro.tensors import symmetric
@@ -70,7 +69,7 @@ def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float
 
     strength: q/p in compression (default: that of the compression tests drawn, else that of Table 2).
     """
-    runs, figure = _runs(run), new_figure(WIDTH, 4.6)
+    runs, figure = name_runs(run), new_figure(WIDTH, 4.6)
     left, right = panels = figure.panels(1, 2)
     draw_runs(panels, runs, [(P, Q), (P, VOID_RATIO)], lw=1.2)
     M, source = _strength(runs, strength)
@@ -95,7 +94,7 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
     one by its principal stresses. Right: sigma_xz against (sigma_z - sigma_x)/2, in which a rotation of the principal
     stresses is a circle. strength: q/p in compression of the sections (default: as for `stress_path`).
     """
-    runs, figure = _runs(run), new_figure(WIDTH, 5.4)
+    runs, figure = name_runs(run), new_figure(WIDTH, 5.4)
     left, right = figure.panels(1, 2)
     M, source = _strength(runs, strength)
     angle = np.linspace(-180.0, 180.0, 721)
@@ -121,7 +120,7 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
 @register_figure("shear", needs="records", several=True)
 def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
     """sigma_xz and q against the shear strain, sigma_xz against sigma_z, and the change of volume, or p if constant."""
-    runs, figure = _runs(run), new_figure(WIDTH, 6.4)
+    runs, figure = name_runs(run), new_figure(WIDTH, 6.4)
     panels = figure.panels(2, 2)
     undrained = all(one.lab.is_undrained for one in runs.values())
     last = dataclasses.replace(P, of_stress=False) if undrained else VOLUMETRIC
@@ -141,7 +140,7 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
     F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not
     reverse is drawn against its strain.
     """
-    runs, figure = _runs(run), new_figure(1.2 * WIDTH, 6.6)
+    runs, figure = name_runs(run), new_figure(1.2 * WIDTH, 6.6)
     panels = figure.panels(2, 3)
     undrained = all(one.lab.is_undrained for one in runs.values())
     force = FORCE.labelled("$F_{zz}$") if all(one.lab.axisymmetric for one in runs.values()) else FORCE
@@ -154,10 +153,6 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
     ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
     columns = {"cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
     return _finished(figure, runs, columns, both=False)
-
-
-def _runs(run: Given) -> Runs:
-    return {name_of(run): run} if isinstance(run, xarray.Dataset) else run
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
@@ -238,9 +233,4 @@ def _finished(
     figure.key(columns_of(runs, 4), [*figure.axes[0].get_legend_handles_labels()[0], *gray_lines(styles)])
     if len(runs) == 1:
         add_heading(figure, next(iter(runs.values())))
-    tables = []
-    for label, one in runs.items():
-        values = {name: np.asarray(of(one)) for name, of in columns.items()}
-        tables.append(pandas.DataFrame({"run": label, "strain": one.lab.strain().values, **values}))
-    table = pandas.concat(tables, ignore_index=True)
-    return figure, table if len(runs) > 1 else table.drop(columns="run")
+    return figure, table_of(runs, {"strain": lambda run: run.lab.strain(), **columns})

@@ -16,32 +16,31 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from labkit.errors import InputError, instead_of
-from labkit.figures.coordinates import (
+from labkit.figures.frame import (
+    DPI,
     ERROR,
     MODEL_STYLES,
     STRAIN,
     STYLES,
     VOID_RATIO,
+    WIDTH,
     Coordinate,
     P,
     Q,
-    draw_runs,
-    has_grains,
-    percent,
-)
-from labkit.figures.frame import (
-    DPI,
-    WIDTH,
     Runs,
     add_heading,
     colors_for,
     columns_of,
+    draw_runs,
     gray_lines,
+    has_grains,
     include_zero,
-    name_of,
     name_run,
+    name_runs,
     new_figure,
+    percent,
     strain_axis,
+    table_of,
 )
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
@@ -88,19 +87,22 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 @register_figure("test", needs="records", several=True)
 def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """q, p and the stress path of a run or several, from Love's stress and C0 (`sff_against_love`), and the table."""
-    runs = {name_of(run): run} if isinstance(run, xarray.Dataset) else run
-    tables = []
-    for label, one in runs.items():
-        columns = {"run": label, "axial_strain": one["axial_strain"].values, "strain": one.lab.strain().values}
-        for who, (name, _) in STYLES.items():
-            columns[f"p_{who}_Pa"] = one.lab.mean_stress(name).values
-            columns[f"q_{who}_Pa"] = one.lab.q(name).values
-        tables.append(pandas.DataFrame(columns))
+    runs = name_runs(run)
+    columns: dict[str, Callable[[xarray.Dataset], object]] = {
+        "axial_strain": lambda run: run["axial_strain"],
+        "strain": lambda run: run.lab.strain(),
+    }
+    for who, (stress, _) in STYLES.items():
+        columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
     figure = sff_against_love(runs)
-    if len(runs) > 1:
-        return figure, pandas.concat(tables, ignore_index=True)
-    add_heading(figure, next(iter(runs.values())))
-    return figure, tables[0].drop(columns="run")
+    if len(runs) == 1:
+        add_heading(figure, next(iter(runs.values())))
+    return figure, table_of(runs, columns)
+
+
+def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
+    """A function of a run: a method of `run.lab` of one of its stresses."""
+    return lambda run: getattr(run.lab, measure)(stress)
 
 
 @register_figure("records", needs="records")

@@ -53,11 +53,11 @@ def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> C
 
 def draw_spheres(on: Canvas, centre: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
     """Draws spheres: centre (n, 3), radius (n,), color (n, 3), red, green and blue from 0 to 1."""
-    _spheres(on.depth, on.normal, on.color, on.corner, on.pixel, centre @ on.view.T, radius, color)
+    draw_sticks(on, centre, centre, radius, color)
 
 
 def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
-    """Draws round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3)."""
+    """Draws round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). A stick may have no length."""
     _sticks(on.depth, on.normal, on.color, on.corner, on.pixel, start @ on.view.T, end @ on.view.T, radius, color)
 
 
@@ -126,34 +126,6 @@ def _lower(depth, steps, most):
 
 
 @numba.njit(cache=True, nogil=True)
-def _paint(depth, normal, paint, i, j, height, direction, color, k):
-    """Gives a pixel the surface of object k; number by number, because arrays take seconds to compile."""
-    depth[i, j] = height
-    normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = direction
-    paint[i, j, 0], paint[i, j, 1], paint[i, j, 2] = color[k, 0], color[k, 1], color[k, 2]
-
-
-@numba.njit(cache=True, nogil=True)
-def _spheres(depth, normal, paint, corner, pixel, centre, radius, color):
-    rows, columns = depth.shape
-    for k in range(len(radius)):
-        x, y, z = centre[k, 0], centre[k, 1], centre[k, 2]
-        r = radius[k]
-        first_row, last_row = int((y - r - corner[1]) / pixel), int((y + r - corner[1]) / pixel)
-        first, last = int((x - r - corner[0]) / pixel), int((x + r - corner[0]) / pixel)
-        for i in range(max(first_row, 0), min(last_row + 1, rows)):
-            v = corner[1] + (i + 0.5) * pixel - y
-            for j in range(max(first, 0), min(last + 1, columns)):
-                u = corner[0] + (j + 0.5) * pixel - x
-                square = r * r - u * u - v * v
-                if square <= 0.0:
-                    continue
-                height = np.sqrt(square)
-                if z + height > depth[i, j]:
-                    _paint(depth, normal, paint, i, j, z + height, (u / r, v / r, height / r), color, k)
-
-
-@numba.njit(cache=True, nogil=True)
 def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
     rows, columns = depth.shape
     for k in range(len(radius)):
@@ -173,8 +145,11 @@ def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
                 height, along = _stick_surface(u, v, axis, length, r)
                 if height == -np.inf or z + height <= depth[i, j]:
                     continue
-                across = (u - along * axis[0]) / r, (v - along * axis[1]) / r, (height - along * axis[2]) / r
-                _paint(depth, normal, paint, i, j, z + height, across, color, k)
+                depth[i, j] = z + height  # number by number, because arrays take seconds to compile
+                normal[i, j, 0] = (u - along * axis[0]) / r
+                normal[i, j, 1] = (v - along * axis[1]) / r
+                normal[i, j, 2] = (height - along * axis[2]) / r
+                paint[i, j, 0], paint[i, j, 1], paint[i, j, 2] = color[k, 0], color[k, 1], color[k, 2]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -278,27 +278,24 @@ class Point(Material):
             change = math.inf if self.step.phase is None else self.step.phase.next_change(at)
             part = min(end - self.total, max(change - at, STOP_TOLERANCE))
             last = end - self.total - part <= 1e-12 * end
-            self.y = _follow(self.integrator, self.problem, self.y, part, self.step, at)
+            self._follow_part(part, at)
             self.total = end if last else self.total + part
 
+    def _follow_part(self, span: float, accumulated: float) -> None:
+        """Advance by a span on which the prescribed rates or the held stresses vary.
 
-def _follow(
-    integrator: Integrator, problem: Problem, y: np.ndarray, span: float, step: Step, accumulated: float
-) -> np.ndarray:
-    """y after a span on which the prescribed rates or the held stresses vary.
-
-    In each part of the span the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T - h),
-    so that T = h + (t - h)/(1 - exp(-GAIN ds)) brings it to its value t at the end of the part.
-    """
-    part = span / PARTS
-    for k in range(PARTS):
-        end = accumulated + (k + 1) * part
-        control = control_of(step, end - 0.5 * part)
-        held = control.measure @ to_six(problem.stress(y))
-        target = held + (control_of(step, end).target - held) / -np.expm1(-GAIN * part)
-        problem.control = control._replace(target=target)
-        y = integrator.advance(problem, y, part)
-    return y
+        In each part of the span the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T -
+        h), so that T = h + (t - h)/(1 - exp(-GAIN ds)) brings it to its value t at the end of the part.
+        """
+        part, y = span / PARTS, self.y
+        for k in range(PARTS):
+            end = accumulated + (k + 1) * part
+            control = control_of(self.step, end - 0.5 * part)
+            held = control.measure @ to_six(self.problem.stress(y))
+            target = held + (control_of(self.step, end).target - held) / -np.expm1(-GAIN * part)
+            self.problem.control = control._replace(target=target)
+            y = self.integrator.advance(self.problem, y, part)
+        self.y = y
 
 
 def _record(model: Model, y: np.ndarray) -> dict[str, Any]:

@@ -35,7 +35,7 @@ NODES = np.array(
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 FLOOR = np.full(SIZE, 0.1)  # the error of a smaller component is relative to this value, not to the component
 FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
-SMALLEST = 1e-13  # strain step at which a boundary counts as reached
+SMALLEST = 1e-13  # strain step, or fraction of an increment, at which a boundary counts as reached
 
 
 class Failure(PhysicsError):

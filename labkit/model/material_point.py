@@ -14,6 +14,7 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 from labkit.model.compiled import jit
 from labkit.model.differentials import rates_differentials
+from labkit.model.integrators import FLOOR, SMALLEST
 from labkit.model.parameters import Model
 from labkit.model.rates import (
     FINE,
@@ -28,10 +29,7 @@ from labkit.model.rates import (
 from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, put_six, six_at, trace
 
-FLOOR = np.full(STATE, 0.1)
-FLOOR[2] = 1e-4
 MOST_SUBSTEPS = 100_000
-SMALLEST = 1e-13  # substep, as a fraction of the increment, at which a boundary counts as reached
 
 
 @dataclasses.dataclass(frozen=True)

@@ -46,7 +46,7 @@ FIGURES = Registry[RunFigure[...]](
         "groups": "labkit.figures.micro_figures:groups",
         "densities": "labkit.figures.micro_figures:densities",
         "directions": "labkit.figures.direction_figure:directions",
-        "planes": "labkit.figures.plane_figure:planes",
+        "planes": "labkit.figures.micro_figures:planes",
         "shares": "labkit.figures.sff_figures:shares",
         "family": "labkit.figures.sff_figures:family",
         "budget": "labkit.figures.sff_figures:budget",
