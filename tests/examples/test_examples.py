@@ -21,9 +21,9 @@ EXAMPLES = ROOT / "examples"
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, labkit_command):
-    """A folder with a specimen of about 500 grains, prepared with the contact law of the example."""
+    """A folder with a specimen of 1,000 grains, enough for C0's 2 %, prepared with the contact law of the example."""
     folder = tmp_path_factory.mktemp("examples")
-    command = ["specimen", "--void-ratio", 0.6, "--grains", 500, "--law", "linear", "--engine", "fused"]
+    command = ["specimen", "--void-ratio", 0.6, "--grains", 1000, "--law", "linear", "--engine", "fused"]
     done = labkit_command(*command, "--use", EXAMPLES / "own_law.py", "-o", "s.state.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder
@@ -158,9 +158,8 @@ def test_own_statistic_is_recorded_verified_and_drawn(folder, labkit_command):
         values = dataset["sliding_fraction"]
         assert values.long_name == "fraction of contacts at the friction limit" and values.units == "1"
         assert 0.0 < values[-1] < 1.0
-    report = labkit_command("verify", "law.run.nc", *used("own_law", "own_statistic"), cwd=folder).stdout
-    line = next(line for line in report.splitlines() if "stored sliding_fraction against its contacts" in line)
-    assert "FAILED" not in line  # C0 may exceed its limit: 505 grains are few
+    report = run(folder, labkit_command, "verify", "law.run.nc", *used("own_law", "own_statistic"))
+    assert "stored sliding_fraction against its contacts" in report
     run(folder, labkit_command, "figure", "records", "law.run.nc", "--variable", "sliding_fraction", *used("own_law"))
     run(folder, labkit_command, "figure", "sliding", "law.run.nc", *used("own_law", "own_statistic"))
     assert (folder / "law.sliding_fraction.png").exists() and (folder / "law.sliding.png").exists()
