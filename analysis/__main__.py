@@ -24,8 +24,8 @@ STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and m
         "analysis.critical_state.study",
         "shear specimens to 100 % strain on many paths; is there one critical state?",
     ),
-    "initial-fabric": ("analysis.initial_fabric.command", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
-    "size-scatter": ("analysis.size_scatter.command", "scatter and bias of the critical state against the grains"),
+    "initial-fabric": ("analysis.initial_fabric.study", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
+    "size-scatter": ("analysis.size_scatter.study", "scatter and bias of the critical state against the grains"),
     "three-engines": ("analysis.three_engines.command", "compare LAMMPS, YADE and fused on the same specimens"),
     "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
     "boundary-value": (

@@ -63,10 +63,13 @@ def environment() -> jinja2.Environment:
 
 
 def fmt(value: float, spec: str) -> str:
-    """A number in one of Python's formats, or in percent with a space, `.1 %`; "" for NaN and infinity."""
+    """A number in one of Python's formats, or in percent, `.1 %` or `.2g %`; "" for NaN and infinity."""
     if not math.isfinite(value):
         return ""
-    return f"{100.0 * value:{spec[:-2]}f} %" if spec.endswith(" %") else format(value, spec)
+    if spec.endswith(" %"):
+        digits = spec[:-2]
+        return f"{100.0 * value:{digits}{'f' * digits[-1:].isdigit()}} %"
+    return format(value, spec)
 
 
 def percent(value: float, decimals: int = 0) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas
@@ -103,8 +104,8 @@ def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:
         design = np.column_stack([0.5 * cosine[chosen], of_specimen])  # 0.5 (1 - -1) = 1 between 0 and 90 degrees
         for measure in MEASURES:
             found = coefficient(after.loc[chosen, measure].to_numpy(dtype=float), design, of_specimen.shape[1])
-            rows.append({"source": source, "measure": measure} | _numbers(found))
-    return _corrected(pandas.DataFrame(rows))
+            rows.append({"source": source, "measure": measure} | found.columns("difference"))
+    return _corrected(rows)
 
 
 def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
@@ -119,8 +120,8 @@ def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
         design = np.column_stack([table["Z0"], table["e0"] - table["e0"].mean(), np.ones(len(table))])
         for measure in MEASURES:
             found = coefficient(table[measure].to_numpy(dtype=float), design, len(table))
-            rows.append({"source": source, "measure": measure} | _numbers(found))
-    return _corrected(pandas.DataFrame(rows))
+            rows.append({"source": source, "measure": measure} | found.columns("difference"))
+    return _corrected(rows)
 
 
 def coefficient(y: np.ndarray, design: np.ndarray, specimens: int) -> Tested:
@@ -157,20 +158,14 @@ def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:
                     found = paired_difference(both, measure, "test", low[0], high[0])
                 else:
                     found = two_samples(lambda t, m=measure: float(t[m].mean()), other, one)  # type: ignore[misc]
-                rows.append({"source": source, "kind": kind, "measure": measure} | _numbers(found))
-    return _corrected(pandas.DataFrame(rows))
+                rows.append({"source": source, "kind": kind, "measure": measure} | found.columns("difference"))
+    return _corrected(rows)
 
 
-def _numbers(found: Tested) -> dict[str, float]:
-    return {
-        "difference": found.value,
-        "within": found.within,
-        "specimens": found.n,
-        "p_value": found.p_value,
-    }
-
-
-def _corrected(table: pandas.DataFrame) -> pandas.DataFrame:
+def _corrected(rows: Sequence[Mapping[str, object]]) -> pandas.DataFrame:
+    table = pandas.DataFrame(rows)
+    table["specimens"] = table.pop("specimens")
+    table["p_value"] = table.pop("p_value")
     asked = (table["source"] == "grains") & ~table["measure"].isin(BEFORE)
     table["corrected"] = adjusted(table["p_value"].where(asked, math.nan))
     return table

@@ -79,8 +79,7 @@ def balance_table(states: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for name, values in quantities.items():
         found = cluster_mean(values, after["specimen"])
-        row = {"quantity": name, "value": found.value, "within": found.within, "specimens": found.n}
-        rows.append(row | {"p_value": found.p_value})
-    table = pandas.DataFrame(rows)
+        rows.append({"quantity": name, **found.columns("value")})
+    table = pandas.DataFrame(rows, columns=["quantity", "value", "within", "specimens", "p_value"])
     table["corrected"] = adjusted(table["p_value"])
     return table

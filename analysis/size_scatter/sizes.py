@@ -1,4 +1,4 @@
-"""Scatter against the number of grains, its exponent, and the bias of small specimens."""
+"""Scatter against the number of grains, its exponent, the bias of small specimens, and the error of C0."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ BIAS = {"1/N": 1.0, "1/N^(1/3)": 1.0 / 3.0}  # model of the bias -> exponent
 SMALL = 1000  # grains at which the bias is quoted
 HALF = 0.5  # exponent of independent grains
 ALLOWED = 0.01  # relative scatter of one specimen, for which the number of grains is given
+BEGIN = 0.01  # of strain, from which on the error of q is averaged
+TOLERANCE = 0.02  # of `labkit verify`, in the Frobenius norm
 NORMAL = float(stats.norm.ppf(0.5 * (1.0 + CONFIDENCE)))
 
 
@@ -121,3 +123,33 @@ def bias_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     table["corrected"] = adjusted(table["p_value"])
     table["verdict"] = [verdict(row.bias, row.within, row.judged, row.corrected) for row in table.itertuples()]
     return table
+
+
+def c0_table(curves: pandas.DataFrame) -> pandas.DataFrame:
+    """Error of C0, a row per size.
+
+    Columns: size, grains (mean), specimens, norm (largest of a test, mean over the specimens), norm_within (95 %),
+    norm_largest (of all tests), below (number of tests whose largest norm is below TOLERANCE), q (mean relative error
+    of a test, mean over the specimens), q_within, q_scatter (standard deviation of one specimen).
+    """
+    known = curves[curves["c0_norm"].notna()]
+    rows = []
+    for size, group in known.groupby("size", sort=False):
+        norm = group.groupby("run")["c0_norm"].max()
+        q = group[group["strain"] >= BEGIN].groupby("run")["c0_q"].mean()
+        n = len(norm)
+        rows.append(
+            {
+                "size": size,
+                "grains": float(group.groupby("run")["grains"].first().mean()),
+                "specimens": n,
+                "norm": float(norm.mean()),
+                "norm_within": student(float(norm.std(ddof=1)) / math.sqrt(n), n - 1),
+                "norm_largest": float(norm.max()),
+                "below": int((norm < TOLERANCE).sum()),
+                "q": float(q.mean()),
+                "q_within": student(float(q.std(ddof=1)) / math.sqrt(n), n - 1),
+                "q_scatter": float(q.std(ddof=1)),
+            }
+        )
+    return pandas.DataFrame(rows)

@@ -1,15 +1,10 @@
-"""Initial fabric: the force that balances it, planted twins, and the stored tables."""
-
-from pathlib import Path
+"""Initial fabric: the force that balances it, and planted twins."""
 
 import numpy as np
 import pandas
 import pytest
-import xarray as xr
 
-from analysis.campaigns import write_tables
-from analysis.initial_fabric.command import tables_of
-from analysis.initial_fabric.loading import DATA, STRAIN, specimen_of
+from analysis.initial_fabric.loading import STRAIN, specimen_of
 from analysis.initial_fabric.response import (
     BEFORE,
     MEASURES,
@@ -19,13 +14,10 @@ from analysis.initial_fabric.response import (
     twin_table,
 )
 from analysis.initial_fabric.states import axis_of, balancing_force
-from analysis.places import results_folder
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.sff import c0_stress
 
 pytestmark = pytest.mark.slow
-
-STORED = Path(results_folder("initial_fabric"))
 
 
 def test_the_balancing_force_makes_the_stress_of_c0_isotropic():
@@ -75,11 +67,3 @@ def test_planted_effects_are_found_and_no_others():
     assert set(twins.index.get_level_values("kind")) == {"loose", "medium"}
     one = twins.loc[("medium", "q/p at 0.5 %")]
     assert abs(one["difference"] - 0.2) < one["within"] and one["corrected"] < 0.05
-
-
-@pytest.mark.skipif(not (STORED / DATA).exists(), reason="results/initial_fabric holds no data")
-def test_the_stored_tables_follow_from_the_stored_data(tmp_path):
-    with xr.open_dataset(STORED / DATA) as data:
-        write_tables(tables_of(data.load()), tmp_path, [], "again")
-    for file in STORED.glob("*.csv"):
-        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name

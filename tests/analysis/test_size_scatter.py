@@ -1,20 +1,12 @@
-"""Scatter and bias against the number of grains, with planted laws, and the stored tables."""
-
-from pathlib import Path
+"""Scatter and bias against the number of grains, with planted laws."""
 
 import numpy as np
 import pandas
 import pytest
 
-from analysis.campaigns import write_tables
-from analysis.curves import CURVES
-from analysis.places import results_folder
-from analysis.size_scatter.command import sized_curves, tables_of
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
 
 pytestmark = pytest.mark.slow
-
-STORED = Path(results_folder("size_scatter"))
 
 
 def planted(exponent, bias, specimens=40):
@@ -45,10 +37,3 @@ def test_a_bias_is_found_and_none_is_invented():
         known = table[table["power"] == "1/N"]
         assert ((known["verdict"] == "differs") == (bias > 0.0)).all()
         assert (abs(known["bias"] - bias) < 1.5 * known["within"]).all()
-
-
-@pytest.mark.skipif(not (STORED / CURVES).exists(), reason="results/size_scatter holds no curves")
-def test_the_stored_tables_follow_from_the_stored_curves(tmp_path):
-    write_tables(tables_of(sized_curves(STORED / CURVES)), tmp_path, [], "again")
-    for file in STORED.glob("*.csv"):
-        assert (tmp_path / file.name).read_bytes() == file.read_bytes(), file.name

@@ -1,0 +1,74 @@
+"""`./lab initial-fabric`: runs the campaign, or uses the stored data, and writes results/initial_fabric."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
+from analysis.initial_fabric.loading import DATA, collect
+from analysis.initial_fabric.response import BEFORE, coordination_table, direction_table, response_table, twin_table
+from analysis.initial_fabric.states import balance_table, state_table
+from analysis.statistics import SIGNIFICANT
+from analysis.study import Study, Tables
+from labkit.engines import Progress
+from labkit.io import reporter
+
+TITLE = "What an isotropic stress hides: initial fabric and coordination number"
+
+
+class InitialFabric(Study):
+    """What an isotropic stress hides: the fabric after shear in another direction, and Z at equal e and p."""
+
+    data = DATA
+
+    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+        collect(runs, file, command, reporter("data"), TITLE)
+
+    def read(self, file: Path) -> xr.Dataset:
+        with xr.open_dataset(file) as opened:
+            return opened.load()
+
+    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+        states, response = state_table(data), response_table(data)
+        return {
+            "states": states,
+            "balance": balance_table(states),
+            "response": response,
+            "directions": direction_table(response),
+            "coordination": coordination_table(response),
+            "twins": twin_table(response),
+        }
+
+    def figures(self, data: xr.Dataset, tables: Tables) -> Mapping[str, Figure]:
+        return {
+            "balance": balance_figure(tables["states"]),
+            "directions": directions_figure(data),
+            "twins": twins_figure(data),
+        }
+
+    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+        effects = {name: beside_the_model(tables[name]) for name in ("directions", "coordination", "twins")}
+        return {"balance": in_bold(tables["balance"]), **effects}
+
+
+STUDY = InitialFabric()
+
+
+def in_bold(rows: pandas.DataFrame) -> pandas.DataFrame:
+    """The rows of a table with the column `bold`: `**` if the difference from zero is resolved."""
+    return rows.assign(bold=["**" * (p_value <= SIGNIFICANT) for p_value in rows["corrected"]])
+
+
+def beside_the_model(rows: pandas.DataFrame) -> pandas.DataFrame:
+    """Effects in the grains with those in the model beside them (model, model_within; NaN for BEFORE), and `bold`."""
+    grains, model = (rows[rows["source"] == source].reset_index(drop=True) for source in ("grains", "model"))
+    measured = ~grains["measure"].isin(BEFORE)
+    grains["model"], grains["model_within"] = (model[key].where(measured, math.nan) for key in ("difference", "within"))
+    return in_bold(grains)
