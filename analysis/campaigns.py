@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pandas
@@ -16,7 +16,7 @@ from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.figures import plots
-from labkit.io import make_folder, open_netcdf, reporter, write_with_provenance
+from labkit.io import open_netcdf, write_with_provenance
 
 
 def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwise: str) -> None:
@@ -32,31 +32,6 @@ def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwis
     parser.add_argument(
         "-o", "--output", default=results_folder(results), help=f"folder for the results (default: results/{results})"
     )
-
-
-def carry_out(
-    options: argparse.Namespace,
-    command: str,
-    tests: Path,
-    data: str,
-    gather: Callable[[Sequence[Path], Path], None],
-    write: Callable[[Path, str, Progress], Iterable[Path]],
-) -> int:
-    """Runs the campaign if one is given, and writes all results of a study; returns 1 if a run failed.
-
-    tests: campaign file of the study; data: name of its data file, which `gather` makes of the finished runs; write:
-    writes the results from the data file in a folder, and yields their files. Raises InputError without data.
-    """
-    code, folder = 0, Path(make_folder(options.output, "--output"))
-    if options.campaign:
-        if not options.as_is:
-            code = simulate(options.campaign, options.cores, reporter("campaign"), tests)
-        gather(finished(options.campaign), folder / data)
-    if not (folder / data).exists():
-        raise InputError(f"{folder} contains no {data}: give the folder of a campaign")
-    for file in write(folder, command, reporter("tables")):
-        print(file)
-    return int(code != 0)
 
 
 def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path) -> int:
