@@ -190,7 +190,7 @@ def test_a_required_parameter_and_a_rule_of_the_path(tmp_path, labkit_command):
 @pytest.mark.parametrize(
     "own, message",
     [
-        ("import nothing_like_this\n", "cannot be loaded (ModuleNotFoundError"),
+        ("import nothing_like_this\n", "cannot be loaded (own.py line 1: ModuleNotFoundError"),
         ("def (:\n", "cannot be loaded (SyntaxError"),
         (OWN.replace('name = "constant_axial_stress"', 'name = "cp"'), "is the name of another path"),
     ],
