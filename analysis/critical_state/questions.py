@@ -2,34 +2,49 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 import pandas
+import xarray as xr
+from statsmodels.regression.linear_model import OLS
 
-from analysis.critical_state.ends import BEGIN, QUANTITIES
+from analysis.critical_state.ends import BEGIN, QUANTITIES, end_table, records
 from analysis.paper.lines import LINES, PAPER, critical_Lambda, critical_Z, line_parameters, line_slopes
-from analysis.statistics import adjusted, adjusted_once, cluster_mean, one_line, slope_table, stationarity_table
+from analysis.statistics import (
+    Tested,
+    adjusted,
+    adjusted_once,
+    cluster_mean,
+    one_line,
+    paired_difference,
+    slope_table,
+    stationarity_table,
+)
 
-# (begin, end) of the strain over which slopes are fitted; the first is the end of the paper's tests
-WINDOWS = ((0.3, 0.4), (BEGIN, 1.0))
+# (begin, end) over which slopes are fitted, in shares of a test's strain; the first is the end of the paper's tests
+WINDOWS = ((0.3, 0.4), (0.4, BEGIN), (BEGIN, 1.0))
+STEPS = (0.4, 0.55, 0.7, 0.85, 1.0)  # strains between which means are compared
 COMPRESSION = ("cv", "cp", "cr")
 # the smallest slope that matters, per 0.1 of strain: 1 % of M, A, F, Ft and Z; Lambda and e as the paper rounds them
 JUDGED = {"Lambda": 1e-4, "e": 1e-3}
+ROUNDING = 1e-6  # of a share of the strain, in single precision
 STRAIGHT = ("M", "A", "F", "Ft")  # constant at the critical state according to the paper; here linear in e
 
 
 def stationarity(records: pandas.DataFrame) -> pandas.DataFrame:
     """Slopes per 0.1 of strain in each window of WINDOWS, a row per window, direction and quantity.
 
-    direction: compression, extension or other. See analysis.statistics.stationarity_table; corrected for all rows of a
-    window.
+    A window is a share of the strain of a test, so that it is also the end of simple shear, which goes to 173 %.
+    direction: of `direction`. See analysis.statistics.stationarity_table; corrected for all rows of a window.
     """
     tables = []
     labelled = records.assign(direction=[direction(test) for test in records["test"]])
+    share = records["strain"] / records.groupby("run")["strain"].transform("max")
     for begin, end in WINDOWS:
-        slopes = slope_table(labelled, QUANTITIES, begin, end, by=["direction"])
+        slopes = slope_table(labelled[share.between(begin, end + ROUNDING)], QUANTITIES, 0.0, by=["direction"])
         table = stationarity_table(slopes, by=["direction"], judged=JUDGED)
         table.insert(0, "window", f"{100 * begin:.0f}-{100 * end:.0f} %")
         tables.append(table)
@@ -37,23 +52,42 @@ def stationarity(records: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def direction(test: str) -> str:
-    """Of a test of the campaign: extension, other (true triaxial, simple shear), or compression."""
+    """Of a test of the campaign: compression, extension, true triaxial or simple shear."""
     if "extension" in test:
         return "extension"
-    return "compression" if test.split("_")[0] in COMPRESSION else "other"
+    if test.split("_")[0] in COMPRESSION:
+        return "compression"
+    return "simple shear" if test == "shear" else "true triaxial"
+
+
+def plateau(records: pandas.DataFrame) -> pandas.DataFrame:
+    """Means of QUANTITIES between neighbouring STEPS in compression, with the paper's rule and 4,000 grains.
+
+    A row per window, means over the specimens.
+    """
+    chosen = (records["stiffness"] == "paper") & (records["size"] == "4000")
+    tests = records[chosen & (records["test"].map(direction) == "compression")]
+    rows = []
+    for begin, end in itertools.pairwise(STEPS):
+        inside = tests[tests["strain"].between(begin, end + ROUNDING)]
+        means = inside.groupby(["specimen", "run"])[list(QUANTITIES)].mean().groupby("specimen").mean()
+        rows.append({"window": f"{100 * begin:.0f}-{100 * end:.0f} %", "specimens": len(means), **means.mean()})
+    return pandas.DataFrame(rows)
 
 
 def questions(ends: pandas.DataFrame) -> dict[str, tuple[pandas.DataFrame, Sequence[object]]]:
     """factor -> (the tests compared, the group or the number of each); the paper's stiffness rule where not said."""
     paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000")]
-    compressed = paper[[direction(test) == "compression" for test in paper["test"]]]
+    ways = paper["test"].map(direction)
+    compressed = paper[ways == "compression"]
+    axial = ways.isin(["compression", "extension"])
     both = ends[(ends["size"] == "4000") & (ends["test"].isin(["cv", "cv_series", "cp", "cp_series"]))]
     sizes = ends[(ends["stiffness"] == "paper") & ends["test"].isin(["cv", "cv_full"])]
     return {
         "path": (compressed, compressed["path"].tolist()),
         "density": (compressed, compressed["density"].tolist()),
         "seed": (compressed, [name.rpartition("-")[2] for name in compressed["specimen"]]),
-        "Lode angle": (paper, paper["lode"].to_numpy(dtype=float)),
+        "direction": (paper[axial], ways[axial].tolist()),
         "stiffness rule": (both, both["stiffness"].tolist()),
         "size": (sizes, sizes["size"].tolist()),
     }
@@ -64,22 +98,73 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
 
     Z and Lambda are compared with lines of e, e with a line of p, and M, A, F and Ft with straight lines of e, each
     fitted to the tests compared. offset, within: of a group from all others; p_value: that no group is off, corrected
-    for the number of quantities and factors (Holm); for the Lode angle the offset is a slope per 60 degrees.
+    for the number of quantities and factors (Holm); direction: extension against compression.
     """
     rows = []
     for factor, (tests, groups) in questions(ends).items():
         for quantity in ("e", "Z", "Lambda", *STRAIGHT):
             found = one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
-            numeric = factor == "Lode angle"
-            for row in found.offsets.itertuples():
-                group = "per 60 degrees" if numeric else row.group
-                offset = (size * (60.0 if numeric else 1.0) for size in (row.offset, row.within))
-                of_line = found.scatter, found.shared, found.p_value
-                rows.append((quantity, factor, group, row.tests, row.specimens, *offset, *of_line))
+            for row in found.offsets.itertuples(index=False):
+                rows.append((quantity, factor, *row, found.scatter, found.shared, found.p_value))
     columns = "quantity factor group tests specimens offset within scatter shared p_value".split()
     table = pandas.DataFrame(rows, columns=columns)
     table["corrected"] = adjusted_once(table, ["quantity", "factor"])
     return table
+
+
+def limits_of_equivalence(asked: pandas.DataFrame) -> pandas.DataFrame:
+    """Offsets larger than these are excluded: the largest |offset| + within, a row per quantity and a column per factor.
+
+    asked: of one_critical_state.
+    """
+    largest = (asked["offset"].abs() + asked["within"]).groupby([asked["quantity"], asked["factor"]], sort=False).max()
+    return largest.unstack(sort=False).rename_axis(columns=None).reset_index()
+
+
+def curvature(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """Is a quantity linear in the Lode angle? A row per quantity, all tests of 4,000 grains with the paper's rule.
+
+    The residuals of one_critical_state are fitted with a + b x + c x^2, x the Lode angle over 60 degrees. sag: -c/4,
+    which is the height of the curve over its chord at 30 degrees (negative: below), within (95 %, clustered by
+    specimen), p_value that it is zero, corrected (Holm), tests, specimens.
+    """
+    tests = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000")]
+    x, specimens = tests["lode"].to_numpy() / 60.0, pandas.factorize(tests["specimen"])[0]
+    rows = []
+    for quantity in ("e", "Z", "Lambda", *STRAIGHT):
+        y, line = residuals(tests, quantity)
+        size = np.abs(line).max(axis=0)
+        design = np.column_stack([-4.0 * x * x, x, line / size])
+        robust = {"groups": specimens, "df_correction": True}
+        fit = OLS(y, design).fit(cov_type="cluster", cov_kwds=robust, use_t=True)
+        freedom = specimens.max() + 1 - design.shape[1]
+        found = Tested.of(float(fit.params[0]), float(fit.bse[0]), freedom, int(specimens.max()) + 1)
+        rows.append({"quantity": quantity, "tests": len(tests), **found.columns("sag")})
+    table = pandas.DataFrame(rows)
+    return table.assign(corrected=adjusted(table["p_value"]))
+
+
+def inertia(data: xr.Dataset) -> pandas.DataFrame:
+    """Inertial number of each test, a row per test: mean over the tests, and the largest stored."""
+    numbers = data["inertial_number"].to_dataframe().reset_index().dropna()
+    return numbers.groupby("test", sort=False)["inertial_number"].agg(["mean", "max"]).reset_index()
+
+
+def same_cubes(data: xr.Dataset) -> pandas.DataFrame:
+    """Extension minus compression of the same cubes at the end of 40 % of strain, a row per quantity.
+
+    data: of ./lab other-paths. M, A, F and Ft, and Z and Lambda off the paper's lines of e; difference, within (paired,
+    95 %), specimens, p_value, corrected (Holm). No difference in the shape of the cell is part of it.
+    """
+    both = data.isel(run=data["test"].isin(["compression", "extension"]).values)
+    ends = end_table(both, records(both), BEGIN + 0.05)
+    ends = ends.assign(Z=ends["Z"] - critical_Z(ends["e"]), Lambda=ends["Lambda"] - critical_Lambda(ends["e"]))
+    rows = []
+    for quantity in ("Z", "Lambda", *STRAIGHT):
+        found = paired_difference(ends, quantity, "test", "compression", "extension")
+        rows.append({"quantity": quantity, **found.columns("difference")})
+    table = pandas.DataFrame(rows)
+    return table.assign(corrected=adjusted(table["p_value"]))
 
 
 def residuals(tests: pandas.DataFrame, quantity: str) -> tuple[np.ndarray, np.ndarray]:

@@ -11,18 +11,32 @@ from matplotlib.figure import Figure
 
 from analysis.critical_state.ends import BEGIN, end_table, records
 from analysis.critical_state.figures import drift_figure, lines_figure, lode_figure
-from analysis.critical_state.questions import by_lode_angle, lines, offsets, one_critical_state, stationarity
+from analysis.critical_state.questions import (
+    by_lode_angle,
+    curvature,
+    inertia,
+    limits_of_equivalence,
+    lines,
+    offsets,
+    one_critical_state,
+    plateau,
+    same_cubes,
+    stationarity,
+)
 from analysis.other_paths.collect import collect
+from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.io import reporter
+from labkit.records import INERTIAL_LIMIT
 
 
 class CriticalState(Study):
     """The critical state at 100 % of strain."""
 
     data = "statistics.nc"
+    cubes = Path(results_folder("other_paths")) / "statistics.nc"  # the same specimens in compression and extension
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
         collect(runs, file, command, reporter("statistics"), "The critical state at large strain")
@@ -30,13 +44,27 @@ class CriticalState(Study):
     def read(self, file: Path) -> xr.Dataset:
         return xr.load_dataset(file)
 
+    def sources(self, folder: Path) -> list[str | Path]:
+        return [folder / self.data, *([self.cubes] if self.cubes.exists() else [])]
+
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
         progress(0.0, "ends of the tests")
         table = records(data)
         ends = end_table(data, table)
-        tables = {"ends": ends, "stationarity": stationarity(table), "by_lode_angle": by_lode_angle(ends)}
+        tables = {
+            "ends": ends,
+            "stationarity": stationarity(table),
+            "plateau": plateau(table),
+            "inertia": inertia(data),
+            "by_lode_angle": by_lode_angle(ends),
+            "curvature": curvature(ends),
+        }
+        if self.cubes.exists():
+            tables["same_cubes"] = same_cubes(xr.load_dataset(self.cubes))
         progress(0.5, "one critical state")
-        return tables | {"one_critical_state": one_critical_state(ends), "lines": lines(ends), "offsets": offsets(ends)}
+        asked = one_critical_state(ends)
+        tables |= {"one_critical_state": asked, "equivalence": limits_of_equivalence(asked)}
+        return tables | {"lines": lines(ends), "offsets": offsets(ends)}
 
     def figures(self, data: xr.Dataset, tables: Tables) -> Mapping[str, Figure]:
         return {
@@ -56,7 +84,13 @@ class CriticalState(Study):
             "last": 1.0 - BEGIN,
             "specimens": tables["ends"]["specimen"].nunique(),
             "one": one.reset_index(),
-            "resolved": asked[(asked["corrected"] <= SIGNIFICANT) & (asked["offset"].abs() > asked["within"])],
+            "above": tables["inertia"][tables["inertia"]["max"] > INERTIAL_LIMIT],
+            "cubes": tables.get("same_cubes"),
+            "resolved": asked[
+                (asked["corrected"] <= SIGNIFICANT)
+                & (asked["offset"].abs() > asked["within"])
+                & ~asked["group"].isin(["compression", "paper"])  # the same offset with the other sign
+            ],
         }
 
 

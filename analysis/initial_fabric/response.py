@@ -12,7 +12,7 @@ from statsmodels.regression.linear_model import OLS
 
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.paper.estimates import two_samples
-from analysis.statistics import Tested, adjusted, paired_difference, student
+from analysis.statistics import Tested, adjusted, cluster_mean, paired_difference, student
 from labkit.errors import PhysicsError
 from labkit.model import Model, ModelState, Readings, drive
 from labkit.paths import Steps, increments
@@ -90,21 +90,20 @@ def _deviatoric(tensor: np.ndarray) -> np.ndarray:
 def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:
     """Effect of the direction of the shear before, 0 minus 90 degrees, a row per source and measure.
 
-    Along the axis of the test the fabric of a shear at the angle theta is proportional to 1 + 3 cos(2 theta): every
-    measure is fitted with an offset for each specimen and a common slope in cos(2 theta), so that a specimen is
-    compared with itself. Columns: source, measure, difference (twice the slope), within, specimens, p_value, corrected
-    (Holm).
+    Each specimen is compared with itself and counts once. Columns: source, measure, difference, within, off, off_within
+    (45 degrees minus the mean of 0 and 90: zero if a measure is linear in cos(2 theta), as the fabric along the axis of
+    the test is), off_p_value, specimens, p_value, corrected (Holm).
     """
     rows = []
     after = response[response["test"].isin(ANGLES)]
-    cosine = np.cos(2.0 * np.radians(after["test"].map(ANGLES).to_numpy(dtype=float)))
-    for source in dict.fromkeys(after["source"]):
-        chosen = (after["source"] == source).to_numpy()
-        of_specimen = pandas.get_dummies(after.loc[chosen, "specimen"]).to_numpy(dtype=float)
-        design = np.column_stack([0.5 * cosine[chosen], of_specimen])  # 0.5 (1 - -1) = 1 between 0 and 90 degrees
+    for source, tests in after.groupby("source", sort=False):
         for measure in MEASURES:
-            found = coefficient(after.loc[chosen, measure].to_numpy(dtype=float), design, of_specimen.shape[1])
-            rows.append({"source": source, "measure": measure} | found.columns("difference"))
+            along, between, across = (
+                tests[tests["test"] == test].set_index("specimen")[measure].rename(None) for test in ANGLES
+            )
+            off = cluster_mean(between - 0.5 * (along + across))
+            row = {"source": source, "measure": measure} | cluster_mean(along - across).columns("difference")
+            rows.append(row | {"off": off.value, "off_within": off.within, "off_p_value": off.p_value})
     return _corrected(rows)
 
 
@@ -112,15 +111,20 @@ def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
     """Effect of Z0 at equal e0 and p, per unit of Z0, a row per source and measure.
 
     All loose and medium specimens that were not sheared before, fitted with a + b e0 + c Z0. Columns: source, measure,
-    difference (c), within, specimens, p_value, corrected (Holm).
+    difference (c), within, apart, apart_within, apart_p_value (c with an offset for the way of preparation),
+    correlation (of Z0 and the way of preparation), specimens, p_value, corrected (Holm).
     """
     rows = []
     tested = response[(response["test"] == "none") & ~response["group"].str.contains("dense")]
     for source, table in tested.groupby("source", sort=False):
+        prepared = table["group"].str.startswith("high").to_numpy(dtype=float)
         design = np.column_stack([table["Z0"], table["e0"] - table["e0"].mean(), np.ones(len(table))])
         for measure in MEASURES:
-            found = coefficient(table[measure].to_numpy(dtype=float), design, len(table))
-            rows.append({"source": source, "measure": measure} | found.columns("difference"))
+            y = table[measure].to_numpy(dtype=float)
+            apart = coefficient(y, np.column_stack([design, prepared]), len(table))
+            row = {"source": source, "measure": measure} | coefficient(y, design, len(table)).columns("difference")
+            row |= {"apart": apart.value, "apart_within": apart.within, "apart_p_value": apart.p_value}
+            rows.append(row | {"correlation": float(np.corrcoef(table["Z0"], prepared)[0, 1])})
     return _corrected(rows)
 
 

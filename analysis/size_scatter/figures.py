@@ -54,7 +54,7 @@ def sizes_figure(ends: pandas.DataFrame, sizes: pandas.DataFrame, scatter: panda
             label = "largest size ± scatter $\\propto N^{-1/2}$" if sign > 0 else None
             panel.plot(grains, largest + sign * law, "--", color="tab:orange", lw=1, label=label)
         panel.set_xscale("log")
-        law_text = f"exponent {laws.loc[quantity, 'exponent']:.2f} ± {laws.loc[quantity, 'within']:.2f}"
+        law_text = "exponent {exponent:.2f} ({low:.2f} to {high:.2f})".format(**laws.loc[quantity])
         panel.set_title(law_text, fontsize=9)
         panel.set_ylabel(LABELS[quantity])
     for panel in axes[3:]:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pandas
-from scipy import stats
+from scipy import optimize, stats
+from statsmodels.genmod.families import Gamma
+from statsmodels.genmod.families.links import Log
+from statsmodels.genmod.generalized_linear_model import GLM
 
 from analysis.statistics import CONFIDENCE, adjusted, student, verdict
 
@@ -17,7 +21,8 @@ HALF = 0.5  # exponent of independent grains
 ALLOWED = 0.01  # relative scatter of one specimen, for which the number of grains is given
 BEGIN = 0.01  # of strain, from which on the error of q is averaged
 TOLERANCE = 0.02  # of `labkit verify`, in the Frobenius norm
-NORMAL = float(stats.norm.ppf(0.5 * (1.0 + CONFIDENCE)))
+LIMIT = float(stats.chi2.ppf(CONFIDENCE, 1))  # of a likelihood ratio
+FAR = 1.0  # between an exponent and the ends of its interval, at most
 
 
 def size_table(ends: pandas.DataFrame) -> pandas.DataFrame:
@@ -53,36 +58,45 @@ def size_table(ends: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def scatter_table(sizes: pandas.DataFrame) -> pandas.DataFrame:
-    """The law scatter = c N^-exponent, a row per quantity.
+    """The law scatter = c N^-exponent, a row per quantity, by maximum likelihood.
 
-    The logarithm of a standard deviation of n specimens has the variance 1/(2 (n - 1)) nearly, whatever its value, so
-    that the straight line through the logarithms is fitted with known weights. Columns: quantity, exponent, within
-    (95 %), p_value (that it is 1/2), corrected (Holm), relative (scatter of a specimen of 1,000 grains divided by the
-    mean, with the exponent 1/2), needed (number of grains for a relative scatter of 1 %).
+    The variance of n normal specimens is gamma distributed with (n - 1)/2 as its shape: a generalised linear model with
+    a logarithmic link. Columns: quantity, exponent, low, high (95 %, from the likelihood ratio), p_value (that it is
+    1/2), corrected (Holm), relative (scatter of a specimen of 1,000 grains divided by the mean, with the exponent 1/2),
+    needed (number of grains for a relative scatter of 1 %).
     """
     rows = []
     for quantity, group in sizes[sizes["specimens"] > 1].groupby("quantity", sort=False):
-        x = np.log(group["grains"].to_numpy() / SMALL)
-        y = np.log(group["scatter"].to_numpy())
-        weight = 2.0 * (group["specimens"].to_numpy() - 1.0)
-        design = np.column_stack([np.ones_like(x), x])
-        covariance = np.linalg.inv(design.T @ (design * weight[:, None]))
-        slope = (covariance @ design.T @ (weight * y))[1]
-        error = math.sqrt(covariance[1, 1])
-        small = math.exp(float(np.average(y + HALF * x, weights=weight)))
+        x, scatter = np.log(group["grains"].to_numpy() / SMALL), group["scatter"].to_numpy()
+        typical = float(np.exp(np.log(scatter).mean()))
+        variance = (scatter / typical) ** 2
+        shape = 0.5 * (group["specimens"].to_numpy() - 1.0)
+
+        def fit(design: np.ndarray, offset: np.ndarray, variance=variance, shape=shape) -> Any:
+            family = Gamma(link=Log())
+            return GLM(variance, design, family=family, offset=offset, var_weights=shape).fit(scale=1.0)
+
+        def excess(exponent: float, x=x, fit=fit) -> float:  # over the deviance of the best exponent, less the limit
+            return float(fit(np.ones((len(x), 1)), -2.0 * exponent * x).deviance - best.deviance - LIMIT)
+
+        best = fit(np.column_stack([np.ones_like(x), x]), np.zeros_like(x))
+        exponent = -0.5 * float(best.params[1])
+        low, high = (optimize.brentq(excess, exponent, exponent + far) for far in (-FAR, FAR))
+        small = typical * math.exp(0.5 * float(fit(np.ones((len(x), 1)), -x).params[0]))
         relative = small / abs(float(group["mean"].iloc[-1]))
         rows.append(
             {
                 "quantity": quantity,
-                "exponent": -slope,
-                "within": NORMAL * error,
-                "p_value": 2.0 * float(stats.norm.sf(abs(-slope - HALF) / error)),
+                "exponent": exponent,
+                "low": low,
+                "high": high,
+                "p_value": float(stats.chi2.sf(excess(HALF) + LIMIT, 1)),
                 "relative": relative,
                 "needed": SMALL * (relative / ALLOWED) ** 2,
             }
         )
     table = pandas.DataFrame(rows)
-    table.insert(4, "corrected", adjusted(table["p_value"]))
+    table.insert(5, "corrected", adjusted(table["p_value"]))
     return table
 
 

@@ -74,12 +74,17 @@ def one_line(
         null, other = _Mixed(columns, same), _Mixed(full, same)
         statistic = float(2.0 * (other.likelihood(y[:, None]) - null.likelihood(y[:, None]))[0])
         deviation, share = null.scatter(y)
-        covariance = (1.0 - share) * np.eye(len(y)) + share * same
-        drawn = np.linalg.cholesky(covariance) @ np.random.default_rng(1).normal(size=(len(y), draws))
+        drawn = np.linalg.cholesky(_covariance(share, same)) @ np.random.default_rng(1).normal(size=(len(y), draws))
         simulated = 2.0 * (other.likelihood(drawn) - null.likelihood(drawn))
         p_value = float((1.0 + np.sum(simulated >= statistic)) / (1.0 + draws))
+        covariance = _covariance(other.scatter(y)[1], same)  # what specimens share beside their group
     offsets = _offsets(y, columns, names, members, specimen, covariance)
     return OneLine(statistic, p_value, len(y), count, deviation, share, offsets)
+
+
+def _covariance(share: float, same: np.ndarray) -> np.ndarray:
+    """Covariance of the tests over their variance, of which those of one specimen share a part (n, n)."""
+    return (1.0 - share) * np.eye(len(same)) + share * same
 
 
 def _groups(factor: np.ndarray) -> tuple[list[str], np.ndarray]:

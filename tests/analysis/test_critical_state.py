@@ -5,7 +5,7 @@ import pandas
 import pytest
 
 from analysis.critical_state.ends import factors, packing
-from analysis.critical_state.questions import direction, one_critical_state, stationarity
+from analysis.critical_state.questions import curvature, direction, one_critical_state, stationarity
 from analysis.paper.lines import critical_Lambda, critical_Z
 
 pytestmark = pytest.mark.slow
@@ -48,12 +48,33 @@ def test_names_say_what_a_test_is():
         "cell": "tall",
     }
     assert packing("flat_medium_500-s11") == "flat_medium-s11"
-    assert [direction(test) for test in ("cv", "cp_series", "cr_extension", "shear")] == [
-        "compression",
-        "compression",
-        "extension",
-        "other",
+    tests = {"cv": "compression", "cr_extension": "extension", "shear": "simple shear", "triaxial_b05": "true triaxial"}
+    assert {test: direction(test) for test in tests} == tests
+
+
+def test_a_curve_over_the_lode_angle_does_not_change_the_direct_comparison():
+    ends = pandas.concat([planted().assign(lode=0.0), planted().assign(lode=30.0), planted().assign(lode=60.0)])
+    ends["specimen"] += "-" + ends["lode"].astype(str)
+    ends["test"] = ends["lode"].map({0.0: "cp", 30.0: "triaxial_b05", 60.0: "cp_extension"})
+    ends["M"] += ends["lode"].map({0.0: 0.0, 30.0: -0.14, 60.0: -0.2})
+    asked = one_critical_state(ends).set_index(["quantity", "group"]).loc[("M", "extension")]
+    assert asked["offset"] == pytest.approx(-0.2, abs=asked["within"]) and asked["within"] < 0.01
+    sag = curvature(ends).set_index("quantity").loc["M"]
+    assert sag["sag"] == pytest.approx(-0.04, abs=sag["within"]) and sag["corrected"] < 0.01
+
+
+def test_shear_beyond_100_percent_is_judged_at_its_own_end():
+    strain = np.linspace(0.0, 1.73, 101)
+    columns = dict.fromkeys(("A", "F", "Ft", "Z", "Lambda", "e", "p_MPa"), np.ones(101))
+    M = np.where(strain < 1.2, 0.8, 0.8 - 0.1 * (strain - 1.2))
+    tests = [
+        pandas.DataFrame(
+            {"run": f"r{k}", "test": "shear", "specimen": f"s{k}", "strain": strain, **columns, "M": M + k}
+        )
+        for k in range(3)
     ]
+    slopes = stationarity(pandas.concat(tests)).set_index(["window", "quantity"])["slope"]
+    assert slopes["70-100 %", "M"] == pytest.approx(-0.01, rel=0.01)
 
 
 def test_an_offset_of_one_density_is_found_and_none_is_invented():

@@ -24,7 +24,7 @@ def planted(exponent, bias, specimens=40):
 @pytest.mark.parametrize("exponent", [0.5, 0.2])
 def test_the_exponent_of_the_scatter_is_found(exponent):
     table = scatter_table(size_table(planted(exponent, 0.0)))
-    assert (abs(table["exponent"] - exponent) < 1.3 * table["within"]).all()
+    assert (abs(table["exponent"] - exponent) < 0.65 * (table["high"] - table["low"])).all()
     assert ((table["corrected"] < 0.05) == (exponent == 0.2)).all()
     if exponent == 0.5:
         assert table["relative"].to_numpy() == pytest.approx(0.02, rel=0.15)
