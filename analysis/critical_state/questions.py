@@ -113,7 +113,7 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def limits_of_equivalence(asked: pandas.DataFrame) -> pandas.DataFrame:
-    """Offsets larger than these are excluded: the largest |offset| + within, a row per quantity and a column per factor.
+    """Offsets larger than these are excluded: the largest |offset| + within, a row per quantity, a column per factor.
 
     asked: of one_critical_state.
     """

@@ -76,10 +76,11 @@ def scatter_table(sizes: pandas.DataFrame) -> pandas.DataFrame:
             family = Gamma(link=Log())
             return GLM(variance, design, family=family, offset=offset, var_weights=shape).fit(scale=1.0)
 
-        def excess(exponent: float, x=x, fit=fit) -> float:  # over the deviance of the best exponent, less the limit
+        best = fit(np.column_stack([np.ones_like(x), x]), np.zeros_like(x))
+
+        def excess(exponent: float, x=x, fit=fit, best=best) -> float:  # over the best deviance, less the limit
             return float(fit(np.ones((len(x), 1)), -2.0 * exponent * x).deviance - best.deviance - LIMIT)
 
-        best = fit(np.column_stack([np.ones_like(x), x]), np.zeros_like(x))
         exponent = -0.5 * float(best.params[1])
         low, high = (optimize.brentq(excess, exponent, exponent + far) for far in (-FAR, FAR))
         small = typical * math.exp(0.5 * float(fit(np.ones((len(x), 1)), -x).params[0]))
