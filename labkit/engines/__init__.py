@@ -1,9 +1,9 @@
 """Engines advance a State.
 
-base          what a run and an engine have in common: its interface, and the requests of a run
+base          the interface of an engine, and the requests that a run makes of it
 contacts      contacts as a State lists them
-registry      the engines by name, and what starts them
-server        engines whose grains are in another process, that process, and the messages to it
+registry      the engines by name, and how they are started
+server        engines whose grains live in another process, and the messages to that process
 yade          the YADE engine, the reference
 yade_process  finds YADE and runs scripts in it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold

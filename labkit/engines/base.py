@@ -1,8 +1,8 @@
-"""What a run and an engine have in common: the interface of an engine, and the requests of a run.
+"""The interface of an engine, and the requests that a run makes of it.
 
-A run is a generator that yields what it needs of an engine and receives the answers. A request is a Load, an Advance,
-Corrections, Work, or a function of the engine. `drive_engine` answers from one engine; other drivers answer the
-requests of several runs, or of a test.
+A run is a generator that yields what it needs from an engine and receives the answers. A request is a Load, an Advance,
+Corrections, Work, or a function of the engine. `drive_engine` answers from one engine; other drivers serve several
+runs, or a test.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from labkit.records.instant import Instant
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
-Answer: TypeAlias = Any  # to a request, whose kind determines the type
+Answer: TypeAlias = Any  # the kind of request determines its type
 
-PRECISIONS = ("double", "mixed")  # of all engines
-MOST_THREADS = 8  # that compute records of a batch; one record of 14,000 grains takes one of them tens of milliseconds
+PRECISIONS = ("double", "mixed")  # that any engine supports
+MOST_THREADS = 8  # for the records of a batch; a record of 14,000 grains occupies one for tens of milliseconds
 
 # arrays of a State that fused and cuda store in their own layouts
 IN_ENGINE = (
@@ -45,23 +45,22 @@ Progress = Callable[[float, str], None]  # (fraction done, current activity)
 class Batches(Protocol):
     """How an engine advances the States of several runs together.
 
-    drive: carries out runs, generators that yield what they need of an engine; returns for each the exception that
-    ended it, or None. The failure of one run does not stop the others.
+    A run that fails does not stop the others.
     """
 
     def key(self, scene: Scene) -> Hashable:
-        """Runs whose scenes have equal keys can be in one batch."""
+        """Runs whose scenes have equal keys can share a batch."""
 
     def memory(self, grains: int, precision: str = "double") -> float:
-        """Memory, bytes, that a State with this number of grains takes in a batch."""
+        """Memory that a State with this number of grains needs in a batch, bytes."""
 
     def room(self) -> float:
-        """Memory, bytes, for all States of a batch on this computer. Raises InputError if it has no such device."""
+        """Memory available to all States of a batch, bytes. Raises InputError if this computer lacks the device."""
 
     def drive(
         self, runs: Sequence[Generator[Request, Answer, object]], precision: str = "double"
     ) -> list[Exception | None]:
-        """Carry out all runs."""
+        """Carry out runs, which are generators of requests; return for each the exception that ended it, or None."""
 
 
 def accept(*_: object) -> None:
@@ -69,7 +68,7 @@ def accept(*_: object) -> None:
 
 
 def instant_of(engine: Engine) -> Instant:
-    """The instant of an engine, for a record, from its State."""
+    """Return the instant of an engine, for a record, from its State."""
     return Instant(engine.state())
 
 
@@ -78,14 +77,14 @@ class Abilities:
     """What an engine can do, and what it needs.
 
     Args:
-        parallel: What `threads` counts, "threads" or MPI "ranks".
-        precisions: The constructor takes any other than "double" as `precision`.
+        parallel: What `threads` counts: "threads" or MPI "ranks".
+        precisions: Supported precisions; the constructor takes any other than "double" as `precision`.
         require_scene: Raises InputError if the engine does not support a Scene.
         require_path: Raises InputError if the engine cannot follow a Path.
         require_computer: Raises InputError if this computer lacks what the engine needs, such as a GPU.
-        instant: The instant of an engine, for a record; an engine on several ranks need not gather its grains.
-        follow: Advances an engine by the steps of Corrections, of which it runs the servo; None: labkit runs it.
-        batches: How the States of several runs advance together; None: one after the other.
+        instant: Returns the instant of an engine, for a record; an engine on several ranks need not gather its grains.
+        follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
+        batches: How the States of several runs advance together; None if runs take turns.
     """
 
     parallel: str = "threads"
@@ -101,7 +100,7 @@ class Abilities:
 class Engine(abc.ABC):
     """Holds a State and advances it in time.
 
-    Between calls, an engine has computed the forces of a step but not yet the motion. To define an engine, subclass
+    Between calls, the forces of the next step are computed but the motion is not. To define an engine, subclass
     Engine and decorate the class with `@labkit.register_engine`; its constructor takes (state, threads).
     """
 
@@ -135,8 +134,8 @@ class Engine(abc.ABC):
 def reload(engine: Engine) -> State:
     """Load the current state of an engine again, and return it.
 
-    A run that passes through a checkpoint in this way is identical, to the last bit, to one that is resumed from it:
-    anything that the engine holds besides the state, such as the order of its lists, is rebuilt in both.
+    A run that does so at a checkpoint is identical, to the last bit, to one resumed from that checkpoint: whatever the
+    engine holds besides the state, such as the order of its lists, is rebuilt in both.
     """
     state = engine.state()
     engine.load(state)
@@ -154,7 +153,7 @@ def require_able(kind: type[Engine], scene: Scene, precision: str = "double") ->
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """An engine and what it runs on: `start(state)` gives the engine, loaded with the state.
+    """An engine and the hardware it runs on: `start(state)` returns the engine, loaded with the state.
 
     Args:
         name: Name of the engine.
@@ -169,7 +168,7 @@ class Start:
     precision: str = "double"
 
     def __call__(self, state: State) -> Engine:
-        """The engine, loaded with the state. Raises InputError if it does not support the scene or the precision."""
+        """Return the engine, loaded with the state. Raises InputError if it lacks the scene or the precision."""
         require_able(self.kind, state.scene, self.precision)
         options = {} if self.precision == "double" else {"precision": self.precision}
         make: Callable[..., Engine] = self.kind
@@ -182,7 +181,7 @@ def silent(fraction: float, text: str) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Load:
-    """Load a State, with the first engine or with the one that is there; the answer is its Abilities."""
+    """Start the engine with a State, or load the State into a running engine; the answer is its Abilities."""
 
     state: State
 
@@ -199,7 +198,7 @@ class Advance:
 class Work:
     """Work that does not use the engine; other States may advance meanwhile. The answer is its result.
 
-    It may be done in another thread, at the same time as that of other runs: it must use no files.
+    It may run in another thread, alongside that of other runs, so it must use no files.
     """
 
     function: Callable[..., Answer]
@@ -211,7 +210,7 @@ Run = Generator[Request, Answer, object]
 
 
 def drive_engine(run: Generator[Request, Answer, Result], start: Start) -> Result:
-    """Carry out a run with one engine; returns its result. Raises what the run or the engine raises."""
+    """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""
     engine: Engine | None = None
     try:
         request = next(run)
@@ -232,7 +231,7 @@ def drive_engine(run: Generator[Request, Answer, Result], start: Start) -> Resul
 
 
 def answer_of(engine: Engine, request: Request) -> Answer:
-    """The answer of an engine to a request."""
+    """Return the answer of an engine to a request."""
     match request:
         case Advance(steps, gradient):
             return engine.advance(steps, gradient)

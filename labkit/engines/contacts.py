@@ -6,7 +6,9 @@ import numpy as np
 
 
 def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """True (n,) for contacts that a State lists with their grains exchanged; the shift decides for an own image.
+    """True (n,) for contacts that a State lists with their grains exchanged.
+
+    If a grain touches its own image, the shift decides.
 
     Args:
         pair: Numbers of the two grains, (n, 2).
@@ -17,10 +19,10 @@ def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 
 def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return contact_grain (n, 2) and contact_shift (n, 3) of a State, and what its history follows from.
+    """Sort contacts as a State lists them.
 
-    That is the order (n,) in which the State lists the contacts, and, in this order, the sign (n, 1) of their history:
-    -1 where the grains are exchanged.
+    Returns contact_grain (n, 2) and contact_shift (n, 3) of the State, the order (n,) in which it lists the contacts,
+    and, in that order, the sign (n, 1) of their history: -1 where the grains are exchanged.
 
     Args:
         pair: Numbers of the two grains, (n, 2), in any order.

@@ -1,8 +1,7 @@
-"""The fused engine: a compiled kernel, written for labkit's scenes, that runs without YADE in labkit's own Python.
+"""The fused engine: a compiled kernel, written for labkit's scenes, that runs in labkit's own Python without YADE.
 
-The contact law `rolling_resistance` uses YADE's formulas, with the operations in the same order; `spring_dashpot` uses
-Eqs. 1-3.
-The results are bit-identical for any number of threads.
+The contact law `rolling_resistance` uses YADE's formulas with operations in the same order; `spring_dashpot` uses
+Eqs. 1-3. Results are bit-identical for any number of threads.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.memory import return_large_arrays
 
-# Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin lasts about a thousand steps.
+# Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
@@ -48,12 +47,14 @@ class FusedEngine(Engine):
 
     Raises InputError if `threads` exceeds the number of threads available to Numba.
 
-    `skin`: the Verlet skin as a fraction of the mean diameter; None: the engine adapts it.
-
-    `precision`: `double`, or `mixed` with half of the numbers single (labkit.engines.kernel.layout).
-
     The engine uses `threads` threads only while they are faster than one (labkit.engines.threads), and at most one per
     3,000 grains.
+
+    Args:
+        state: State to load.
+        threads: Number of threads.
+        skin: Verlet skin as a fraction of the mean diameter; None lets the engine adapt it.
+        precision: "double", or "mixed" with half of the numbers in single precision (labkit.engines.kernel.layout).
     """
 
     name = "fused"

@@ -40,7 +40,7 @@ class Fused(Start):
     """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
 
     def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
-        """threads: their number; precision: of the forces."""
+        """Take the number of threads and the precision of the forces."""
         super().__init__(**vars(starter("fused", threads, precision)))
 
 
@@ -48,21 +48,21 @@ class Yade(Start):
     """YADE, the reference; it must be installed."""
 
     def __init__(self, threads: int = 1) -> None:
-        """threads: their number."""
+        """Take the number of threads."""
         super().__init__(**vars(starter("yade", threads)))
 
 
 def start_of(engine: str | Start, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Start:
-    """Return the Start of an engine that is given as one, or by its name and what it runs on.
+    """Return the Start of an engine, given as a Start or as a name with a number of threads or ranks.
 
-    Raises InputError for an unknown name, ranks of an engine with threads, threads of one with ranks, or an engine that
-    is given with its threads and with others beside it.
+    Raises InputError for an unknown name, ranks for an engine with threads, threads for one with ranks, or threads or
+    ranks in addition to a Start, which has its own.
     """
     if isinstance(engine, str):
         return starter(engine, processors(engine, threads, ranks), precision)
     for name, value, default in (("threads", threads, 1), ("precision", precision, "double"), ("ranks", ranks, None)):
         if value != default:
-            problem = "is given beside an engine that has its own"
+            problem = "is given in addition to an engine that has its own"
             raise InputError(problem, field=name, value=value, allowed=f"it in {type(engine).__name__}(...)")
     return engine
 

@@ -1,8 +1,8 @@
-"""Engines whose grains are in another process, the server: YADE, or LAMMPS on several ranks.
+"""Engines whose grains live in another process, the server: YADE, or LAMMPS on several ranks.
 
-The run, its records and checkpoints are on this side. A server that dies, hangs or speaks another version ends the run
-with one line, and the run can be resumed. An idle server is kept for the next engine of the same kind; it ends with
-this process, because its socket then closes.
+The run, its records and checkpoints stay in this process. If a server dies, hangs or speaks another version, the run
+ends with one line and can be resumed. An idle server is kept for the next engine of the same kind; it ends with this
+process, because its socket then closes.
 
 A message between the two is a name, plain values and named arrays:
 
@@ -36,8 +36,8 @@ from labkit.errors import PhysicsError
 from labkit.grains.state import State
 from labkit.io.schema import STATE
 
-PROTOCOL = 1  # increased when messages change; both sides must have the same
-SILENCE = 600.0  # s without an answer; a long `advance` says every 10 s, between two time steps, that it is alive
+PROTOCOL = 1  # increased when messages change; must be equal on both sides
+SILENCE = 600.0  # s without an answer; a long `advance` reports every 10 s, between two time steps, that it is alive
 RESUME = "give the same command to resume a run from its last checkpoint"
 
 
@@ -61,7 +61,7 @@ def send(peer: socket.socket, message: Message) -> None:
 
 
 def receive(peer: socket.socket) -> Message:
-    """The next message. Raises EOFError if the other side has ended, TimeoutError if the socket has a limit."""
+    """Return the next message. Raises EOFError if the other side has ended, TimeoutError after the socket's limit."""
     header = json.loads(_read(peer, *struct.unpack("<I", _read(peer, 4))))
     arrays = {}
     for name, code, shape in header["arrays"]:
@@ -84,7 +84,11 @@ def _read(peer: socket.socket, size: int) -> bytearray:
 class Server:
     """A program that serves an engine over a socket.
 
-    program: its name, for messages; process: None for a server that has started this process; output: what it prints.
+    Args:
+        program: Name of the program, for messages.
+        peer: Socket to the program.
+        process: The program's process; None if the server started this process.
+        output: Standard output and errors of the program; None if they are not redirected.
     """
 
     def __init__(
@@ -94,7 +98,7 @@ class Server:
         process: subprocess.Popen[bytes] | None = None,
         output: IO[bytes] | None = None,
     ) -> None:
-        """Wait for the greeting. Raises PhysicsError if it does not come, or is that of another version."""
+        """Wait for the greeting. Raises PhysicsError if it does not come, or comes from another version."""
         self.program, self._peer, self._process, self._output = program, peer, process, output
         self._owner = os.getpid()
         peer.settimeout(SILENCE)
@@ -109,7 +113,7 @@ class Server:
         self.version, self.processors = str(hello.values["version"]), int(hello.values["threads"])
 
     def ask(self, name: str, values: Values | None = None, **arrays: np.ndarray) -> Message:
-        """The answer to a message. Raises PhysicsError if the server reports an error, dies or hangs."""
+        """Return the answer to a message. Raises PhysicsError if the server reports an error, dies or hangs."""
         return self._guarded(name, lambda: self._exchange(Message(name, values or {}, arrays)))
 
     def _exchange(self, message: Message) -> Message:
@@ -121,7 +125,7 @@ class Server:
         return answer
 
     def _guarded(self, doing: str, work: Callable[[], Message]) -> Message:
-        """The result of an exchange; the server is of no more use if that ends in the middle."""
+        """Return the result of an exchange; if it is cut short, the server cannot be used again."""
         try:
             return work()
         except PhysicsError:
@@ -138,13 +142,13 @@ class Server:
             raise
 
     def _end(self) -> str:
-        """How the process has ended, and the last line that it has printed."""
+        """Describe how the process ended, with the last line that it printed."""
         if self._process is None:
             self.close()
             return "has ended"
         try:
             code = self._process.wait(10.0)
-        except subprocess.TimeoutExpired:  # it has closed the socket only
+        except subprocess.TimeoutExpired:  # it closed the socket and still runs
             code = None
         self.close()
         said = f"was killed by signal {-code}" if code is not None and code < 0 else f"ended with exit status {code}"
@@ -174,9 +178,9 @@ _IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 
 class ServedEngine(Engine):
-    """An engine in a server. A subclass starts the server, and says what it needs to load a State.
+    """An engine in a server. A subclass starts the server, and defines what the server needs to load a State.
 
-    keeps_server: True to keep an idle server for the next engine.
+    `keeps_server` is True if an idle server is kept for the next engine.
     """
 
     keeps_server: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Speed of an engine in a CV test, and the cost of a record and of the stress for the servo, in a separate process.
+"""Measures, in a separate process, the speed of an engine in a CV test and the cost of a record and of the stress.
 
 `python -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints one line for each quantity.
 """
@@ -36,13 +36,13 @@ def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 
 
 
 def read_speeds(text: str) -> dict[str, float]:
-    """The values in the output of a measurement."""
+    """Read the values from the output of a measurement."""
     lines = (line.split() for line in text.splitlines() if line.startswith("steps_per_"))
     return {name: float(value) for name, value in lines}
 
 
 def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
-    """Steps per second over `steps` steps, and the cost of a stress evaluation and of a record in equivalent steps."""
+    """Measure steps per second, and the cost of a stress evaluation and of a record in equivalent steps."""
     gradient = prescribed_gradient(on_grains(ConstantVolume(), state.scene), state.time_step)
     engine = start(state)
     engine.advance(max(1, steps // 5), gradient)

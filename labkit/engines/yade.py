@@ -20,7 +20,7 @@ from labkit.grains.state import State
 from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
-SOCKET = "LABKIT_YADE"  # environment variable: number of the socket to the YADE that has started this process
+SOCKET = "LABKIT_YADE"  # environment variable: number of the socket to the YADE that started this process
 
 
 def _require_law(scene: Scene) -> None:
@@ -45,9 +45,9 @@ class YadeEngine(ServedEngine):
 
     @classmethod
     def start_server(cls, threads: int) -> Server:
-        """Start YADE, or use the YADE that has started this process.
+        """Start YADE, or use the YADE that started this process.
 
-        Raises InputError if YADE is not installed, or if that YADE has another number of threads.
+        Raises InputError if YADE is not installed, or if the running YADE has a different number of threads.
         """
         number = os.environ.pop(SOCKET, None)
         if number is None:
@@ -93,7 +93,7 @@ class YadeEngine(ServedEngine):
 
 
 def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Server:
-    """Start a script that serves the socket of its last argument in YADE."""
+    """Start a script in YADE that serves the socket named by its last argument."""
     mine, its = socket.socketpair()
     output = tempfile.TemporaryFile()
     with its:

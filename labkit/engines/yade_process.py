@@ -18,9 +18,9 @@ PROGRAMS = ("yade", "yadedaily")
 def yade_program() -> str | None:
     """Path of the yade program, or None if it is not installed.
 
-    It is searched for on the search path (Debian, or a conda environment that is active), then next to Python and in
-    $CONDA_PREFIX (a conda environment whose labkit was started without activation). `yadedaily` is the program of
-    YADE's own Debian packages.
+    labkit looks on the search path (Debian, or an active conda environment), then next to Python and in $CONDA_PREFIX
+    (a conda environment whose labkit was started without activation). `yadedaily` is the program of YADE's own Debian
+    packages.
     """
     own = [str(Path(sys.executable).parent)]
     conda = [str(Path(os.environ["CONDA_PREFIX"]) / "bin")] if os.environ.get("CONDA_PREFIX") else []
@@ -48,9 +48,9 @@ def find_script(name: str) -> Path:
 
 
 def yade_environment() -> dict[str, str]:
-    """Environment of a YADE process: without variables of a virtual environment.
+    """Environment of a YADE process, without the variables of a virtual environment.
 
-    Waiting OpenMP threads sleep: spinning threads halve YADE's speed on a computer that is busy with other work.
+    Waiting OpenMP threads sleep, because spinning threads halve YADE's speed on a computer busy with other work.
     """
     environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
@@ -64,7 +64,7 @@ def yade_command(script: Path, arguments: Sequence[str], threads: int = 1) -> li
 
 
 def run_script(script: Path, arguments: Sequence[str], threads: int = 1) -> str:
-    """Output of a script in YADE. Raises PhysicsError if it fails."""
+    """Run a script in YADE and return its output. Raises PhysicsError if it fails."""
     command = yade_command(script, arguments, threads)
     done = subprocess.run(command, env=yade_environment(), stdin=subprocess.DEVNULL, capture_output=True, text=True)
     if done.returncode:

@@ -1,13 +1,13 @@
-"""What moves the cell over the coming time steps, known before they are made, for an engine that runs the servo.
+"""A plan of the cell's motion over the coming time steps, for an engine that runs the servo itself.
 
 This is labkit.servo.correction.velocity_gradient with everything prepared that does not depend on the stress. The part
-of the velocity gradient that the servo finds is, as six components in Mandel notation,
+of the velocity gradient that the servo sets is, as six components in Mandel notation,
 
     x = K [(1 - a) P (b + d) - a limited(G (s - M sigma))]        G = g/(T dt) F (M C F)^-1        a = LOW_PASS
 
 with sigma the stress, s the targets, b the symmetric velocity gradient so far, M, F and C the measured stresses, the
 free rates and the stiffness of the cell, and g/T the gain over the steps between corrections; K is 1 for free
-components and 0 for others. P = F F^+ and d, the prescribed rates, are there only if some rates are both prescribed
+components and 0 for others. P = F F^+ and d, the prescribed rates, are needed only if some rates are both prescribed
 and free, or if the servo keeps the volume.
 """
 
@@ -22,16 +22,21 @@ from labkit.paths.control import Control
 from labkit.paths.step import Step
 from labkit.servo.correction import Servo, exact_gradient
 
-AHEAD = 1000  # most time steps, and rows, of Corrections: a signal is noticed only between two of them
+AHEAD = 1000  # most time steps, and rows, of Corrections: a signal is noticed only between two Corrections
 
 
 @dataclasses.dataclass(frozen=True)
 class Correcting:
     """The servo of one step of a path, for one stiffness of the cell; k stresses are held.
 
-    measure (k, 6), gain (6, k), 1/(Pa s), project (6, 6), held (6,): M, G, P and K above; limit: of the rates, 1/s;
-    isochoric: True to limit all rates by the same factor, and to add them to the prescribed ones before the
-    exponential.
+    Args:
+        measure: M, (k, 6).
+        gain: G, (6, k), 1/(Pa s).
+        project: P, (6, 6).
+        held: K, (6,).
+        limit: Limit of the rates, 1/s.
+        isochoric: True to limit all rates by the same factor, and to add them to the prescribed ones before the
+            exponential.
     """
 
     measure: np.ndarray
@@ -43,7 +48,15 @@ class Correcting:
 
     @classmethod
     def of(cls, control: Control, limit: float, stiffness: np.ndarray, time_step: float, servo: Servo) -> Correcting:
-        """The servo of a step. limit: of its rates, 1/s; stiffness: of the cell, (c, c), Pa, c components."""
+        """Return the servo of a step.
+
+        Args:
+            control: Stresses to hold and rates that are free.
+            limit: Limit of the rates, 1/s.
+            stiffness: Stiffness of the cell, (c, c) for c components, Pa.
+            time_step: Time step, s.
+            servo: Gain, and interval between corrections.
+        """
         n, free = control.components, control.free
         response = control.measure[:, :n] @ stiffness @ free[:n]
         gain = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
@@ -55,9 +68,13 @@ class Correcting:
 class Corrections:
     """The coming time steps: one row per interval during which the velocity gradient is constant.
 
-    steps (n,): of each interval; given (n, 3, 3): its prescribed rates, 1/s; target (n, k): the stresses to hold, Pa;
-    gradient (n, 3, 3): the velocity gradient of the prescribed rates alone, 1/s; servo: None if no stress is held;
-    anew: True if the servo starts from rates of zero.
+    Args:
+        steps: Time steps of each interval, (n,).
+        given: Prescribed rates of each interval, (n, 3, 3), 1/s.
+        target: Stresses to hold, (n, k), Pa.
+        gradient: Velocity gradient of the prescribed rates alone, (n, 3, 3), 1/s.
+        servo: None if no stress is held.
+        anew: True if the servo starts from rates of zero.
     """
 
     steps: np.ndarray
@@ -69,7 +86,7 @@ class Corrections:
 
     @classmethod
     def constant(cls, steps: int, gradient: np.ndarray) -> Corrections:
-        """Steps with one velocity gradient (3, 3), 1/s."""
+        """Return the Corrections of steps with one velocity gradient (3, 3), 1/s."""
         rows = np.asarray(gradient, float)[None]
         return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 0)), rows)
 
@@ -80,7 +97,7 @@ class Corrections:
 
     @property
     def shared(self) -> np.ndarray:
-        """True (n,) where the rates so far must be projected on the free ones: some are both prescribed and free."""
+        """True (n,) where the rates so far must be projected on the free ones, because some are prescribed and free."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
         both = to_six(symmetric(self.given))[:, self.servo.held > 0.0] != 0.0
@@ -97,7 +114,7 @@ class Planner:
     """Collects the rows of Corrections."""
 
     def __init__(self, step: Step, rate: float, time_step: float) -> None:
-        """No rows yet. rate: strain rate by which the rates of the step are multiplied, 1/s."""
+        """Start without rows; `rate`, 1/s, multiplies the rates of the step."""
         self._step, self._rate, self._time_step = step, rate, time_step
         self._rows: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
 
@@ -108,7 +125,7 @@ class Planner:
         self._rows.append((steps, given, target, exact_gradient(given, self._time_step)))
 
     def corrections(self, stiffness: np.ndarray | None, servo: Servo, anew: bool) -> Corrections:
-        """The Corrections of the intervals so far. stiffness: as for Correcting.of; None if no stress is held."""
+        """Return the Corrections of the intervals so far; `stiffness` (Correcting.of) is None if no stress is held."""
         correcting = None
         if self._step.held is not None and stiffness is not None:
             limit = self._step.rate_limit * self._rate

@@ -1,8 +1,8 @@
 """The arrays on the device.
 
-The grains of all states lie one after the other, those of each state from a whole block on, so that all threads of a
-block belong to one state. A grain is one thread. Vectors are stored by component, so that the threads of a warp read
-consecutive numbers.
+The grains of all states are stored one after the other. Those of each state start a new block, so that all threads of
+a block belong to one state. Each grain has one thread. Vectors are stored by component, so that the threads of a warp
+read consecutive numbers.
 
 The neighbours of SLICE consecutive grains, a slice, are interleaved: the k-th neighbour of the grain i of a slice is
 the entry SLICE k + i. Each state has two regions of entries: a search writes one from the other.
@@ -16,7 +16,7 @@ import numpy as np
 
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 
-# rows of the energies that a grain sums, in the order of a Ledger
+# rows of the energies summed per grain, in the order of a Ledger
 CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, ENERGIES = range(5)
 
 HISTORY = 6  # rows of history: tangential force and rolling moment
@@ -24,7 +24,7 @@ GRID_CELLS = 32  # most grid cells per grain
 
 
 class DeviceArray(Protocol):
-    """An array on the device, for which numba-cuda has no types; in kernels it is indexed like one of NumPy."""
+    """An array on the device, for which numba-cuda has no type; kernels index it like a NumPy array."""
 
     dtype: np.dtype
     shape: tuple[int, ...]
@@ -39,24 +39,36 @@ class DeviceArray(Protocol):
     def __len__(self) -> int: ...
 
     def copy_to_host(self, *into: object, **options: object) -> np.ndarray:
-        """Copies it to the host."""
+        """Copy it to the host."""
 
     def copy_to_device(self, values: object, **options: object) -> None:
-        """Copies values of the host, or of another array on the device, to it."""
+        """Copy values to it from the host, or from another array on the device."""
 
 
 class States(NamedTuple):
     """One row per state, n in all.
 
-    first, grains (n,): first grain and number of grains; left, until (n,): steps left to do, and to the next
-    correction of the velocity gradient; running (n,): 1 if the state
-    takes part in the step; due (n,): 1 if it needs a search; time_step, skin, diameter, limit (n,): time step, s,
-    Verlet skin and largest diameter, m, and square of the distance that a grain may move before a search, m2; factor
-    (n,): of the stiffness kn of the contact law; disc (n,): radius of all grains in kn, m, in a planar scene, else 0;
-    cell,
-    first_cell, back, drift (n, 3, 3): cell, m, that of the last search, the inverse of the deformation since, and the
-    velocity that a period adds, m/s; wanted, used, previous (n, 3, 3): velocity gradients of the coming steps, of the
-    last step and of the one before, 1/s; law (n, k): parameters of the contact law (build.py).
+    Args:
+        first: First grain, (n,).
+        grains: Number of grains, (n,).
+        left: Steps left to do, (n,).
+        until: Steps until the next correction of the velocity gradient, (n,).
+        running: 1 if the state takes part in the step, (n,).
+        due: 1 if the state needs a search, (n,).
+        time_step: Time step, (n,), s.
+        skin: Verlet skin, (n,), m.
+        diameter: Largest diameter, (n,), m.
+        limit: Square of the distance that a grain may move before a search, (n,), m2.
+        factor: Factor of the stiffness kn of the contact law, (n,).
+        disc: Radius of all grains in kn in a planar scene, otherwise 0, (n,), m.
+        cell: Cell, (n, 3, 3), m.
+        first_cell: Cell at the last search, (n, 3, 3), m.
+        back: Inverse of the deformation since the last search, (n, 3, 3).
+        drift: Velocity that a period adds, (n, 3, 3), m/s.
+        wanted: Velocity gradient of the coming steps, (n, 3, 3), 1/s.
+        used: Velocity gradient of the last step, (n, 3, 3), 1/s.
+        previous: Velocity gradient of the step before, (n, 3, 3), 1/s.
+        law: Parameters of the contact law (build.py), (n, k).
     """
 
     first: DeviceArray
@@ -82,11 +94,21 @@ class States(NamedTuple):
 
 
 class DeviceGrains(NamedTuple):
-    """One column per grain, G in all with those that fill up blocks.
+    """One column per grain, G in all including those that fill up blocks; SI units.
 
-    state (G / BLOCK,): state of each block; number (G,): index in the State; radius, inverse_mass, inverse_inertia
-    (G,); position, velocity, spin, force, torque, start (3, G): start is the position at the last search; energies
-    (ENERGIES, G), J.
+    Args:
+        state: State to which each block belongs, (G / BLOCK,).
+        number: Index in the State, (G,).
+        radius: Radius, (G,).
+        inverse_mass: 1/m, (G,).
+        inverse_inertia: 1/I, (G,).
+        position: Position, (3, G).
+        velocity: Velocity, (3, G).
+        spin: Angular velocity, (3, G).
+        force: Force, (3, G).
+        torque: Torque, (3, G).
+        start: Position at the last search, (3, G).
+        energies: Energy sums, (ENERGIES, G), J.
     """
 
     state: DeviceArray
@@ -106,10 +128,15 @@ class DeviceGrains(NamedTuple):
 class Lists(NamedTuple):
     """Neighbour lists of all states, E entries in all.
 
-    side (n,): which of its two regions a state uses, 0 or 1; region (2, n): first entry of each region; count (2, G):
-    neighbours of a grain; slice_first (2, G / SLICE): first entry of a slice within its region; partner (E,):
-    neighbour b, or ~b if b is the first grain of the contact; shift (3, E): its period relative to that of the grain;
-    stiffness (E,): kn; history (HISTORY, E): on the first grain.
+    Args:
+        side: Region that a state uses, 0 or 1, (n,).
+        region: First entry of each region, (2, n).
+        count: Number of neighbours of a grain, (2, G).
+        slice_first: First entry of a slice within its region, (2, G / SLICE).
+        partner: Neighbour b, or ~b if b is the first grain of the contact, (E,).
+        shift: Period of the neighbour relative to that of the grain, (3, E).
+        stiffness: Normal stiffness kn, (E,), N/m.
+        history: Tangential force and rolling moment on the first grain, (HISTORY, E), N and N m.
     """
 
     side: DeviceArray
@@ -125,11 +152,19 @@ class Lists(NamedTuple):
 class DeviceGrid(NamedTuple):
     """The grids of a search, C grid cells in all.
 
-    searching (n,): 1 for states that are searched; first (n,): first grid cell of a state; shape, span (n, 3): as in
-    labkit.engines.kernel.neighbours.Grid; inverse (n, 3, 3): of the cell, 1/m; needed (n,): entries that the lists of
-    a state need; lost (n,): 1 if a grain is lost; begin, free (C,): first member of a grid cell, and the next one to
-    write; members (G,): grains by grid cell, counted from the first of the state; grid_cell (G,): -1 for lost grains;
-    period (3, G).
+    Args:
+        searching: 1 for states that are searched, (n,).
+        first: First grid cell of a state, (n,).
+        shape: Number of grid cells along each side (labkit.engines.kernel.neighbours.Grid), (n, 3).
+        span: Distance of the farthest neighbour in grid cells, (n, 3).
+        inverse: Inverse of the cell, (n, 3, 3), 1/m.
+        needed: Number of entries that the lists of a state need, (n,).
+        lost: 1 if a grain is lost, (n,).
+        begin: First member of a grid cell, (C,).
+        free: Next member of a grid cell to write, (C,).
+        members: Grains by grid cell, counted from the first grain of the state, (G,).
+        grid_cell: Grid cell of each grain, -1 for lost grains, (G,).
+        period: Period in which each grain lies, (3, G).
     """
 
     searching: DeviceArray
@@ -147,12 +182,18 @@ class DeviceGrid(NamedTuple):
 
 
 def zeros(shape: int | tuple[int, ...], kind: type = np.float64) -> DeviceArray:
-    """An array of zeros on the device."""
+    """Return an array of zeros on the device."""
     return cuda.to_device(np.zeros(shape, kind))
 
 
 def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
-    """States with these first grains and numbers of grains (n,); numbers: of a row of `law`."""
+    """Allocate States.
+
+    Args:
+        first: First grain of each state, (n,).
+        grains: Number of grains of each state, (n,).
+        numbers: Length of a row of `law`.
+    """
     n = len(first)
     counters, scalars = (zeros(n, np.int32) for _ in range(4)), (zeros(n) for _ in range(6))
     matrices = (zeros((n, 3, 3)) for _ in range(7))
@@ -161,7 +202,7 @@ def new_states(first: np.ndarray, grains: np.ndarray, numbers: int) -> States:
 
 
 def new_grains(state: np.ndarray) -> DeviceGrains:
-    """Grains for these states of blocks (G / BLOCK,)."""
+    """Allocate grains; `state` (G / BLOCK,) is the state of each block."""
     g = BLOCK * len(state)
     scalars, vectors = (zeros(g) for _ in range(3)), (zeros((3, g)) for _ in range(6))
     of_blocks = cuda.to_device(state.astype(np.int32))
@@ -169,7 +210,7 @@ def new_grains(state: np.ndarray) -> DeviceGrains:
 
 
 def new_lists(n: int, grains: int, kind: type = np.float64) -> Lists:
-    """Lists of n states without room for neighbours; kind: type of stiffness and history."""
+    """Allocate the lists of n states without room for neighbours; `kind` is the type of stiffness and history."""
     of_states = zeros(n, np.int32), zeros((2, n), np.int64)
     of_grains = zeros((2, grains), np.int32), zeros((2, grains // SLICE), np.int64)
     of_entries = zeros(1, np.int32), zeros((3, 1), np.int16), zeros(1, kind), zeros((HISTORY, 1), kind)
@@ -177,7 +218,7 @@ def new_lists(n: int, grains: int, kind: type = np.float64) -> Lists:
 
 
 def new_grid(count: np.ndarray, grains: int) -> DeviceGrid:
-    """Grids for states of `count` (n,) grains, as many grid cells as labkit.engines.kernel.neighbours may need."""
+    """Allocate grids for states of `count` (n,) grains, with as many grid cells as the search may need."""
     cells = GRID_CELLS * (count + 16) + 1
     n, c = len(count), int(cells.sum())
     return DeviceGrid(
@@ -197,7 +238,7 @@ def new_grid(count: np.ndarray, grains: int) -> DeviceGrid:
 
 
 def put(array: DeviceArray, first: int, values: np.ndarray) -> None:
-    """Copy values (n,) or (k, n) to the columns of an array on the device from `first` on."""
+    """Copy values (n,) or (k, n) to the columns of an array on the device, starting at column `first`."""
     values = np.ascontiguousarray(values, array.dtype)
     if values.shape[-1]:
         rows = [(array, values)] if values.ndim == 1 else [(array[k], row) for k, row in enumerate(values)]
@@ -206,6 +247,6 @@ def put(array: DeviceArray, first: int, values: np.ndarray) -> None:
 
 
 def rows_of(array: DeviceArray, first: int, count: int) -> list[DeviceArray]:
-    """The parts (count,) of an array (n,) or of each row of one (k, n) on the device, from the column `first` on."""
+    """Return `count` columns, starting at `first`, of each row of an array (n,) or (k, n) on the device."""
     rows = [array] if array.ndim == 1 else [array[k] for k in range(array.shape[0])]
     return [row[first : first + count] for row in rows]

@@ -25,7 +25,7 @@ from labkit.grains.state import State
 from labkit.servo.plan import AHEAD, Corrections
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
-CHUNK = 50  # most steps between two looks at whether a search is due
+CHUNK = 50  # most steps between two checks whether a search is due
 
 LOST = "a grain is lost or its position became NaN: the time step is too large"
 
@@ -33,14 +33,18 @@ LOST = "a grain is lost or its position became NaN: the time step is too large"
 class Batch:
     """States on the device. They share the type of contact law; everything else may differ.
 
-    failures: why a state stopped, one sentence; None for those that can go on. A state that fails does not affect the
-    others, and the results of a state have the same bits in any batch.
+    `failures` gives for each state one sentence that says why it stopped, or None while it runs. A state that fails
+    does not affect the others, and the results of a state have the same bits in any batch.
     """
 
     def __init__(self, states: Sequence[State], precision: str = "double") -> None:
-        """Load the states; compile the kernels at the first use of a contact law. Raises InputError.
+        """Load the states; compile the kernels at the first use of a contact law.
 
-        precision: `double`, or `mixed`, with forces and history of contacts in single precision.
+        Raises InputError if a state cannot be loaded.
+
+        Args:
+            states: States to advance together.
+            precision: "double", or "mixed" with forces and history of contacts in single precision.
         """
         require_device()
         if not states:
@@ -77,20 +81,25 @@ class Batch:
         return len(self._start)
 
     def takes(self, i: int, state: State) -> bool:
-        """True if a State can replace the i-th one: as many grains, the contact law and features of the batch."""
+        """True if a State can replace the i-th one: same number of grains, contact law and features."""
         same = type(state.scene.contact_law) is self._law and shape_of(state.scene) == self._shape
         return same and state.number_of_grains == self._count[i]
 
     def load(self, i: int, state: State) -> None:
-        """Replace the i-th state by one of as many grains. Raises InputError."""
+        """Replace the i-th state by one with as many grains. Raises InputError if its grains or law differ."""
         if not self.takes(i, state):
-            raise InputError(f"state {i} of a batch has {self._count[i]} grains: load one of as many, of the same law")
+            raise InputError(f"load a state with {self._count[i]} grains and the same contact law as state {i}")
         self._put(i, state)
         self.failures[i], self._left[i], self._stresses = None, 0, None
         self._search(np.arange(len(self)) == i, moving=0.0)
 
     def advance(self, steps: int | np.ndarray, velocity_gradient: np.ndarray) -> None:
-        """Advance each state by a number of steps, the same for all or (n,), with the gradients (n, 3, 3), 1/s."""
+        """Advance each state.
+
+        Args:
+            steps: Number of steps, the same for all states or one for each, (n,).
+            velocity_gradient: Velocity gradients, (n, 3, 3), 1/s.
+        """
         for i, count in enumerate(np.broadcast_to(steps, len(self))):
             if count > 0 and self.failures[i] is None:
                 self.begin(i, Corrections.constant(int(count), velocity_gradient[i]))
@@ -99,11 +108,11 @@ class Batch:
 
     @property
     def going(self) -> np.ndarray:
-        """True (n,) for states that have begun steps that are not done."""
+        """True (n,) for states with unfinished steps."""
         return self._left > 0
 
     def begin(self, i: int, corrections: Corrections) -> None:
-        """Give the i-th state, which has none left, the steps that `run` makes, with the corrections of the servo."""
+        """Submit the steps of the corrections for the i-th state, which must have no steps left."""
         put_plan(self._plans, i, corrections)
         self._left[i], self._interval[i] = corrections.total, corrections.steps.max()
         self._controlled[i] = corrections.servo is not None
@@ -114,17 +123,17 @@ class Batch:
         self._start[i] = start.replace(step=start.step + corrections.total, time=time)
 
     def run(self) -> None:
-        """Make steps until a state has none left, or fails."""
+        """Advance all states until one has no steps left, or fails."""
         before = self.going
         while (self.going == before).all() and before.any():
             self.launch()
             self.look()
 
     def launch(self) -> None:
-        """Launch the kernels of some steps of the states that are going, and do not wait for them.
+        """Launch the kernels of some steps of the states with unfinished steps, without waiting for them.
 
-        The steps are in groups, each after a correction of the velocity gradients. Until `look`, the other states stay
-        as they are.
+        Each group of steps follows a correction of the velocity gradients. The other states stay as they are until
+        `look`.
         """
         k, s, g, going = self._kernels, self._states, self._grains, self.going
         self._stresses = None
@@ -148,14 +157,14 @@ class Batch:
         self._left = self._states.left.copy_to_host()
 
     def _sum_stresses(self, every: int) -> None:
-        """Sum branch (x) force of all states, or of those whose servo needs it."""
+        """Sum branch (x) force of all states (every = 1), or of those whose servo needs it (0)."""
         k, s = self._kernels, self._states
         of_grains, of_states = (self._blocks, BLOCK, self._stream), (len(self), BLOCK, self._stream)
         k.stress_of_blocks[of_grains](s, self._grains, self._lists, self._plans, self._sums, every)
         k.stress_of_states[of_states](s, self._plans, self._sums, self._totals, every)
 
     def stress(self) -> np.ndarray:
-        """Love's stress of each state, (n, 3, 3), Pa, compression positive; computed once for an instant."""
+        """Love's stress of each state, (n, 3, 3), Pa, compression positive; computed once per instant."""
         if self._stresses is None:
             self._sum_stresses(every=1)
             volume = np.linalg.det(self._states.cell.copy_to_host())
@@ -163,11 +172,14 @@ class Batch:
         return self._stresses.copy()
 
     def state(self, i: int) -> State:
-        """A copy of the i-th State, with contacts sorted by grain and the ledger up to date. Raises PhysicsError."""
+        """A copy of the i-th State, with contacts sorted by grain and the ledger up to date.
+
+        Raises PhysicsError if the state has failed or contains NaN.
+        """
         return self.take(i)[1]()
 
     def take(self, i: int) -> tuple[State, Callable[[], State]]:
-        """Copy the i-th State, which is not going, from the device; the steps of others may be under way.
+        """Copy the i-th State, which must have no unfinished steps, from the device; other states may be advancing.
 
         Returns the State without the arrays IN_ENGINE and with its former ledger, and a function that completes it.
         """
@@ -193,12 +205,12 @@ class Batch:
         return brief, functools.partial(state_from_lists, brief, self._order[i], first, arrays)
 
     def _put(self, i: int, state: State) -> None:
-        """Copy a State to the device, without its neighbour list. Raises InputError."""
+        """Copy a State to the device, without its neighbour list. Raises InputError if its law differs."""
         scene = state.scene
         if not self.takes(i, state):
             raise InputError(
-                f"state {i} of a batch has another contact law or other features, such as friction or rolling "
-                "resistance: put states with the same ones in a batch"
+                f"the contact law of state {i}, or its features such as friction or rolling resistance, differ from "
+                "those of the batch: give states with the same law and features"
             )
         skin, diameter = SKIN * 2.0 * state.radius.mean(), 2.0 * state.radius.max()
         order = sort_grains(state.position, state.cell, diameter + skin).order
@@ -229,7 +241,7 @@ class Batch:
         self._put_contacts(i, state)
 
     def _put_contacts(self, i: int, state: State) -> None:
-        """Copy the contacts of a State to the device, as the list from which the first search takes their history."""
+        """Copy the contacts of a State to the device, as the list from which the first search copies their history."""
         first, arrays = int(self._first[i]), lists_of(state, self._order[i], int(self._first[i]))
         self._grow(np.where(np.arange(len(self)) == i, arrays["partner"].shape[1], 0))
         at = int(self._region[self._side[i], i])
@@ -240,7 +252,7 @@ class Batch:
         put(self._lists.history, at, arrays["history"])
 
     def _grow(self, needed: np.ndarray) -> None:
-        """Give each state room for the entries that it needs (n,)."""
+        """Give each state room for the number of entries that it needs, (n,)."""
         needed = np.maximum(needed, 1)  # an array on the device cannot be empty
         small = needed > self._room
         if not small.any():
@@ -260,7 +272,7 @@ class Batch:
         self._region, self._room = region, room
 
     def _search(self, which: np.ndarray, moving: float = 1.0) -> None:
-        """Find the neighbours of the states `which` (n,), and compute their forces; moving: see contacts.forces."""
+        """Find the neighbours of the states `which` (n,), and compute their forces; `moving` as in contacts.forces."""
         k, s, g, grid = self._kernels, self._states, self._grains, self._grid
         cell = s.cell.copy_to_host()
         which = which & self._set_grid(which, cell)
@@ -286,7 +298,7 @@ class Batch:
         self._stream.synchronize()  # before a copy of the state on another stream
 
     def _set_grid(self, which: np.ndarray, cell: np.ndarray) -> np.ndarray:
-        """Define the grids of the states `which` (n,) with cells (n, 3, 3); return which of them have a sound cell."""
+        """Define the grids of the states `which` (n,) with cells (n, 3, 3); return which of them have a valid cell."""
         shape, span, inverse = np.ones((len(self), 3), int), np.ones((len(self), 3), int), np.zeros((len(self), 3, 3))
         sound = which & (np.nan_to_num(np.linalg.det(np.nan_to_num(cell))) > 0.0) & np.isfinite(cell).all(axis=(1, 2))
         reach = self._states.diameter.copy_to_host() + self._states.skin.copy_to_host()
@@ -303,7 +315,7 @@ class Batch:
         return sound
 
     def _fail(self, which: np.ndarray) -> None:
-        """Stop the states `which` (n,), of which a grain is lost."""
+        """Stop the states `which` (n,), which have lost a grain."""
         if not which.any():
             return
         for i in np.flatnonzero(which):

@@ -1,8 +1,8 @@
 """The kernels for one contact law.
 
 A law is a function of scalars, `pair`, which the fused engine compiles for blocks of contacts and this engine for
-threads. Its parameters are numbers of a State, so that the states of a batch may have different ones. Which parts
-are absent is compiled into the kernels: `pair` gets None for them, as in the fused engine.
+threads. Its parameters belong to a State, so the states of a batch may have different values. The kernels are compiled
+without the parts that are absent: `pair` gets None for them, as in the fused engine.
 """
 
 from __future__ import annotations
@@ -49,27 +49,30 @@ Shape = tuple[int | bool | None, ...]
 
 
 def numbers_of(scene: Scene) -> list[float | tuple[float, ...] | None]:
-    """The values of READ for the contact law of a scene."""
+    """Return the values of READ for the contact law of a scene."""
     law = scene.contact_law
     values = law.features(scene)._asdict() | {"damping": law.local_damping(scene)}
     return [values[name] for name in READ]
 
 
 def shape_of(scene: Scene) -> Shape:
-    """What each of READ is: None if absent, True, 0 for a number, else the length of a tuple."""
+    """Return the form of each value of READ: None if absent, True, 0 for a number, or the length of a tuple."""
     return tuple(v if v is None or v is True else len(v) if isinstance(v, tuple) else 0 for v in numbers_of(scene))
 
 
 def row_of(scene: Scene) -> np.ndarray:
-    """The numbers of READ in a row."""
+    """Return the numbers of READ as one row."""
     return np.concatenate([np.ravel(v) for v in numbers_of(scene) if v is not None and v is not True]).astype(float)
 
 
 @functools.cache
 def kernels_of(law: type[ContactLaw], shape: Shape, single: bool) -> Kernels:
-    """The Kernels of a contact law for numbers of this shape. Compiled at their first call.
+    """Return the Kernels of a contact law, which are compiled at their first call.
 
-    single: True for mixed precision, in which `pair` is compiled in single precision.
+    Args:
+        law: Class of the contact law.
+        shape: Form of its parameters (shape_of).
+        single: True for mixed precision, in which `pair` is compiled in single precision.
     """
     names: dict[str, object] = {}
     first = 0
@@ -92,7 +95,7 @@ Reader = Callable[[DeviceArray, int], object]
 
 
 def reader(length: int | bool | None, first: int, kind: type) -> Reader:
-    """A function of (law, s) that reads a value of READ from the row s of `law`, from its column `first` on.
+    """Return a function of (law, s) that reads a value of READ from row s of `law`, starting at column `first`.
 
     Raises InputError for a tuple that is too long.
     """
@@ -106,5 +109,5 @@ def reader(length: int | bool | None, first: int, kind: type) -> Reader:
     if length is True:
         return lambda law, s: True
     if length not in readers:
-        raise InputError(f"a part of a contact law has {length} numbers: the engine cuda takes three")
+        raise InputError(f"a part of a contact law has {length} numbers: the engine cuda accepts at most three")
     return readers[length]

@@ -38,22 +38,28 @@ STRESSES = 9  # components of the stress
 
 
 def rounded(v: Vector) -> Vector:
-    """A vector in the precision of contacts, here double."""
+    """Round a vector to the precision of contacts, here double."""
     return v
 
 
 def rounded_single(v: Vector) -> Vector:
-    """A vector in single precision."""
+    """Round a vector to single precision."""
     return Vector(SINGLE(v.x), SINGLE(v.y), SINGLE(v.z))
 
 
 def double(v: Vector) -> Vector:
-    """A vector in double precision, in which all sums are."""
+    """Convert a vector to double precision, in which all sums are taken."""
     return Vector(np.float64(v.x), np.float64(v.y), np.float64(v.z))
 
 
 def overlap_of(radii: float, squared: float, distance: float) -> float:
-    """Overlap of a contact, m, from the sum of the radii, and the branch: its square and its length."""
+    """Overlap of a contact, m.
+
+    Args:
+        radii: Sum of the radii, m.
+        squared: Square of the branch length, m2.
+        distance: Branch length, m.
+    """
     return radii - distance
 
 
@@ -65,7 +71,7 @@ def overlap_single(radii: float, squared: float, distance: float) -> Untyped:
 def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) -> None:
     """Compute forces and torques of running states that need no search. One thread per grain.
 
-    moving: 1, or 0 to leave the history as it is, for a state that was just loaded.
+    `moving` is 1, or 0 to leave the history as it is, for a state that was just loaded.
     """
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if states.running[s] == 0 or states.due[s] == 1 or g - states.first[s] >= states.grains[s]:
@@ -124,14 +130,14 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
 
 
 def branch(states: States, grains: DeviceGrains, lists: Lists, s: int, g: int, at: int) -> Vector:
-    """Branch of the contact `at` from its first grain g, m."""
+    """Branch from grain g, the first of contact `at`, m."""
     b = lists.partner[at]
     periods = Vector(1.0 * lists.shift[0, at], 1.0 * lists.shift[1, at], 1.0 * lists.shift[2, at])
     return vector(grains.position, b) + transform(states.cell[s], periods) - vector(grains.position, g)
 
 
 def sum_of_block(rows: DeviceArray, t: int) -> float:
-    """Sum of column t of rows (BLOCK, STRESSES), which the threads of a block share, if t < STRESSES."""
+    """Sum of column t, if t < STRESSES, of the rows (BLOCK, STRESSES) that the threads of a block share."""
     cuda.syncthreads()
     total = 0.0
     if t < STRESSES:
@@ -145,8 +151,8 @@ def stress_of_blocks(
 ) -> None:
     """Sum branch (x) force over the contacts of the grains of each block, into sums (block, STRESSES), N m.
 
-    The dashpot forces are excluded, as in records. every: 1 for all states, 0 for those whose servo needs the stress.
-    One thread per grain.
+    The dashpot forces are excluded, as in records. `every` is 1 for all states, 0 for those whose servo needs the
+    stress. One thread per grain.
     """
     g, t, s = cuda.grid(1), cuda.threadIdx.x, grains.state[cuda.blockIdx.x]
     rows = cuda.shared.array((BLOCK, STRESSES), np.float64)

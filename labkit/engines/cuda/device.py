@@ -1,4 +1,4 @@
-"""Whether a GPU can be used, and the compilation of functions for it with numba-cuda."""
+"""Checks for a usable GPU, and compiles functions for it with numba-cuda."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from labkit.engines.kernel.compiling import Function, Version, callees, use_oper
 from labkit.errors import InputError
 
 try:
-    cuda: Any = importlib.import_module("numba.cuda")  # typed in a way that no type checker understands
-except ImportError:  # numba may leave it to numba-cuda in the future
+    cuda: Any = importlib.import_module("numba.cuda")  # type checkers do not understand its types
+except ImportError:  # future versions of numba may leave it to numba-cuda
     cuda = None
 SIMULATED = (
     cuda is not None and "simulator" in cuda.jit.__module__
@@ -37,7 +37,7 @@ class DeviceKernel(Protocol):
 
 
 def require_device() -> None:
-    """Raise InputError if there is no GPU that Numba can use."""
+    """Raise InputError if Numba finds no usable GPU."""
     if cuda is None or not cuda.is_available():
         raise InputError(
             "the engine cuda needs an NVIDIA GPU with its driver, and numba-cuda: pip install 'labkit[cuda]', or "
@@ -52,6 +52,6 @@ def on_device(function: Function) -> Function:
 
 
 def kernel(function: Function, names: dict[str, object], version: Version) -> DeviceKernel:
-    """Compile a kernel, and the functions that it calls; `names`: global names to redefine before."""
+    """Compile a kernel and the functions that it calls, after redefining the global names in `names`."""
     fresh = with_globals(function, names, version)
     return cuda.jit(with_globals(fresh, callees(fresh, {}, version, on_device), version))

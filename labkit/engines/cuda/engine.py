@@ -1,4 +1,4 @@
-"""The cuda engine: a State, or several (batch.py), on an NVIDIA GPU."""
+"""The cuda engine: one State, or several (batch.py), on an NVIDIA GPU."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ class CudaBatches:
     """States of several runs on one GPU."""
 
     def key(self, scene: Scene) -> Hashable:
-        """Type and features of the contact law, which the kernels are compiled for."""
+        """Type and features of the contact law, for which the kernels are compiled."""
         return scene.law, shape_of(scene)
 
     def memory(self, grains: int, precision: str = "double") -> float:
-        """Bytes on the GPU."""
+        """Memory on the GPU, bytes."""
         return memory_of(grains, precision)
 
     def room(self) -> float:
-        """Bytes on the GPU of this computer. Raises InputError without one."""
+        """Memory of this computer's GPU, bytes. Raises InputError if it has none."""
         require_device()
         return room()
 
     def drive(self, runs: Sequence[Run], precision: str = "double") -> list[Exception | None]:
-        """Carry out runs, see labkit.engines.base.Batches."""
+        """Carry out runs (labkit.engines.base.Batches)."""
         require_device()
         return Pool(runs, precision).execute()
 
@@ -49,7 +49,7 @@ class CudaEngine(BatchEngine):
     )
 
     def __init__(self, state: State, threads: int = 1, precision: str = "double") -> None:
-        """Load the state; compile the kernels at the first use of a contact law. Raises InputError."""
+        """Load the state; compile the kernels at the first use of a contact law."""
         if threads != 1:
             raise InputError("are not used by the engine cuda", field="threads", value=threads, allowed="1")
         super().__init__(Batch([state], precision))

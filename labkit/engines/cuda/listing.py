@@ -1,4 +1,4 @@
-"""Neighbour lists of the contacts of a State, and the contacts of a State from neighbour lists, on the host."""
+"""Converts the contacts of a State to neighbour lists and back, on the host."""
 
 from __future__ import annotations
 
@@ -15,19 +15,24 @@ from labkit.grains.state import State
 
 
 def entries(count: np.ndarray, slice_first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Grain and slot of each entry (n,), by grain, from the number of neighbours per grain and the starts of slices."""
+    """Return grain and slot of each entry, (n,) each, sorted by grain.
+
+    Args:
+        count: Number of neighbours of each grain, (grain,).
+        slice_first: First entry of each slice, (slice,).
+    """
     grain = np.repeat(np.arange(len(count)), count)
     k = np.arange(len(grain)) - np.repeat(np.cumsum(count) - count, count)
     return grain, slice_first[grain // SLICE] + SLICE * k + grain % SLICE
 
 
 def lists_of(state: State, order: np.ndarray, first: int) -> dict[str, np.ndarray]:
-    """The arrays of Lists that give the contacts of a State: those of its grains, and those of entries, (..., n).
+    """Return the contacts of a State as arrays of Lists: those of its grains, and those of entries, (..., n).
 
     Args:
-        state: With the contacts.
+        state: State with the contacts.
         order: Index in the State of each grain on the device, (grain,).
-        first: The first grain on the device.
+        first: First grain of the State on the device.
     """
     place = np.argsort(order)
     number, shift = state.contact_grain, state.contact_shift
@@ -50,13 +55,13 @@ def lists_of(state: State, order: np.ndarray, first: int) -> dict[str, np.ndarra
 
 
 def state_from_lists(brief: State, order: np.ndarray, first: int, arrays: Mapping[str, np.ndarray]) -> State:
-    """The State that was read from the device. Raises PhysicsError if it has NaN.
+    """Return the State that was read from the device. Raises PhysicsError if it contains NaN.
 
     Args:
         brief: The State without the arrays that the device holds, and with its former ledger.
         order: Index in the State of each grain on the device, (grain,).
-        first: The first grain on the device.
-        arrays: Those of States, DeviceGrains and Lists by name, (k, n).
+        first: First grain of the State on the device.
+        arrays: Arrays of States, DeviceGrains and Lists by name, (k, n).
     """
     ledger = brief.ledger.plus(*arrays["energies"].sum(axis=1))
     if not np.isfinite(ledger.cell_work):

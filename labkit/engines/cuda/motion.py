@@ -11,7 +11,7 @@ from labkit.grains.laws.vectors import Vector, dot, transform
 
 
 def damping_of(law: DeviceArray, s: int) -> float | None:
-    """Coefficient of local damping of the state s, or None; labkit.engines.cuda.build replaces it."""
+    """Coefficient of local damping of state s, or None; labkit.engines.cuda.build replaces this function."""
     return None
 
 
@@ -28,9 +28,9 @@ def put(rows: DeviceArray, i: int, v: Vector) -> None:
 def start_step(states: States) -> None:
     """Start a step of each state that has steps left and needs neither a search nor a correction: move its cell.
 
-    One thread per state.
-    A grain may have a neighbour that is not in its list if it has moved farther, in the cell of the last search, than
+    A grain may have a neighbour missing from its list if it has moved farther, in the cell of the last search, than
     half of the skin less the largest diameter times |F^-1 - 1|, with F the deformation of the cell since then.
+    One thread per state.
     """
     s = cuda.grid(1)
     if s >= len(states.left):
@@ -66,7 +66,7 @@ def determinant(h: DeviceArray) -> float:
 
 
 def pull_back(states: States, s: int) -> float:
-    """Set back = F^-1, the inverse of the deformation of the cell of a state since its search; return |F^-1 - 1|."""
+    """Set `back` to F^-1, the inverse of the deformation of a state's cell since its search; return |F^-1 - 1|."""
     h, squared = states.cell[s], 0.0
     volume = determinant(h)
     for i in range(3):
@@ -98,5 +98,5 @@ def move(states: States, grains: DeviceGrains) -> None:
     put(grains.position, g, x)
     put(grains.spin, g, w)
     moved = transform(states.back[s], x) - vector(grains.start, g)
-    if not dot(moved, moved) < states.limit[s]:  # or it became NaN
+    if not dot(moved, moved) < states.limit[s]:  # also true for NaN
         states.due[s] = 1

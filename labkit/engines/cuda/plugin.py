@@ -1,4 +1,4 @@
-"""What the plug-in cuda adds to labkit."""
+"""The plug-in cuda: registers the engine and defines its Start."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ class Cuda(Start):
     """An NVIDIA GPU, on which many runs advance together."""
 
     def __init__(self, precision: Precision = "double") -> None:
-        """precision: of the forces."""
+        """Take the precision of the forces."""
         super().__init__(**vars(starter("cuda", 1, precision)))

@@ -1,8 +1,7 @@
 """Runs that share a batch: each is a generator, and its State is one of a Batch.
 
-The kernels of some steps are launched for all States that have steps left; while the GPU computes, the runs whose
-steps are done go on, each until it has further steps to make. Work that needs no engine is done in other threads, for
-several runs at the same time.
+The kernels of some steps are launched for all States with steps left. While the GPU computes, runs whose steps are done
+continue until they request further steps. Work that needs no engine runs in other threads, for several runs at a time.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ class BatchEngine(Engine):
     version = labkit.__version__
 
     def __init__(self, batch: Batch, place: int = 0) -> None:
-        """The State is in the batch."""
+        """Take a batch that already holds the State."""
         self.batch, self.place = batch, place
 
     @abc.abstractmethod
     def follow(self, corrections: Corrections) -> None:
-        """Advance by the steps of the corrections, of which the GPU runs the servo."""
+        """Advance by the steps of the corrections, with the servo on the GPU."""
 
     def load(self, state: State) -> None:
         self.batch.load(self.place, state)
@@ -64,17 +63,18 @@ class BatchEngine(Engine):
 class Seat(BatchEngine):
     """A run, and its State in the batch of a Pool.
 
-    wanted: the last request of the run, or the Future of its Work; None once it has ended; failure: the exception that
-    ended it; going: True until the steps that it wants are made; pending: these steps, until the batch has them.
+    `wanted` is the last request of the run, or the Future of its Work, and None once the run has ended; `failure` is
+    the exception that ended it. `going` is True until the requested steps are done; `pending` holds these steps until
+    they are submitted to the batch.
     """
 
     abilities = Abilities(
         follow=lambda seat, corrections: seat.follow(corrections),
-        instant=lambda seat: Instant(*seat.batch.take(seat.place)),  # its State is made when it is first needed
+        instant=lambda seat: Instant(*seat.batch.take(seat.place)),  # its State is completed on first use
     )
 
     def __init__(self, run: Run) -> None:
-        """The run has not begun, and has no batch."""
+        """Take a run that has not begun."""
         self.run = run
         self.wanted: Request | Future[Answer] | None = None
         self.going = False
@@ -82,11 +82,11 @@ class Seat(BatchEngine):
         self.failure: Exception | None = None
 
     def follow(self, corrections: Corrections) -> None:
-        """Have the batch make the steps of the corrections, from its next launch on."""
+        """Request the steps of the corrections; the batch makes them from its next launch on."""
         self.pending, self.going = corrections, True
 
     def proceed(self, answer: Answer = None, error: BaseException | None = None) -> None:
-        """Let the run go on with an answer, or an error, until it wants something or ends."""
+        """Continue the run with an answer, or an error, until its next request or its end."""
         try:
             self.wanted = self.run.send(answer) if error is None else self.run.throw(error)
         except StopIteration:
@@ -99,11 +99,11 @@ class Seat(BatchEngine):
 
     @property
     def is_done(self) -> bool:
-        """True if what the run waits for is available."""
+        """True if the answer that the run waits for is available."""
         return self.wanted.done() if isinstance(self.wanted, Future) else not self.batch.going[self.place]
 
     def outcome(self) -> Answer:
-        """The answer to the first request, or to one that took time. Raises what the work or the State raises."""
+        """The answer to the first request, or to one that took time. Raises the error of the work or of the State."""
         self.going = False
         answer = self.wanted.result() if isinstance(self.wanted, Future) else self.abilities
         self.require_going()
@@ -113,14 +113,14 @@ class Seat(BatchEngine):
 class Pool:
     """Runs whose States are in one Batch.
 
-    hurries: True to launch steps as soon as one run has steps to make; False to wait for those that compute a record,
-    because each launch costs time in the simulator. It affects no result.
+    `hurries` is True to launch steps as soon as one run has steps to make, or False to wait for runs that compute a
+    record, because each launch is slow in the simulator. It affects no result.
     """
 
     hurries = not SIMULATED
 
     def __init__(self, runs: Sequence[Run], precision: str) -> None:
-        """Starts nothing yet."""
+        """Take runs that have not begun."""
         self._precision, self._seats = precision, [Seat(run) for run in runs]
         self._threads = ThreadPoolExecutor(max(1, min(len(runs), MOST_THREADS)))
 
@@ -132,7 +132,7 @@ class Pool:
             self._place([seat for seat in self._seats if seat.wanted is not None])
             while waiting := [seat for seat in self._seats if seat.wanted is not None]:
                 self._continue(waiting[0].batch, waiting)
-        except BaseException as error:  # of the device: every run ends with it, and closes its files
+        except BaseException as error:  # a failure of the device ends every run, which then closes its files
             for seat in self._seats:
                 while seat.wanted is not None:
                     with contextlib.suppress(type(error)):
@@ -144,7 +144,7 @@ class Pool:
         return [seat.failure for seat in self._seats]
 
     def _place(self, waiting: Sequence[Seat]) -> None:
-        """Make the batch of the States with which runs begin, and let these runs go on."""
+        """Make the batch from the States with which runs begin, and continue these runs."""
         states = [seat.wanted.state for seat in waiting if isinstance(seat.wanted, Load)]
         assert len(states) == len(waiting), "a run begins with Load"
         batch = Batch(states, self._precision) if states else None
@@ -154,7 +154,7 @@ class Pool:
             self._go_on(seat, seat.outcome)
 
     def _go_on(self, seat: Seat, find_answer: Callable[[], Answer]) -> None:
-        """Let a run go on with an answer, or the error in finding it, until it wants steps or work, or ends."""
+        """Continue a run with an answer, or the error in finding it, until it requests steps or work, or ends."""
         while True:
             try:
                 answer = find_answer()
@@ -171,13 +171,13 @@ class Pool:
             find_answer = functools.partial(self._answer_of, seat, seat.wanted)
 
     def _answer_of(self, seat: Seat, request: Request) -> Answer:
-        """The answer to a request; a Future, or None with the seat `going`, if it takes time."""
+        """Return the answer to a request; a Future, or None with the seat `going`, if it takes time."""
         if isinstance(request, Work) and not recorded():  # statistics of a user may open files
             return self._threads.submit(request.function, *request.arguments)
         return answer_of(seat, request)
 
     def _continue(self, batch: Batch, waiting: Sequence[Seat]) -> None:
-        """Launch steps, let runs go on beside them, and wait for the steps; or for a thread, if there are none."""
+        """Launch steps, continue runs meanwhile, and wait for the steps; without steps, wait for a thread."""
         computing = [seat.wanted for seat in waiting if isinstance(seat.wanted, Future)]
         for seat in waiting:
             if seat.pending is not None:

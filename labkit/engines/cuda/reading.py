@@ -1,8 +1,8 @@
-"""Copies of arrays on the device while kernels run.
+"""Copies arrays from the device while kernels run.
 
-The copies are made on a stream of their own, into pinned memory, because copies into other memory wait for all kernels.
-Both this stream and that of the kernels wait for the default stream, on which all other copies are made, and it for
-them (numba.cuda.stream creates blocking streams).
+The copies run on their own stream into pinned memory, because copies into other memory wait for all kernels. This
+stream and that of the kernels synchronise with the default stream, which makes all other copies (numba.cuda.stream
+creates blocking streams).
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from labkit.engines.cuda.arrays import DeviceArray
 from labkit.engines.cuda.device import cuda
 
 ALIGNED = 8  # bytes
-SPARE = 1.25  # room over that needed, so that a little more does not need new memory
+SPARE = 1.25  # over-allocation, so that small growth reuses the buffer
 
 
 class Reader:
-    """A stream, and pinned memory that is used for each copy."""
+    """A stream, and pinned memory that all copies reuse."""
 
     def __init__(self) -> None:
-        """No memory yet."""
+        """Allocate no memory yet."""
         self._stream = cuda.stream()
         self._memory = np.empty(0, np.uint8)
 
     def read(self, rows: Mapping[str, Sequence[DeviceArray]]) -> dict[str, np.ndarray]:
-        """Arrays (k, ...) on the host for names with k contiguous arrays (...) on the device each.
+        """Copy arrays to the host: (k, ...) for each name with k contiguous arrays (...) on the device.
 
-        No kernel may be writing to these.
+        No kernel may be writing to these arrays.
         """
         needed = sum(_aligned(len(of_name) * of_name[0].nbytes) for of_name in rows.values())
         if needed > len(self._memory):
@@ -45,5 +45,5 @@ class Reader:
 
 
 def _aligned(size: int) -> int:
-    """A number of bytes, rounded up so that the next array is aligned."""
+    """Round a number of bytes up so that the next array is aligned."""
     return -(-size // ALIGNED) * ALIGNED

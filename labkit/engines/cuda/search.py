@@ -1,8 +1,8 @@
 """Kernels of the neighbour search of the states for which Grid.searching is 1.
 
 The grid is that of labkit.engines.kernel.neighbours. Grains are counted per grid cell with integer atomics, so their
-order within a grid cell is arbitrary; each list is then sorted by the number of the neighbour in its State, so the
-lists, and with them all sums of forces, depend neither on that order nor on when searches take place.
+order within a grid cell is arbitrary. Each list is then sorted by the number of the neighbour in its State. The lists,
+and with them all sums of forces, therefore depend neither on that order nor on when searches take place.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.kernel.arranging import LOST
 from labkit.engines.kernel.compiling import Untyped
 
-stiffness_of: Untyped = None  # that of the normal part of the law, set by labkit.engines.cuda.build
+stiffness_of: Untyped = None  # stiffness of the law's normal part, set by labkit.engines.cuda.build
 PARTIAL = BLOCK + 1  # sums of the threads of a block, and their total
 
 
 def exclusive_sums(partial: DeviceArray, t: int) -> int:
-    """Replace partial (PARTIAL,), shared by the threads t of a block, by the sums before each; return the total."""
+    """Replace partial (PARTIAL,), shared by the threads t of a block, by its exclusive sums; return the total."""
     cuda.syncthreads()
     if t == 0:
         total = 0
@@ -101,7 +101,7 @@ def sort(states: States, grains: DeviceGrains, grid: DeviceGrid) -> None:
 
 
 def comes_before(grains: DeviceGrains, lists: Lists, one: int, other: int) -> bool:
-    """True if an entry comes before another of the same list: by number of the neighbour, then by shift in z, y, x."""
+    """True if entry `one` precedes `other` in a list sorted by number of the neighbour, then by shift in z, y, x."""
     b, c = lists.partner[one], lists.partner[other]
     b, c = grains.number[b if b >= 0 else ~b], grains.number[c if c >= 0 else ~c]
     if b != c:
@@ -113,7 +113,7 @@ def comes_before(grains: DeviceGrains, lists: Lists, one: int, other: int) -> bo
 
 
 def enter(grains: DeviceGrains, lists: Lists, base: int, k: int, neighbour: int, x: int, y: int, z: int) -> None:
-    """Enter a neighbour, with its shift, in a list of k entries from `base` on, in its order."""
+    """Insert a neighbour, with its shift, at its place in a sorted list of k entries that starts at `base`."""
     at = base + SLICE * k
     lists.partner[at] = neighbour
     lists.shift[0, at], lists.shift[1, at], lists.shift[2, at] = x, y, z
@@ -128,7 +128,7 @@ def enter(grains: DeviceGrains, lists: Lists, base: int, k: int, neighbour: int,
 def neighbours(
     states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid, s: int, g: int, base: int, write: bool
 ) -> int:
-    """Count the neighbours of a grain g of a state s, those closer than the skin, and enter them in its list."""
+    """Count the neighbours of grain g of state s, those closer than the skin; if `write`, enter them in its list."""
     count, first, cells = 0, states.first[s], grid.first[s]
     nx, ny, nz = grid.shape[s, 0], grid.shape[s, 1], grid.shape[s, 2]
     c = grid.grid_cell[g]
@@ -159,7 +159,7 @@ def neighbours(
 
 
 def count_neighbours(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -> None:
-    """Count the neighbours of each grain. One thread per grain, also for those that fill up blocks."""
+    """Count the neighbours of each grain. One thread per grain, including those that fill up blocks."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0:
         return
@@ -170,7 +170,7 @@ def count_neighbours(states: States, grains: DeviceGrains, lists: Lists, grid: D
 
 
 def arrange(states: States, lists: Lists, grid: DeviceGrid) -> None:
-    """Find the first entry of each slice of a state, and the entries that it needs. One block per state."""
+    """Find the first entry of each slice of a state, and the number of entries needed. One block per state."""
     s, t = cuda.blockIdx.x, cuda.threadIdx.x
     partial = cuda.shared.array(PARTIAL, np.int64)
     if grid.searching[s] == 0:
@@ -192,7 +192,7 @@ def arrange(states: States, lists: Lists, grid: DeviceGrid) -> None:
 
 
 def longest(lists: Lists, side: int, k: int) -> int:
-    """Most neighbours of a grain of the slice k."""
+    """Largest number of neighbours of a grain in slice k."""
     most = 0
     for g in range(k * SLICE, (k + 1) * SLICE):
         most = max(most, lists.count[side, g])
@@ -200,9 +200,9 @@ def longest(lists: Lists, side: int, k: int) -> int:
 
 
 def fill(states: States, grains: DeviceGrains, lists: Lists, grid: DeviceGrid) -> None:
-    """Write the list of each grain, with the history of the neighbours that were in it before. One thread per grain.
+    """Write the list of each grain, and keep the history of neighbours already in its old list. One thread per grain.
 
-    The stiffness kn is that of the contact law, with its first grain first.
+    The contact law gives the stiffness kn, called with the first grain of the contact first.
     """
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0 or g - states.first[s] >= states.grains[s] or grid.grid_cell[g] < 0:

@@ -1,6 +1,6 @@
 """The servo on the device: the velocity gradients of the coming steps, from stresses that never leave it.
 
-The formulas are those of labkit.servo.correction; what they need of the path is prepared by labkit.servo.plan.
+The formulas are those of labkit.servo.correction; labkit.servo.plan prepares the data of the path that they need.
 """
 
 from __future__ import annotations
@@ -17,15 +17,29 @@ from labkit.micro.tensors import ROOT2, symmetric, to_six
 from labkit.servo.correction import LOW_PASS
 from labkit.servo.plan import Correcting, Corrections
 
-TERMS = 9  # of the exponential of the rates times the time step, which is far below 1
+TERMS = 9  # of the power series of exp(rate x time step); the exponent is far below 1
 
 
 class Plans(NamedTuple):
-    """The Corrections of each state, n in all, with r rows each.
+    """The Corrections of each state, n in all, with r rows each; see labkit.servo.plan.
 
-    row (n,): next row; steps (n, r); gradient, given (n, r, 3, 3); target (n, r, 6); both, exponential (n, r): 1 where
-    Corrections.shared and .exponential; shared (n, r, 6): prescribed rates to add to those so far; controlled,
-    isochoric, anew (n,): 1 or 0; measure, gain, project (n, 6, 6); held (n, 6); limit (n,).
+    Args:
+        row: Next row, (n,).
+        steps: Steps of each row, (n, r).
+        gradient: Velocity gradient of the prescribed rates alone, (n, r, 3, 3), 1/s.
+        given: Prescribed rates, (n, r, 3, 3), 1/s.
+        target: Targets of the held stresses, (n, r, 6), Pa.
+        both: 1 where Corrections.shared, (n, r).
+        exponential: 1 where Corrections.exponential, (n, r).
+        shared: Prescribed rates to add to those so far, (n, r, 6), 1/s.
+        controlled: 1 if the servo holds stresses, (n,).
+        isochoric: 1 if the servo keeps the volume, (n,).
+        anew: 1 if the servo starts from rates of zero, (n,).
+        measure: M, (n, 6, 6).
+        gain: G, (n, 6, 6), 1/(Pa s).
+        project: P, (n, 6, 6).
+        held: K, (n, 6).
+        limit: Limit of the servo's rates, (n,), 1/s.
     """
 
     row: DeviceArray
@@ -47,7 +61,7 @@ class Plans(NamedTuple):
 
 
 def new_plans(n: int, rows: int) -> Plans:
-    """Plans of n states without steps, with room for these rows."""
+    """Allocate plans of n states, with room for this number of rows."""
     flags = {name: zeros(n, np.int32) for name in ("row", "controlled", "isochoric", "anew")}
     flags |= {name: zeros((n, rows), np.int32) for name in ("steps", "both", "exponential")}
     return Plans(
@@ -84,7 +98,7 @@ def put_plan(plans: Plans, i: int, plan: Corrections) -> None:
 
 
 def _padded(servo: Correcting) -> dict[str, np.ndarray]:
-    """The arrays of a Correcting for six held stresses."""
+    """Return the arrays of a Correcting, filled up to six held stresses."""
     missing = 6 - len(servo.measure)
     return {
         "measure": np.pad(servo.measure, ((0, missing), (0, 0))),
@@ -100,7 +114,7 @@ def _put(target: DeviceArray, values: np.ndarray | Sequence[float]) -> None:
 
 
 def asks(states: States, plans: Plans, s: int) -> bool:
-    """True if a state needs its stress: its velocity gradient is due, and its servo holds stresses."""
+    """True if a state needs its stress because its next row is due and its servo holds stresses."""
     return is_due(states, s) and plans.controlled[s] == 1
 
 
@@ -112,7 +126,7 @@ def is_due(states: States, s: int) -> bool:
 def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
     """Set the velocity gradients of the states whose next row is due. One thread per state.
 
-    totals (n, 9): sums of branch (x) force, N m.
+    `totals` (n, 9) are the sums of branch (x) force, N m.
     """
     s = cuda.grid(1)
     if s >= len(states.left) or not is_due(states, s):
@@ -137,7 +151,7 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
 
 
 def wanted_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
-    """Set rates (6,) to those that bring the stresses to their targets, limited, before the low-pass filter, 1/s."""
+    """Set rates (6,) to limited rates that bring the stresses to their targets, before the low-pass filter, 1/s."""
     stress, missing = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     per_volume = -1.0 / determinant(states.cell[s])
     for k in range(3):
@@ -162,7 +176,7 @@ def wanted_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row:
 
 
 def filtered(states: States, plans: Plans, s: int, row: int, rates: DeviceArray) -> None:
-    """Replace rates (6,) by the rates of the servo after the low-pass filter, 1/s."""
+    """Replace rates (6,) by the servo's rates after the low-pass filter, 1/s."""
     before, kept = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     so_far = 0.0 if plans.anew[s] == 1 and row == 0 else 1.0
     for k in range(3):
@@ -180,7 +194,7 @@ def filtered(states: States, plans: Plans, s: int, row: int, rates: DeviceArray)
 
 
 def tensor_of(six: DeviceArray, tensor: DeviceArray) -> None:
-    """Set tensor (3, 3) to that of six (6,) components in Mandel notation."""
+    """Set tensor (3, 3) from six (6,) components in Mandel notation."""
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         tensor[k, k] = six[k]

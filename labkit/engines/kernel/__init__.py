@@ -1,7 +1,7 @@
 """The compiled kernel of the fused engine.
 
 layout.py      memory layout of contacts and grains
-lanes.py       instructions for whole vectors: records of grains to rows of a block, and back
+lanes.py       vector instructions that convert records of grains to rows of a block and back
 transfers.py   transfers of several records at once between sites and blocks
 sites.py       records of grains and images, from which contacts read and to which they add forces
 neighbours.py  which grains may touch: spatial order, pairs, periodic shifts

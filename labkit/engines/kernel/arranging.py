@@ -1,4 +1,4 @@
-"""Arranges grains and pairs after a neighbour search: order, images, and the contact history of the pairs."""
+"""Arranges grains and pairs after a neighbour search: sorts them, finds images, and carries over contact history."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LOST = 1000  # periods: a grain farther away is considered lost
 
 @kept
 def by_number(numbers: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Sort integers (n,) from 0 to most - 1 by counting; equal ones keep their order.
+    """Sort integers (n,) from 0 to most - 1 by counting; equal integers keep their order.
 
     Returns `start` (most + 1,) and `order` (n,): order[start[k]] to order[start[k + 1] - 1] are the entries equal to k.
     """
@@ -36,10 +36,14 @@ def find_images(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the site of the second grain of each pair (n,), and owner (image,) and shift (image, 3) of the images.
 
-    pairs (2, n), shift (n, 3): grains of each pair, sorted by the first, and the periodic shift of the second.
-    grain_first (domain + 1,): first grain of each domain. The second grain of a pair gets an image, a separate site
-    numbered from `first_image`, if it lies in another period or in another domain than the first grain. Images are
-    sorted by owner, domain and shift.
+    The second grain of a pair gets an image, a separate site numbered from `first_image`, if it lies in another period
+    or domain than the first grain. Images are sorted by owner, domain and shift.
+
+    Args:
+        pairs: Grains of each pair, (2, n), sorted by the first.
+        shift: Periodic shift of the second grain, (n, 3).
+        grain_first: First grain of each domain, (domain + 1,).
+        first_image: Number of the first image.
     """
     domain, of_second = (np.searchsorted(grain_first, grains, "right") for grains in pairs)
     needed = np.flatnonzero((domain != of_second) | shift.any(axis=1))
@@ -57,7 +61,7 @@ def find_images(
 def reversal(first: int, second: int, x: int, y: int, z: int) -> int:
     """Return -1 if a pair must be reversed so that its smaller index comes first, else 1.
 
-    x, y, z: periodic shift of the second grain; it decides for a grain and its own image.
+    The periodic shift x, y, z of the second grain decides for a grain and its own image.
     """
     if first != second:
         return -1 if first > second else 1
@@ -76,16 +80,25 @@ def carry(
     stiffness: np.ndarray,
     blocks: np.ndarray,
 ) -> None:
-    """Write new pairs into blocks (block, row, WIDTH): stiffness and history, zero for pairs that have none.
+    """Write stiffness and history of new pairs into blocks; pairs without history get zeros.
 
-    pairs (2, m), shift (m, 3), rows (m, k): the History; number (grain,): index in it of each grain of the new pairs
-    (2, n); new_shift (n, 3), slot, stiffness (n,): shifts of these, positions in the blocks, kn. Contacts that fill up
-    a block get the stiffness one.
+    Contacts that fill up a block get the stiffness one.
+
+    Args:
+        pairs: Pairs of the History, (2, m).
+        shift: Periodic shifts of the History, (m, 3).
+        rows: Rows of the History, (m, k).
+        number: Index in the History of each grain of the new pairs, (grain,).
+        new_pairs: Grains of the new pairs, (2, n).
+        new_shift: Periodic shifts of the new pairs, (n, 3).
+        slot: Positions of the new pairs in the blocks, (n,).
+        stiffness: kn of the new pairs, (n,), N/m.
+        blocks: Blocks to write to, (block, row, WIDTH).
     """
     blocks[:, 0] = 1.0
     columns, many = rows.shape[1], pairs.shape[1]
     start, entries = by_number(np.minimum(pairs[0], pairs[1]), len(number))
-    next_one = 0  # the order of the pairs hardly changes from one search to the next: try this one first
+    next_one = 0  # the order of the pairs hardly changes from one search to the next: try this pair first
     for new in range(len(slot)):
         block, i = slot[new] // WIDTH, slot[new] % WIDTH
         first, second = number[new_pairs[0, new]], number[new_pairs[1, new]]
@@ -113,7 +126,7 @@ def carry(
 
 @kept
 def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
-    """The values (n, k) in the places slot (n,) of the k rows of blocks (block, ...) from the offset `first` on."""
+    """Return the values (n, k) at the places slot (n,) of the k rows of blocks (block, ...) from offset `first` on."""
     rows = np.empty((len(slot), (blocks.shape[1] - first) // WIDTH), blocks.dtype)
     for k in range(len(slot)):
         block, i = slot[k] // WIDTH, slot[k] % WIDTH
@@ -126,7 +139,15 @@ def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
 def touching(
     pair: np.ndarray, shift: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
 ) -> np.ndarray:
-    """Indices of the pairs (n, 2) of grains that overlap or touch; shift (n, 3): periods of the second grain."""
+    """Return the indices of the pairs of grains that overlap or touch.
+
+    Args:
+        pair: Grains of each pair, (n, 2).
+        shift: Periods of the second grain, (n, 3).
+        position: (grain, 3), m.
+        radius: (grain,), m.
+        cell: (3, 3), m.
+    """
     found, count = np.empty(len(pair), np.int64), 0
     for k in range(len(pair)):
         a, b, squared = pair[k, 0], pair[k, 1], 0.0

@@ -1,4 +1,4 @@
-"""The kernel of one contact law: loop over time steps and sum of the stress, compiled with that law's functions."""
+"""Compiles the kernel of one contact law: the loop over time steps and the stress, with that law's functions."""
 
 from __future__ import annotations
 
@@ -46,7 +46,9 @@ class Kernel(NamedTuple):
 def kernel_of(law: ContactLaw, single: bool = False) -> Kernel:
     """Return the Kernel of a contact law: compiled at its first call, or read from disk if no source has changed.
 
-    single: True for mixed precision, in which the law is compiled in single precision.
+    Args:
+        law: Contact law.
+        single: True for mixed precision, in which the law is compiled in single precision.
     """
     return _compiled_kernel(cast(Hashable, type(law)), single)
 
@@ -89,7 +91,7 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
 def try_out(law: ContactLaw) -> None:
     """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 
-    Raises InputError if the result has other than finite numbers.
+    Raises InputError if the result is not made of finite numbers.
     """
     branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
     sliding = vectors.Vector(0.0, 1e-3, 0.0)
@@ -104,7 +106,10 @@ def try_out(law: ContactLaw) -> None:
 
 @contextlib.contextmanager
 def explain_refusal(law: ContactLaw, where: str = "") -> Iterator[None]:
-    """Raise InputError if Numba cannot compile a user-defined law that is valid Python; where: `for a GPU` or none."""
+    """Raise InputError if Numba cannot compile a user-defined law that is valid Python.
+
+    `where` is `for a GPU`, or empty.
+    """
     try:
         yield
     except Exception as error:
@@ -121,7 +126,7 @@ def _stamp(law: ContactLaw, known: Iterable[Function]) -> str | None:
     """Return a stamp of all sources of a kernel.
 
     It covers this package, the files of the law and of the functions `known` that it calls, and the constants that
-    these import. None if a source has no file, as in a notebook, because a later version could not be distinguished.
+    these import. It is None if a source has no file, as in a notebook, because a later version would look the same.
     """
     functions = set(known)
     files = {function.__code__.co_filename for function in functions}

@@ -1,4 +1,4 @@
-"""Compilation with Numba: the options of the kernel, and a cache on disk that detects every change of the sources.
+"""Compiles with Numba, using the options of the kernel and a cache on disk that detects every change of the sources.
 
 Numba caches one file per function and checks only the age of the file that defines this function, so a change in
 another source file would leave stale code in use. Here the stamp of a cached function covers all its sources.
@@ -24,7 +24,7 @@ from numba.extending import overload
 from labkit.engines.kernel import scalars
 from labkit.grains.laws import vectors
 
-Untyped: TypeAlias = Any  # an object of Numba or a value of any type, which it passes on
+Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
 Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
 Plain = TypeVar("Plain", bound=Function)
 
@@ -63,7 +63,7 @@ def kept(function: Plain) -> Plain:
 
 
 def cached(function: Function, stamp: str | None, **options: Untyped) -> Function:
-    """Return the function compiled at its first call, or read from disk if it was compiled from sources of this stamp.
+    """Return a function that is compiled at its first call, or read from disk if compiled from sources of this stamp.
 
     Without a stamp it is recompiled in each process.
     """
@@ -82,7 +82,13 @@ def cached(function: Function, stamp: str | None, **options: Untyped) -> Functio
 
 
 def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> None:
-    """Teach a compiler the operators of vectors; overload, kinds: its numba.extending.overload and numba.types."""
+    """Teach a compiler the operators of vectors.
+
+    Args:
+        overload: The compiler's numba.extending.overload.
+        kinds: The compiler's numba.types.
+        options: Options of `overload`.
+    """
 
     def is_vector(kind: Untyped) -> bool:
         return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
@@ -107,7 +113,7 @@ use_operators(overload, numba.types, jit_options={"forceinline": True, **OPTIONS
 
 
 class Version(NamedTuple):
-    """Of a kernel. name: of its contact law and precision; single: see `with_globals`."""
+    """Version of a kernel: `name`, of its contact law and precision, and `single`, explained in `with_globals`."""
 
     name: str
     single: bool = False
@@ -129,9 +135,9 @@ def compiled_with_callees(
     All are inlined on the CPU, so that LLVM can vectorise the loop around them.
 
     Args:
-        function: In plain Python.
+        function: Function in plain Python.
         known: Functions compiled so far, function -> compiled; extended in place.
-        version: Of the kernel that they belong to.
+        version: Version of the kernel to which they belong.
         compiler: Compiles one function.
     """
     if function not in known:
@@ -142,19 +148,19 @@ def compiled_with_callees(
 def callees(
     function: Function, known: dict[Function, Function], version: Version, compiler: Callable[[Function], Function]
 ) -> dict[str, object]:
-    """What the names in a function become: the plain Python functions that it calls, compiled, and np for numbers."""
+    """Return new values for names in a function: the plain Python functions it calls, compiled, and np for numbers."""
     used = {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
     compiled = {name: compiled_with_callees(value, known, version, compiler) for name, value in used.items()}
     return numpy_for_numbers(function) | compiled
 
 
 def numpy_for_numbers(function: Function) -> dict[str, object]:
-    """The name np, redefined, of a function that calls one of `scalars`; none if it does not."""
+    """Return a new value for the name np if a function calls one of `scalars`, otherwise nothing."""
     return {"np": scalars} if {"maximum", "minimum", "sqrt"} & set(function.__code__.co_names) else {}
 
 
 def names_of(function: Function) -> dict[str, object]:
-    """The values of the global names and of the variables of an enclosing function that a function uses."""
+    """Return the values of the global and enclosing variables that a function uses."""
     used = {code.argval for code in dis.get_instructions(function) if code.opname in ("LOAD_GLOBAL", "LOAD_DEREF")}
     enclosed = inspect.getclosurevars(function).nonlocals
     return {name: value for name, value in {**function.__globals__, **enclosed}.items() if name in used}
@@ -164,11 +170,11 @@ def with_globals(function: Function, names: dict[str, Untyped], version: Version
     """Return a copy of a function with some of its names redefined, and named after the version of its kernel.
 
     The name matters: kernels that different processes wrote to the cache may contain functions with equal symbols,
-    which Numba makes of names and argument types. LLVM would then link one kernel to functions of another.
+    which Numba makes from names and argument types. LLVM would then link one kernel to functions of another.
 
-    version.single: True to round the numbers written in the function to single precision, because Numba would convert
-    an expression in which one number is double. The copy belongs to this module, because Numba's cache imports the
-    module of every compiled function, and a contact law may come from a file that another process cannot import.
+    If version.single is True, the numbers written in the function are rounded to single precision, because Numba would
+    convert an expression in which one number is double. The copy belongs to this module, because Numba's cache imports
+    the module of every compiled function, and a contact law may come from a file that another process cannot import.
     """
     code, used = function.__code__, names_of(function)
     values = {name: rounded(value, version.single) for name, value in used.items()} | names
@@ -186,7 +192,7 @@ def with_globals(function: Function, names: dict[str, Untyped], version: Version
 
 
 def rounded(value: Untyped, single: bool = True) -> Untyped:
-    """A float, or the floats in a tuple, in single precision; other values as they are."""
+    """Round a float, or the floats in a tuple, to single precision; other values are returned as they are."""
     if single and isinstance(value, tuple):
         return type(value)(*map(rounded, value)) if hasattr(value, "_fields") else tuple(map(rounded, value))
     return np.float32(value) if single and isinstance(value, float) else value

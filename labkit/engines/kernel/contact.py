@@ -1,8 +1,8 @@
 """Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
 The law is `pair` of a labkit.grains.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
-compiler vectorises that loop. `pair`, `spring` and `overlap` are placeholders: labkit.engines.kernel.build replaces
-them by functions of the law and of the precision.
+compiler vectorises that loop. `pair`, `spring` and `overlap` are placeholders, which labkit.engines.kernel.build
+replaces with functions of the law and of the precision.
 """
 
 from __future__ import annotations
@@ -46,7 +46,13 @@ def block_forces(
 ) -> None:
     """Compute forces and torques of n contacts and advance their history by dt.
 
-    block, work: rows as in layout.py; gradient: the velocity gradient (3, 3), or None to omit the energy sums.
+    Args:
+        block: Rows of the contacts (layout.py).
+        work: Rows of the workspace (layout.py).
+        n: Number of contacts.
+        dt: Time step, s.
+        law: Numbers of the contact law.
+        gradient: Velocity gradient, (3, 3), 1/s, or None to omit the energy sums.
     """
     rolls = law.rolling is not None or law.twisting is not None
     moment = HISTORY + 3 * WIDTH if law.friction is not None else HISTORY

@@ -1,8 +1,8 @@
-"""Instructions for whole vectors, which LLVM does not generate from loops: loads, shuffles and stores.
+"""Instructions for whole vectors that LLVM does not generate from loops: loads, shuffles and stores.
 
 They convert between records of grains and rows of blocks, LANES records at once, for the functions of transfers.py;
-with loops instead, a time step takes 1.4 to 3 times as long. A vector of a grain record takes COLUMNS numbers: three
-components and one more. Records and rows are double or single, as the types of the arrays say.
+with loops instead, a time step takes 1.4 to 3 times as long. A vector in a grain record occupies COLUMNS numbers: three
+components and one more. The types of the arrays determine whether records and rows are double or single.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ EXCHANGE: dict[Value, tuple[Sequence[int], ...]] = {
 
 
 class Code:
-    """Generates LLVM instructions for vectors. context, builder: those of Numba's function that generates code."""
+    """Generates LLVM instructions for vectors, from context and builder of Numba's code-generating function."""
 
     def __init__(self, context: Value, builder: Value) -> None:
-        """No instructions yet."""
+        """Start without instructions."""
         self.context, self.builder = context, builder
 
     def integer(self, value: Value) -> Value:
-        """An integer of Python as one of LLVM; one of LLVM as it is."""
+        """Convert a Python integer to LLVM; an LLVM integer is returned as it is."""
         return ir.Constant(INTEGER, value) if isinstance(value, int) else value
 
     def plus(self, a: Value, b: Value) -> Value:
@@ -61,12 +61,12 @@ class Code:
         return self.builder.add(self.integer(a), self.integer(b))
 
     def shuffle(self, a: Value, b: Value, lanes: Sequence[int]) -> Value:
-        """Vector of these numbers of a, or of b after those of a."""
+        """Vector of the numbers of a and b at the indices `lanes`, which count on from a to b."""
         mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
         return self.builder.shuffle_vector(a, b, mask)
 
     def joined(self, parts: Sequence[Value]) -> Value:
-        """One vector of several, whose number is a power of two."""
+        """Join vectors, whose number is a power of two."""
         while len(parts) > 1:
             lanes = range(2 * parts[0].type.count)
             parts = [self.shuffle(a, b, lanes) for a, b in zip(parts[::2], parts[1::2], strict=True)]
@@ -95,7 +95,7 @@ class Code:
         return self.builder.call(function, [a, b, c])
 
     def rounded(self, doubles: Sequence[Value]) -> Value:
-        """One register of single numbers from two registers of doubles."""
+        """Round two registers of doubles to one register of single numbers."""
         kind = ir.VectorType(SINGLE, doubles[0].type.count)
         return self.joined([self.builder.fptrunc(value, kind) for value in doubles])
 
@@ -124,7 +124,7 @@ class Code:
         ]
 
     def to_double_records(self, first: Sequence[Value], second: Sequence[Value]) -> list[Value]:
-        """Records of twice COLUMNS numbers from three rows for each half."""
+        """Records of 2 COLUMNS numbers, each half from three rows."""
         halves = self.to_registers(first), self.to_registers(second)
         size = first[0].type.count
         records = [None] * size
@@ -138,10 +138,10 @@ class Code:
 
 
 class Memory:
-    """An array of records, rows or indices; kind: type of its numbers; chunks: records that fill a register."""
+    """An array of records, rows or indices; `kind` is the type of its numbers, `chunks` the records per register."""
 
     def __init__(self, code: Code, kind: Value, value: Value) -> None:
-        """An argument of Numba's function that generates code."""
+        """Take an argument of Numba's code-generating function."""
         array = code.context.make_array(kind)(code.context, code.builder, value)
         self._code, self._data, self._shape = code, array.data, array.shape
         self.kind = SINGLE if kind.dtype == types.float32 else DOUBLE
@@ -158,27 +158,27 @@ class Memory:
         return self._code.builder.gep(self._data, [place])
 
     def index(self, first: Value, k: int) -> Value:
-        """The index in the place first + k."""
+        """The index stored at place first + k."""
         return self._code.builder.zext(self._code.builder.load(self.number(self._code.plus(first, k))), INTEGER)
 
     def vector(self, place: Value, count: int) -> Value:
-        """Pointer to `count` numbers from a place on."""
+        """Pointer to `count` numbers, starting at a place."""
         return self._code.builder.bitcast(self.number(place), ir.VectorType(self.kind, count).as_pointer())
 
     def part(self, number: Value, column: Value, count: int = COLUMNS, width: Value = SITE_COLUMNS) -> Value:
-        """Pointer to `count` numbers of a record, from a column on; width: numbers per record."""
+        """Pointer to `count` numbers of a record of `width` numbers, starting at a column."""
         place = self._code.builder.mul(number, self._code.integer(width))
         return self.vector(self._code.plus(place, column), count)
 
     def rows(self, row: Value, start: int, count: int) -> list[Value]:
-        """Pointers to `count` rows, each from the number `start` on."""
+        """Pointers to `count` rows, each starting at number `start`."""
         return [self.vector(self._code.plus(row, k * WIDTH + start), self.size) for k in range(count)]
 
     def get_rows(self, row: Value, start: int, count: int = 3) -> list[Value]:
-        """Load rows, each from the number `start` on."""
+        """Load rows, each starting at number `start`."""
         return [self._code.load(pointer) for pointer in self.rows(row, start, count)]
 
     def put_rows(self, rows: Sequence[Value], row: Value, start: int) -> None:
-        """Store rows, each from the number `start` on."""
+        """Store rows, each starting at number `start`."""
         for value, pointer in zip(rows, self.rows(row, start, len(rows)), strict=True):
             self._code.store(value, pointer)

@@ -2,11 +2,11 @@
 
 The kernel computes with blocks of WIDTH contacts or grains. A block consists of consecutive rows of WIDTH numbers, one
 quantity per row, so that quantities are a constant stride apart and the compiler can vectorise a loop over a block.
-What contacts read of a grain, and the forces that they return, are stored in records, three per grain (its site),
-because contacts access grains in no particular order: its place, its motion, and its force.
+Contacts access grains in no particular order. The data that they read from a grain, and the forces that they return,
+are therefore stored in three records per grain, its site: place, motion and force.
 
 In mixed precision, positions, the velocities that move the grains, energies and all sums over the specimen are double.
-The rest is single: velocities as contacts read them, spins, forces, history and constants of contacts, masses.
+Everything else is single: velocities as contacts read them, spins, forces, contact history and constants, masses.
 
 The kernel gets None for each feature that a scene does not use, and Numba compiles it without that feature.
 """
@@ -55,11 +55,23 @@ DOUBLE_ROWS = 10
 class Arrays(NamedTuple):
     """Arrays of the loop over time steps.
 
-    grain_first (domain + 1,), contact_first, contact_last (domain,): first and last grains and contacts of each domain;
-    places, motions, forces: records of grains and images; grains, masses, blocks: blocks of grains and of contacts;
-    pairs (2, contact): sites of a contact; image_first (domain + 1,), owner (image,), shift (image, 3): first image of
-    each domain, the grain that an image copies, and its periodic shift; work, doubles (domain, ...): workspaces; start
-    (grain, 3): positions at the last neighbour search, m.
+    Args:
+        grain_first: First grain of each domain, and the end, (domain + 1,).
+        contact_first: First contact of each domain, (domain,).
+        contact_last: Last contact of each domain, (domain,).
+        places: Records of place of grains and images.
+        motions: Records of motion of grains and images.
+        forces: Records of force of grains and images.
+        grains: Blocks of grains.
+        masses: Blocks of the masses of grains.
+        blocks: Blocks of contacts.
+        pairs: Sites of each contact, (2, contact).
+        image_first: First image of each domain, and the end, (domain + 1,).
+        owner: Grain that an image copies, (image,).
+        shift: Periodic shift of an image, (image, 3).
+        work: Workspace of each domain, (domain, ...).
+        doubles: Workspace of each domain in double precision, (domain, ...).
+        start: Positions at the last neighbour search, (grain, 3), m.
     """
 
     grain_first: np.ndarray

@@ -41,7 +41,7 @@ def damped_fraction(acceleration: float, velocity: float, dt: float, damping: fl
 
 
 def damp(a: Vector, force: Vector, velocity: Vector, dt: float, damping: float) -> tuple[Vector, float]:
-    """Acceleration after local damping, and the power that it dissipates; or those of the rotation, with its torque.
+    """Acceleration after local damping, and the power dissipated; for rotation, pass the torque as `force`.
 
     The power is the removed fraction of the force times the mean velocity during the step, without the mean field.
     """
@@ -80,7 +80,7 @@ def accelerate(
         L: Velocity gradient of this step, (3, 3), 1/s.
         before: That of the previous step.
         dt: Time step, s.
-        damping: Coefficient of local damping; None without.
+        damping: Coefficient of local damping, or None.
     """
     lost = 0.0
     if damping is not None:
@@ -113,10 +113,19 @@ def move_rows(
     damping: float | None,
     energy: np.ndarray | None,
 ) -> None:
-    """Move n grains by one step. L, before (3, 3). damping: a number, or None for no damping.
+    """Move n grains by one step. The row SPEED2 of `doubles` collects the largest c^2.
 
-    block, masses, work, doubles: rows as in layout.py. energy: not None to sum the energy dissipated by damping. The
-    row SPEED2 of `doubles` collects the largest c^2.
+    Args:
+        block: Rows of the velocity of the grains (layout.py).
+        masses: Rows of the masses (layout.py).
+        work: Rows of the workspace (layout.py).
+        doubles: Rows of the workspace in double precision (layout.py).
+        n: Number of grains.
+        dt: Time step, s.
+        L: Velocity gradient of this step, (3, 3), 1/s.
+        before: Velocity gradient of the previous step, (3, 3), 1/s.
+        damping: Coefficient of local damping, or None.
+        energy: None to omit the energy dissipated by damping.
     """
     for i in range(n):
         x, v, w = load(doubles, X, i), load(block, V, i), load(work, W, i)

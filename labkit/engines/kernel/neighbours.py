@@ -1,4 +1,4 @@
-"""Neighbour search: spatial order of the grains, and all pairs closer than a margin, with their periodic shifts.
+"""Neighbour search: sorts grains in space, and finds all pairs closer than a margin, with their periodic shifts.
 
 Grains are sorted into the cells of a grid that is skewed like the periodic cell. Each pair is found once, from the
 grain that comes first in the order of the grid cells. The search includes periodic images: in a small periodic cell,
@@ -20,7 +20,7 @@ from labkit.micro.cells import widths
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of grid cells along each side, (3,), and the number that `reach` spans, (3,).
 
-    Grid cells are at least `reach` wide if space permits, and there are not many more of them than grains.
+    Grid cells are at least `reach` wide if space permits, and not many more in number than the grains.
     """
     across = widths(cell)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
@@ -91,9 +91,16 @@ def find(
 ) -> int:
     """Find all pairs of grains whose surfaces are closer than `margin`; return their number, or -1 for lack of room.
 
-    grains (n, 4): positions wrapped into the cell, and radii; period (n, 3); both in the order of the grid cells; cell
-    c starts at start[c]. span (3,): distance of the farthest neighbour in grid cells. pairs (2, capacity), shifts
-    (capacity, 3): filled.
+    Args:
+        grains: Positions wrapped into the cell, and radii, (n, 4), in the order of the grid cells.
+        cell: (3, 3), m.
+        period: Period of each grain, (n, 3), in the same order.
+        start: First grain of each grid cell.
+        shape: Number of grid cells along each side, (3,).
+        span: Distance of the farthest neighbour in grid cells, (3,).
+        margin: m.
+        pairs: Filled with the pairs, (2, capacity).
+        shifts: Filled with the periodic shifts of the second grains, (capacity, 3).
     """
     count = 0
     capacity = pairs.shape[1]
@@ -129,8 +136,8 @@ def find(
 class Grid:
     """Grains sorted into grid cells.
 
-    order[k] is the k-th grain and period[k] (3,) the period that contains it; grid cell c holds the k from start[c] to
-    start[c + 1] - 1; a neighbour is at most span (3,) cells away in the grid of `shape` (3,).
+    order[k] is the k-th grain and period[k] (3,) the period that contains it. Grid cell c holds k from start[c] to
+    start[c + 1] - 1. A neighbour is at most span (3,) cells away in the grid of `shape` (3,).
     """
 
     order: np.ndarray

@@ -36,9 +36,11 @@ LINE = 64  # bytes per cache line
 class History:
     """Contact history of pairs of grains.
 
-    pairs (2, n): grains in any numbering; shift (n, 3): periodic shift of the second grain; rows (n, 0, 3 or 6):
-    tangential force and rolling moment on the first grain, where present in the scene; number (grain,): index in this
-    numbering of each grain of the State.
+    Args:
+        pairs: Grains of each pair, (2, n), in any numbering.
+        shift: Periodic shift of the second grain, (n, 3).
+        rows: Tangential force and rolling moment on the first grain, (n, 0, 3 or 6), as far as the scene has them.
+        number: Index in this numbering of each grain of the State, (grain,).
     """
 
     pairs: np.ndarray
@@ -51,8 +53,8 @@ class History:
 class PackedArrays:
     """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
 
-    order (grain,): index in the State of each grain; slot (n,): position of each pair in the blocks; pairs (2, n):
-    indices of its grains in the order of the grid; pair_shift (n, 3): periodic shift of its second grain.
+    `order` (grain,) is the index in the State of each grain. For each pair, `slot` (n,) is its position in the blocks,
+    `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its second grain.
     """
 
     arrays: Arrays
@@ -71,7 +73,7 @@ class PackedArrays:
         return position, velocities, spins
 
     def take_history(self, which: np.ndarray | slice) -> np.ndarray:
-        """The rows of the History (n, k) of some pairs."""
+        """Return the rows of the History (n, k) of some pairs."""
         return take_rows(self.arrays.blocks, HISTORY, self.slot[which])
 
     def unpack_history(self) -> History:
@@ -96,10 +98,10 @@ def pack(
     Raises PhysicsError if a grain is lost.
 
     Args:
-        scene: Of the grains.
+        scene: Scene of the grains.
         radius: (grain,), m, in the order of the State.
         kinematics: Position, velocity and spin, (grain, 3), in the order of the State.
-        history: Of the contacts so far.
+        history: History of the contacts so far.
         cell: (3, 3), m.
         margin: Largest distance of the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
@@ -135,7 +137,7 @@ def pack(
     places[:number, :3], motions[:number, SITE_V : SITE_V + 3] = position, velocity
     motions[:number, SITE_W : SITE_W + 3] = spin
     places[:number, PLACE_RADIUS] = motions[:number, SITE_RADIUS] = radius
-    # the unused site pads each block with contacts with itself, which have neither normal nor history and so no force
+    # contacts of the unused site with itself pad each block; they have no normal and no history, and so no force
     places[unused, PLACE_RADIUS] = motions[unused, SITE_RADIUS] = 1.0
     arrays = Arrays(
         grain_first=grain_first,

@@ -1,7 +1,7 @@
-"""numpy for one number, which replaces numpy in the functions that the engines compile.
+"""Scalar versions of numpy's functions, which replace numpy in the functions that the engines compile.
 
-The functions of the parts of a contact law are also applied to arrays and therefore call numpy. These functions compile
-to fewer instructions, and numba-cuda lacks some of numpy's.
+The functions of the parts of a contact law are also applied to arrays and therefore call numpy. The scalar versions
+compile to fewer instructions, and numba-cuda lacks some of numpy's functions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Sites: one record per grain or image, from which contacts read the motion of grains and to which they add forces.
+"""Sites, one per grain or image: contacts read the motion of grains from them and add forces to them.
 
 A site has three records: its place (position and radius), its motion (velocity, spin and radius), and its force (force
 and torque).
@@ -90,8 +90,11 @@ def collect_images(arrays: Arrays, d: int) -> None:
 def image_sites(arrays: Arrays, d: int, offset: np.ndarray, drift: np.ndarray) -> None:
     """Write the sites of the images of the domain d, which are periods away from the grains that they copy.
 
-    offset and drift (3, 3): the position and velocity that a period adds, which are the cell and L times the cell
-    before the motion.
+    Args:
+        arrays: Arrays of the loop.
+        d: Number of the domain.
+        offset: Position that a period adds, that is, the cell, (3, 3), m.
+        drift: Velocity that a period adds, that is, L times the cell before the motion, (3, 3), m/s.
     """
     places, motions = arrays.places, arrays.motions
     images = first_image(places, arrays.owner)

@@ -41,9 +41,14 @@ LINE = 64  # bytes per cache line
 class Motion(NamedTuple):
     """The cell in which the grains move, and its motion; changed in place.
 
-    cell (3, 3), m; before (3, 3): velocity gradient of the previous step, 1/s; first_cell (3, 3), m: cell at the last
-    neighbour search; spread (2,): upper bounds on the distance that any grain has moved since that search, m, and on
-    the stretch of the cell since then; largest_diameter, skin: m.
+    Args:
+        cell: (3, 3), m.
+        before: Velocity gradient of the previous step, (3, 3), 1/s.
+        first_cell: Cell at the last neighbour search, (3, 3), m.
+        spread: Upper bounds on the distance that any grain has moved since that search, m, and on the stretch of the
+            cell since then, (2,).
+        largest_diameter: m.
+        skin: Verlet skin, m.
     """
 
     cell: np.ndarray
@@ -109,9 +114,12 @@ def domain_grains(
 
 @compiled
 def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
-    """Largest distance of a grain from its position `start` (grain, 3) at the last search, in the cell at that time, m.
+    """Largest distance of a grain from its position at the last search, in the cell at that time, m.
 
-    back (3, 3): inverse of the deformation gradient of the cell since the search.
+    Args:
+        places: Records of place.
+        start: Positions at the last search, (grain, 3), m.
+        back: Inverse of the deformation gradient of the cell since the search, (3, 3).
     """
     largest = 0.0
     for g in range(len(start)):
@@ -135,7 +143,7 @@ def search_is_due(
 ) -> bool:
     """Enter a motion of the cell and of the grains, at speeds of at most `speed` (domain,), in `motion`.
 
-    Return True if a pair of grains may have become neighbours, so that a search is needed.
+    Returns True if a search is needed because a pair of grains may have become neighbours.
     """
     before, spread = motion.before, motion.spread
     for i in range(3):
@@ -166,12 +174,22 @@ def advance(
     """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
 
     If a search is needed, the grains have already been moved for the next step, but its forces have not been computed:
-    run the search, then call again with moved_already. L (3, 3): velocity gradient, 1/s; contact_dt, gradient: dt, and
-    L if energies are summed, else None, in the precision of contacts; law: numbers of the contact law; damping:
-    coefficient of local damping. Numba compiles the loop without the features that are None.
+    run the search, then call again with moved_already. Numba compiles the loop without the features that are None.
+
+    Args:
+        steps: Most time steps.
+        moved_already: True if the grains were already moved for the first step.
+        dt: Time step, s.
+        L: Velocity gradient, (3, 3), 1/s.
+        motion: The cell and its motion.
+        arrays: Arrays of the loop.
+        contact_dt: dt in the precision of contacts.
+        law: Numbers of the contact law.
+        damping: Coefficient of local damping, or None.
+        gradient: L in the precision of contacts if energies are summed, else None.
     """
     cell, before = motion.cell, motion.before
-    shear, friction, rolling, twisting, dashpots, whole, turning = law  # a parallel loop takes no tuples in a tuple
+    shear, friction, rolling, twisting, dashpots, whole, turning = law  # a parallel loop accepts no nested tuples
     domains = len(arrays.contact_first)
     speed = np.empty(domains)
     for step in range(steps):

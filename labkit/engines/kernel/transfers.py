@@ -20,9 +20,9 @@ from labkit.engines.kernel.layout import PLACE_COLUMNS, SITE_COLUMNS, SITE_TORQU
 
 
 def intrinsic(write: Callable[..., None]) -> Callable[..., None]:
-    """Make an intrinsic without a result of a function that writes its instructions; a decorator.
+    """Turn a function that writes instructions into an intrinsic without a result; a decorator.
 
-    The function gets the Code, and for each argument of the caller a Memory or an integer of LLVM.
+    The function gets the Code, and for each argument of the caller a Memory or an LLVM integer.
     """
 
     @functools.wraps(write)  # Numba reads the names of the arguments
@@ -49,7 +49,7 @@ def read_branches(
 ) -> None:
     """Read branches and sums of radii from the places of LANES pairs, first[k] and second[k] for k >= i, into rows.
 
-    Into single rows, also R^2 - d^2, with the sum R of the radii and the branch d in double precision.
+    Single rows also get R^2 - d^2, computed in double precision from the sum R of the radii and the branch d.
     """
     signs = ir.Constant(ir.VectorType(DOUBLE, COLUMNS), [-1.0, -1.0, -1.0, 1.0])
     rows = []
@@ -113,8 +113,8 @@ def add_forces_and_torques(
 ) -> None:
     """Add forces and torques of LANES contacts to the sites of their grains, one contact after another.
 
-    force, torque_a, torque_b: offsets of the rows; the force acts on the first grain, its opposite on the second.
-    Double records are changed in parts, single ones as a whole.
+    `force`, `torque_a` and `torque_b` are offsets of rows. The force acts on the first grain, its opposite on the
+    second. Double records are changed in parts, single ones as a whole.
     """
     for chunk in forces.chunks:
         a, b = ([side.index(i, k) for k in chunk] for side in (first, second))
@@ -172,7 +172,7 @@ def put_motions(
 ) -> None:
     """Write velocities from three double rows, and spins and radii from four rows, to LANES consecutive sites.
 
-    velocity, spin: offsets of the rows.
+    `velocity` and `spin` are offsets of rows.
     """
     for chunk in motions.chunks:
         parts = [grains.get_rows(velocity, start) for start in range(chunk.start, chunk.stop, grains.size)]
@@ -204,7 +204,7 @@ def put_image(
 ) -> None:
     """Copy a place and a motion from the site `owner` to the site `image`, shift[number] (3,) periods away.
 
-    vectors (3, 4), drifts (3, 8): the records that a period in each direction adds.
+    `vectors` (3, 4) and `drifts` (3, 8) are the records that a period in each direction adds.
     """
     builder, first = code.builder, code.builder.mul(number, code.integer(3))
     for records, periods, width in ((places, vectors, PLACE_COLUMNS), (motions, drifts, SITE_COLUMNS)):

@@ -16,11 +16,11 @@ from labkit.errors import InputError
 from labkit.grains.laws.named import SpringDashpot
 from labkit.grains.scene import Scene
 
-MOST_CLASSES = 64  # of size: 2080 sets of coefficients
+MOST_CLASSES = 64  # size classes: 2080 sets of coefficients
 
 
 def classes_of(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The class of each grain (grain,), from 0, and the radius of each class (class,), m.
+    """Return the class of each grain (grain,), from 0, and the radius of each class (class,), m.
 
     Raises InputError if the grains have too many different radii.
     """
@@ -34,9 +34,14 @@ def classes_of(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pair_coefficients(scene: Scene, radius: np.ndarray) -> list[str]:
-    """The pair_coeff command of each pair of classes; radius (class,), m. Raises InputError for beta_t without beta_n.
+    """Return the pair_coeff command of each pair of classes.
 
-    The dashpots are those of the spring-dashpot law for every contact law, because LAMMPS has no other damping.
+    Every contact law gets the dashpots of the spring-dashpot law, because LAMMPS has no other damping.
+    Raises InputError for beta_t without beta_n.
+
+    Args:
+        scene: Scene of the grains.
+        radius: Radius of each class, (class,), m.
     """
     lines = []
     for first, a in enumerate(radius):

@@ -1,18 +1,18 @@
 """One rank's part of the grains in LAMMPS. Every method is collective: all ranks call it with the same arguments.
 
 LAMMPS integrates with velocity Verlet and evaluates forces at the velocities of half a step earlier, as labkit does. A
-State has those velocities; LAMMPS between two steps has gone on by half a kick, v = v(half) + dt/2 F/m.
+State has those velocities; between two steps LAMMPS is ahead by half a kick, v = v(half) + dt/2 F/m.
 
 LAMMPS has no force that makes free grains follow the mean field. Before each interval of n steps the grains therefore
-receive what the formulas of labkit.engines.kernel.motion add to their velocity: (L - L-) x + n dt L v. The cell
-moves linearly between its exact values (1 + L dt)^k H at the ends of the intervals. LAMMPS stretches it about its
-centre, which therefore is the origin: grains that follow the mean field then stay in the cell and on their rank.
+receive the velocity that the formulas of labkit.engines.kernel.motion add: (L - L-) x + n dt L v. The cell moves
+linearly between its exact values (1 + L dt)^k H at the ends of the intervals. LAMMPS stretches it about its centre,
+which is therefore placed at the origin: grains that follow the mean field then stay in the cell and on their rank.
 
-LAMMPS does not search neighbours by itself here. When it does in a sheared cell, the results change by more than
-rounding (in a CV test of 996 grains q drops by 1 % for some hundred steps), and one and two ranks differ. The cause has
-not been isolated. LAMMPS negates the history of a contact when its grains exchange roles, and that of rolling must not
-be; but a specimen that drifts without shear shows no difference. The engine loads its own State instead, as soon as
-`room` says that a contact could be missed.
+LAMMPS's own neighbour search is switched off. When it searches in a sheared cell, the results change by more than
+rounding (in a CV test of 996 grains q drops by 1 % for some hundred steps), and runs on one and two ranks differ. The
+cause has not been isolated. LAMMPS negates the history of a contact when its grains exchange roles, and the rolling
+history must keep its sign; drift without shear does not reveal this. Instead, the engine reloads its own State as
+soon as `room` finds that a contact could be missed.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
 
-SKIN = 0.1  # of the mean diameter; half of it is kept for grains that spring apart between two looks
+SKIN = 0.1  # of the mean diameter; half of it is reserved for grains that spring apart between two checks
 # of the components of the cell in `fix deform`
 PLACES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
-MOST_STEPS = 50  # in which the cell moves linearly
-MOST_ROOM = 20  # steps between two looks at how far the grains have moved
+MOST_STEPS = 50  # during which the cell moves linearly
+MOST_ROOM = 20  # steps between two checks of how far the grains have moved
 LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
 
 SETTINGS = """\
@@ -62,7 +62,7 @@ thermo_style custom step c_stress[1] c_stress[2] c_stress[3] c_stress[4] c_stres
 
 
 class Domain:
-    """The grains of this rank. comm: the mpi4py communicator of all ranks."""
+    """The grains of this rank; `comm` is the mpi4py communicator of all ranks."""
 
     def __init__(self, comm: Any) -> None:
         """Start LAMMPS on all ranks."""
@@ -73,7 +73,7 @@ class Domain:
         self.version = str(self.lmp.version())
 
     def load(self, state: State, tilted: bool) -> None:
-        """Replace all grains. tilted: True if the cell may become a parallelepiped."""
+        """Replace all grains; `tilted` is True if the cell may become a parallelepiped."""
         require_loadable(state)
         self.tilted = tilted or bool(np.triu(state.cell, 1).any())
         self.scene, self.time_step, self.radius = state.scene, state.time_step, state.radius
@@ -88,10 +88,13 @@ class Domain:
         self.searched = self.cell.copy(), self.array("x")[: len(self.own())].copy()
 
     def room(self, gradient: np.ndarray) -> int:
-        """Number of steps after which to ask again, 0 to search neighbours; the gradient (3, 3), 1/s, deforms the cell.
+        """Number of steps that are safe before the next check; 0 if neighbours must be searched now.
 
-        Two grains approach by their motion relative to the mean field, and as the mean field brings them together.
+        Two grains approach by their motion relative to the mean field, and because the mean field brings them together.
         Raises PhysicsError if the skin is used up.
+
+        Args:
+            gradient: Velocity gradient that deforms the cell, (3, 3), 1/s.
         """
         cell, before = self.searched
         n, stretch = len(before), self.cell @ np.linalg.inv(cell)
@@ -110,7 +113,7 @@ class Domain:
         return int(min(0.5 * left / per_step, MOST_ROOM)) if per_step > 0.0 else MOST_ROOM
 
     def _create(self, state: State) -> None:
-        """Make the box and the grains."""
+        """Create the box and the grains."""
         lmp = self.lmp
         kind, sizes = classes_of(state.radius)
         lmp.command("clear")
@@ -137,7 +140,7 @@ class Domain:
         self.array("omega")[: len(own)] = state.angular_velocity[own]
 
     def _start(self, state: State) -> None:
-        """Define forces, motion and what is computed, and find the contacts without moving."""
+        """Define forces, motion and computed quantities, and find the contacts without moving."""
         self.lmp.command("pair_style granular")
         self.lmp.commands_list(pair_coefficients(state.scene, classes_of(state.radius)[1]))
         skin = SKIN * 2.0 * float(state.radius.mean())
@@ -164,7 +167,7 @@ class Domain:
             os.rmdir(folder)
 
     def _deform(self) -> None:
-        """Define the motion of the cell: displacement a + b (step - s) and rate w of each of its components."""
+        """Define the motion of each component of the cell: displacement a + b (step - s) and rate w."""
         names = [name for name, (i, j) in PLACES.items() if i == j or self.tilted]
         self.lmp.command("variable s internal 0")
         for name in names:
@@ -178,8 +181,8 @@ class Domain:
     def _find_forces(self) -> None:
         """Compute the forces at the velocities of half a step earlier.
 
-        The first of two steps without duration lets LAMMPS know the rate of the cell, with which it computes the
-        velocities of periodic images; the second moves the cell on by one step.
+        The first of two steps of zero duration tells LAMMPS the rate of the cell, from which it computes the velocities
+        of periodic images; the second moves the cell on by one step.
         """
         self._move_cell(1, self.gradient @ self.cell)
         dt = self.time_step
@@ -187,9 +190,9 @@ class Domain:
         self.half_kick(1.0)
 
     def _move_cell(self, delay: int, rate: np.ndarray) -> None:
-        """Let the cell move at `rate` (3, 3), m/s, and have its current size `delay` steps from now.
+        """Move the cell at `rate` (3, 3), m/s, so that it has its current size `delay` steps from now.
 
-        LAMMPS moves the cell at the end of a step, so that it must be one step ahead of the grains (delay -1).
+        LAMMPS moves the cell at the end of a step, so the cell must be one step ahead of the grains (delay -1).
         """
         cell, step, self.rate = self.cell, rate * self.time_step, rate
         set_variable = self.lmp.set_internal_variable
@@ -218,7 +221,7 @@ class Domain:
         self.cell = end
 
     def stress(self) -> np.ndarray:
-        """Sum of branch (x) force over the volume, (3, 3), Pa, compression positive; with the dashpots."""
+        """Sum of branch (x) force over the volume, (3, 3), Pa, compression positive, including the dashpots."""
         ahead = self.lmp.get_thermo("vol") / float(np.linalg.det(self.cell))  # LAMMPS's cell is one step ahead
         xx, yy, zz, xy, xz, yz = ahead * self.lmp.numpy.extract_compute("stress", 0, 1)
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -243,13 +246,13 @@ class Domain:
         return self.comm.gather(self.part())
 
     def array(self, name: str) -> np.ndarray:
-        """A quantity of the own grains and then of the copies of others'; a scalar as (n,), a vector as (n, 3)."""
+        """A quantity of this rank's grains, then of its copies of others; a scalar as (n,), a vector as (n, 3)."""
         count = self.lmp.extract_global("nlocal") + self.lmp.extract_global("nghost")
         values = self.lmp.numpy.extract_atom(name, nelem=count)
         return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
     def own(self) -> np.ndarray:
-        """Numbers of the own grains, from 0."""
+        """Numbers of this rank's grains, from 0."""
         return self.array("id")[: self.lmp.extract_global("nlocal")].astype(np.int64) - 1
 
 
@@ -272,12 +275,12 @@ def _histories(state: State) -> Histories:
 
 
 def require_loadable(state: State) -> None:
-    """Raise InputError for a cell that LAMMPS cannot have."""
+    """Raise InputError for a cell that LAMMPS cannot represent."""
     H = state.cell
     if np.abs(np.tril(H, -1)).max() > 1e-12 * np.abs(H).max():
         raise InputError(
-            "the cell of the specimen is rotated, and LAMMPS needs its first vector along x and the second in the "
-            "plane xy: use --engine fused"
+            "the cell of the specimen is rotated: LAMMPS needs its first vector along x and its second in the plane "
+            "xy; use --engine fused"
         )
     width, needed = widths(H).min(), 4.0 * state.radius.max() * (1.0 + SKIN)
     if width < needed:

@@ -27,7 +27,7 @@ def _require_scene(scene: Scene) -> None:
 
 
 def _require_path(path: Path) -> None:
-    """Raise InputError for a path that turns the cell: its shear rates are symmetric, or found by the servo."""
+    """Raise InputError for a path that rotates the cell: one whose shear rates are symmetric, or set by the servo."""
     control = path.control()
     free = control is not None and control.components > 3 and control.free[3:].any()
     if free or np.tril(path.flow(0.0), -1).any():

@@ -1,4 +1,4 @@
-"""The grains and contacts that one rank owns, as arrays, and the State that all parts make."""
+"""The grains and contacts that one rank owns, as arrays, and the State assembled from the parts of all ranks."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Part = dict[str, np.ndarray]  # arrays of the grains (g, ...) and contacts (c, .
 
 
 def part_of(domain: Domain) -> Part:
-    """The grains of this rank, and contacts, each of which exactly one rank has, in SI units.
+    """Return the grains and contacts of this rank, in SI units; exactly one rank has each contact.
 
-    It has the `number` of the grains, from 0, position, velocity and angular_velocity; and for contacts `pair`, the
-    numbers of the grains, the `branch` between these, and the tangential_force and rolling_moment of the springs on the
-    first. The velocities of the domain must be those of half a step earlier.
+    The arrays of grains are `number`, from 0, position, velocity and angular_velocity; those of contacts are `pair`,
+    the numbers of the two grains, the `branch` between them, and tangential_force and rolling_moment of the springs on
+    the first grain. The velocities of the domain must be those of half a step earlier.
     """
     lmp, n = domain.lmp, domain.lmp.extract_global("nlocal")
     grains = {name: domain.array(name) for name in ("x", "v", "omega", "radius")}
@@ -51,7 +51,7 @@ def part_of(domain: Domain) -> Part:
 
 
 def _rows(values: np.ndarray | None, columns: int) -> np.ndarray:
-    """A copy of what a local compute returns, (c, columns); nothing without contacts."""
+    """Return a copy of the result of a local compute, (c, columns), which is empty without contacts."""
     return np.zeros((0, columns)) if values is None else np.array(values).reshape(-1, columns)
 
 
@@ -76,7 +76,7 @@ def _slip(
 
 
 def gathered(parts: Sequence[Part], cell: np.ndarray) -> dict[str, np.ndarray]:
-    """The arrays of a State from all parts; cell (3, 3), m."""
+    """Return the arrays of a State from all parts; cell (3, 3), m."""
     values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order, pair = np.argsort(values["number"]), values["pair"]
     arrays = {name: values[name][order] for name in ("position", "velocity", "angular_velocity")}

@@ -1,4 +1,4 @@
-"""What the plug-in lammps adds to labkit."""
+"""The plug-in lammps: registers the engine and defines its Start."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ class Lammps(Start):
     """LAMMPS over MPI, for specimens that one computer cannot hold."""
 
     def __init__(self, ranks: int = 1) -> None:
-        """ranks: number of MPI ranks."""
+        """Take the number of MPI ranks."""
         super().__init__(**vars(starter("lammps", ranks)))

