@@ -4,17 +4,17 @@
     equations    C0 to C5, Eqs. 31 and 32, one function per equation
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
     driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
-    integrators  adaptive; benchmarks/integrators.py has others
+    integrators  the adaptive integrator; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
-    observation  the data of a run that are used in calibration
+    observation  the data that calibration uses from a run
     probes       small increments of strain or stress in many directions
     calibration  parameters from run files
     run_file     a result as a run file
     strength     sections of the critical state and of strength criteria in the deviatoric plane
 
 `from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.
-Compression is positive, z axial, SI units.
+Compression is positive, z is axial, units are SI.
 """
 
 from typing import TYPE_CHECKING

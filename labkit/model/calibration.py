@@ -3,7 +3,7 @@
 There are two steps. `critical_fit` fits the lines Z^c(e), Lambda^c(e) and the norms |A^c|, |F^c|, |F^tc| to the ends of
 shear tests. `fit` then drives the model with the recorded strain of each run, from an initial state that is also
 fitted, and fits Z, Lambda, A_zz, F_zz and F^t_zz of all runs simultaneously; it also refines the critical state
-parameters. Stresses are not fitted: C0 gives them from these five variables. scipy does the optimisation.
+parameters. Stresses are not fitted, because C0 follows from these five variables. scipy does the optimisation.
 
 Standard errors come from the Jacobian at the solution and from the misfit of each variable, assuming that misfits of
 different records are independent. This holds for synthetic runs. In simulations the fluctuations within one test are
@@ -31,19 +31,19 @@ from labkit.runs.critical import ENOUGH_STRAIN, at_end
 
 SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
 CRITICAL = ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam", "A_c", "F_c", "Ft_c")
-DETERMINED = 0.5  # standard error over fitted value, above which the data do not determine a parameter
+DETERMINED = 0.5  # largest standard error of a parameter that the data determine, divided by its fitted value
 CORRELATED = 0.95
-AMENDMENT = ("c_dLam",)  # constants of Model beside Table 2, fitted if the model has them
+AMENDMENT = ("c_dLam",)  # constants of Model that are not in Table 2, fitted if the model has them
 COLUMNS = ("parameter", "fitted", "standard_error", "low", "high", "table_2", "determined")
 
 
 def critical_fit(observations: Sequence[Observation], model: Model = TABLE_2) -> dict[str, float]:
-    """The seven critical state parameters from the ends of shear tests: name -> value.
+    """Fit the seven critical state parameters to the ends of shear tests: name -> value.
 
-    Means over the last quarter of the strain of CV, CR and CP tests to 15 % axial strain or more. e_cmax, c_cZ,
-    gamma_cZ and c_cLambda follow from a simultaneous fit of both lines. Parameters that these tests cannot determine,
-    because there are too few void ratios or they are too similar, keep the values of the model. Raises InputError if
-    there is no such test.
+    The fit uses means over the last quarter of the strain of CV, CR and CP tests to 15 % axial strain or more. e_cmax,
+    c_cZ, gamma_cZ and c_cLambda follow from a simultaneous fit of both lines. Parameters that these tests cannot
+    determine, because their void ratios are too few or too similar, keep the values of the model. Raises InputError if
+    none of the runs is such a test.
     """
     ends = [
         (o.e[end].mean(), *o.values[end].mean(axis=0))
@@ -79,10 +79,17 @@ def critical_fit(observations: Sequence[Observation], model: Model = TABLE_2) ->
 class Fit:
     """A calibration: the `model` with the fitted parameters, and tables that describe the fit.
 
-    `table` (pandas): parameter, fitted, standard_error, low, high, table_2, determined; low and high bound the 95 %
-    interval, and a parameter is determined if its standard error is less than half its fitted value. `correlation`
-    (pandas); `misfit` (pandas): RMS per run and variable; `warnings`; `predicted`: name of the run -> (n, 5).
     Exponents (gamma, beta) are fitted directly, the other parameters as logarithms.
+
+    Args:
+        model: The model with the fitted parameters.
+        table: A pandas.DataFrame with the columns parameter, fitted, standard_error, low, high, table_2, determined;
+            low and high bound the 95 % interval. A parameter is determined if its standard error is less than half
+            its fitted value.
+        correlation: Correlation matrix of the parameters, a pandas.DataFrame.
+        misfit: RMS misfit per run and variable, a pandas.DataFrame.
+        warnings: Sentences about the fit.
+        predicted: Predictions, name of the run -> (n, 5).
     """
 
     model: Model
@@ -96,7 +103,7 @@ class Fit:
         return self.report()
 
     def report(self) -> str:
-        """The whole calibration report as text."""
+        """Return the whole calibration report as text."""
         shown = self.table.drop(columns=["standard_error"])
         pairs = _strongest(self.correlation, 8)
         lines = [
@@ -122,8 +129,11 @@ ENOUGH = (
 def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     """Fit the parameters of the model to runs; returns a Fit.
 
-    `runs`: name -> labkit.Run or Dataset of labkit.open_run. Predictions of the model and unfinished runs are left out,
-    each with a warning. `model`: initial values. Raises InputError if no run is left.
+    Predictions of the model and unfinished runs are left out, each with a warning. Raises InputError if no run is left.
+
+    Args:
+        runs: Name -> labkit.Run, or Dataset of labkit.open_run.
+        model: Initial values.
     """
     usable, left_out = require_usable({name: getattr(run, "data", run) for name, run in runs.items()})
     result = fit([observe(name, run) for name, run in usable.items()], model)
@@ -139,15 +149,20 @@ def fit(
     names: Sequence[str] | None = None,
     thinning: bool = True,
 ) -> Fit:
-    """Fit the parameters `names` (default: all of Table 2) to the observations of several runs; returns a Fit.
+    """Fit parameters to the observations of several runs; returns a Fit.
 
     Each run adds five unknowns, its initial Z, Lambda, A_zz, F_zz and F^t_zz, since the first record is as noisy as the
-    others. Two passes: the variables are weighted by NATURAL in the first, and by their misfit over all runs in the
-    second. Parameters on which no record depends keep the values of the model. Raises InputError if there are no
-    observations.
+    others. The first pass weights the variables by NATURAL, the second by their misfit over all runs. Parameters on
+    which no record depends keep the values of the model. Raises InputError without observations.
+
+    Args:
+        observations: One per run.
+        model: Initial values.
+        names: Parameters to fit (default: all of Table 2).
+        thinning: True to divide the number of records by the correlation length of the misfit.
     """
     if not observations:
-        raise InputError("there are no runs to calibrate with: give run files")
+        raise InputError("calibration needs at least one run: give run files")
     every = tuple(field.name for field in dataclasses.fields(Parameters)) + (AMENDMENT if model.c_dLam > 0.0 else ())
     names = every if names is None else tuple(names)
     model = model.reading(beyond_e_cmax="flat")  # a trial e_cmax may lie below a recorded void ratio
@@ -169,7 +184,7 @@ def fit(
 
 
 def _interval(name: str, initial: float, u: float, s: float) -> tuple[float, float, float]:
-    """(standard error, low, high) of a parameter from the standard error s of its unknown u; low, high: 95 %."""
+    """Return standard error and 95 % interval (low, high) of a parameter from the standard error s of its unknown u."""
     slope = initial if is_exponent(name) else parameter_value(name, initial, u)
     return slope * s, parameter_value(name, initial, u - 1.96 * s), parameter_value(name, initial, u + 1.96 * s)
 
@@ -177,7 +192,7 @@ def _interval(name: str, initial: float, u: float, s: float) -> tuple[float, flo
 def _judge(
     problem: Residuals, solved: Any, x: np.ndarray, weight: np.ndarray, untouched: tuple[str, ...], thinning: bool
 ) -> Fit:
-    """The Fit of a solved problem, with standard errors, correlations and warnings."""
+    """Return the Fit of a solved problem, with standard errors, correlations and warnings."""
     n = len(problem.names)
     J, r = problem.jacobian(x, weight), problem.residuals(x, weight)
     if thinning:
@@ -239,7 +254,7 @@ def _correlation_length(series: np.ndarray) -> float:
 
 
 def _strongest(correlation: pandas.DataFrame, most: int, least: float = 0.5) -> list[str]:
-    """At most `most` pairs of parameters with a correlation above `least`, strongest first, as text."""
+    """Describe at most `most` pairs of parameters with a correlation above `least`, strongest first."""
     values = correlation.to_numpy()
     pairs = [
         (abs(values[i, j]), f"{correlation.index[i]} and {correlation.index[j]} ({values[i, j]:+.2f})")

@@ -1,7 +1,7 @@
 """The decorator `@compiled`: Numba in nopython mode, with a cache on disk that is shared between processes.
 
-The stamp of every function covers all files of this package and C0, which it compiles: a change in any of these files
-invalidates the cached code (labkit.engines.kernel.compiling).
+The stamp of every function covers all files of this package and C0, which is compiled too: a change in any of these
+files invalidates the cached code (labkit.engines.kernel.compiling).
 """
 
 from __future__ import annotations
@@ -17,5 +17,5 @@ _STAMP = stamp_of([*Path(__file__).parent.glob("*.py"), Path(c0.__file__)])
 
 
 def jit(function: Callable[..., object]) -> Any:
-    """The function, compiled at its first call or loaded from the cache on disk."""
+    """Return the function, compiled at its first call or loaded from the cache on disk."""
     return cached(function, _STAMP, error_model="numpy", nogil=True)

@@ -20,10 +20,15 @@ GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e with
 
 
 def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: object) -> Path:
-    """Path with this name for a state at `pressure`, Pa: one of labkit.paths.standard.
+    """Return the path of that name (labkit.paths.standard) for a state.
 
-    A path that holds a stress holds `pressure`; a path that stops at a stress stops at `stop_pressure`. Raises
-    InputError.
+    Raises InputError for an unknown path or an invalid parameter.
+
+    Args:
+        name: Name of the path.
+        pressure: Mean stress of the state, Pa, which a path that holds a stress holds.
+        stop_pressure: Mean stress at which a path that ends at a stress stops, Pa.
+        parameters: Other parameters of the path.
     """
     kind = PATHS.require(name) if name in PATHS else None
     if kind is None:
@@ -42,7 +47,7 @@ def stops_at_pressure(kind: type[Path]) -> bool:
 
 
 def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
-    """Control of a step of a path per unit of accumulated strain."""
+    """Return the control of a step of a path, per unit of accumulated strain."""
     rates, held = step.rates(accumulated), step.held
     given = to_six(rates + rates.T) / 2.0
     if held is None:
@@ -51,5 +56,5 @@ def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
 
 
 def strain_control(strain_rate: np.ndarray) -> PointControl:
-    """Control of a fully prescribed strain rate (3, 3), compression positive."""
+    """Return the control of a fully prescribed strain rate (3, 3), compression positive."""
     return PointControl(to_six(strain_rate), *NOTHING_HELD, GAIN)

@@ -1,7 +1,8 @@
 """Differentials of C1 to C5: the change of their right-hand sides with the state and with the strain rate.
 
 Each block is the differential of the equation in its comment, for one direction (dy, dD) at a time; quantities that do
-not depend on the direction are computed once. Compiled. The differential of C0 is equations.stress_rate_of.
+not depend on the direction are computed once. All functions are compiled. The differential of C0 is
+equations.stress_rate_of.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def _divided(a, b):
 
 @jit
 def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
-    """d(g rate X) of C1 and C3, with X = f A^c - A, |X| = size and g = f^e |X|^gamma; loss: -d(ln f^e)."""
+    """d(g rate X) of C1 and C3, with X = f A^c - A, |X| = size, g = f^e |X|^gamma and loss = -d(ln f^e)."""
     dg = g * (gamma * _divided(contract(X, dX), size * size) - loss)
     return add(multiply(dg * rate + g * drate, X), multiply(g * rate, dX))
 
@@ -39,7 +40,7 @@ def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn):
 
 @jit
 def _line_differential(y, dy, c):
-    """d of the void ratio of the lines (equations.line_void_ratio)."""
+    """Differential of the void ratio of the lines (equations.line_void_ratio)."""
     if not c.reported:
         return dy[0]
     e, Z, Lam = y[0], y[1], y[2]

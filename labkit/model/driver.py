@@ -26,16 +26,16 @@ from labkit.paths.walk import Material, Stop, Walk, walk
 from labkit.quantities.conditions import Condition, condition
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
-PARTS = 10  # of a span between records, in which a varying control is constant
+PARTS = 10  # parts of a span between records, in each of which a varying control is constant
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
 
 
 def variables_of(vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
-    """Variables of a simulation that the model has too, name -> values.
+    """Return the variables of a simulation that the model also has, name -> values.
 
     Args:
         vector: State with the strain, (..., 27).
-        stress: Its stress, (..., 3, 3), Pa.
+        stress: Stress of the state, (..., 3, 3), Pa.
     """
     e, Z, Lam = (vector[..., k] for k in range(3))
     A, F, Ft, strain = (to_tensor(vector[..., k : k + 6]) for k in (3, 9, 15, 21))
@@ -58,11 +58,13 @@ RECORDED = tuple(variables_of(np.zeros(27), np.zeros((3, 3))))
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """A test of the model: `vector` (n, 27) as ModelState.vector but with the strain, `stress` (n, 3, 3) Pa.
+    """A test of the model.
 
-    `failure`: reason why the path could not be completed, or None. `calls`: number of evaluations of the equations.
-    `travelled`: accumulated strain of the path (n,). `progress`: further variables that the path records
-    (Path.recorded), name -> (n,). `ended_because`: why the path ended before its aim, else empty.
+    `vector` (n, 27) holds the states as in ModelState.vector but with the strain, `stress` (n, 3, 3) the stresses, Pa,
+    and `travelled` (n,) the accumulated strain of the path. `failure` is the reason why the path could not be
+    completed, or None; `ended_because` says why it ended before its target, and is empty otherwise. `calls` counts
+    evaluations of the equations. `progress` holds further variables that the path records (Path.recorded), name ->
+    (n,).
     """
 
     model: Model
@@ -133,7 +135,7 @@ class Result:
         return ModelState.from_vector(self.vector[record])
 
     def require(self) -> Result:
-        """The result itself. Raises PhysicsError if the path could not be completed."""
+        """Return the result itself. Raises PhysicsError if the path could not be completed."""
         if self.failure:
             raise PhysicsError(self.failure)
         return self
@@ -147,13 +149,19 @@ def drive(
     integrator: Integrator | None = None,
     stop_when: str | None = None,
 ) -> Result:
-    """Load `state` along `path` (labkit.paths.standard); returns a Result.
+    """Load a state along a path (labkit.paths.standard); returns a Result.
 
-    record_strain: axial strain between two records (default: that of the path). integrator: default Adaptive().
-    stop_when: condition (labkit.quantities.conditions) that ends the test at a record. Each piece between two reversals
-    is integrated separately, because the rates are discontinuous at a reversal. If the state leaves the domain of the
-    equations, the result ends there and `failure` gives the reason. Raises InputError for an invalid initial state, and
-    for a condition on a variable that the model does not have.
+    Each piece between two reversals is integrated separately, because the rates are discontinuous at a reversal. If the
+    state leaves the domain of the equations, the result ends there and `failure` gives the reason. Raises InputError
+    for an invalid initial state, and for a condition on a variable that the model does not have.
+
+    Args:
+        model: The model.
+        path: The path.
+        state: Initial state.
+        record_strain: Axial strain between two records (default: that of the path).
+        integrator: Integrator (default: Adaptive()).
+        stop_when: Condition (labkit.quantities.conditions) that ends the test at a record.
     """
     integrator = integrator or Adaptive()
     path = on_grains(path, Scene()).starting_at(float(mean_stress(state.stress(model))))  # the rate only sets the time
@@ -171,7 +179,7 @@ class Point(Material):
     def __init__(
         self, model: Model, path: Path, y: np.ndarray, integrator: Integrator, record_strain: float | None
     ) -> None:
-        """y: state vector (27,) at the start; record_strain: that the user chose, if any."""
+        """Take the state vector y (27,) at the start, and the record strain that the user chose, if any."""
         self.model, self.path, self.y, self.integrator = model, path, y, integrator
         self.record_strain = record_strain
         self.total, self.origin, self.calls = 0.0, 0.0, 0
@@ -182,7 +190,7 @@ class Point(Material):
         self.rows: list[tuple[np.ndarray, float, Mapping[str, float]]] = []
 
     def result(self, stop_when: Condition | None) -> Result:
-        """The Result of the walk along the whole path."""
+        """Walk along the whole path and return the Result."""
         for _ in walk(self.path, self, number_of_steps(self.path), stop_when=stop_when):
             pass
         vectors, distances, progress = zip(*self.rows, strict=True)
@@ -247,7 +255,7 @@ class Point(Material):
         self.rows.append((self.y, self.total, {} if phase is None else phase.progress(self.accumulated)))
 
     def _advance(self, span: float) -> bool:
-        """Advance by `span`, or to where a stress ends the step; True if it ends there."""
+        """Advance by `span`, or to the point where a stress ends the step; True if it ends there."""
         step, problem = self.step, self.problem
         if step.phase is not None and step.phase.rests:
             self.total += span
@@ -282,10 +290,10 @@ class Point(Material):
             self.total = end if last else self.total + part
 
     def _follow_part(self, span: float, accumulated: float) -> None:
-        """Advance by a span on which the prescribed rates or the held stresses vary.
+        """Advance by a part of a span over which the prescribed rates or the held stresses vary.
 
-        In each part of the span the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T -
-        h), so that T = h + (t - h)/(1 - exp(-GAIN ds)) brings it to its value t at the end of the part.
+        Within the part the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T - h), so
+        T = h + (t - h)/(1 - exp(-GAIN ds)) brings it to its value t at the end of the part.
         """
         part, y = span / PARTS, self.y
         for k in range(PARTS):

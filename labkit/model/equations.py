@@ -1,8 +1,8 @@
 """C0 to C5 and Eqs. 31 and 32, one function per equation, labelled with its number.
 
-Compiled; tensors are the six-tuples of labkit.model.tensors, `c` is labkit.model.parameters.Constants. `n` is the
-direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the volumetric
-strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
+All functions are compiled. Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.parameters.Constants.
+`n` is the direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the
+volumetric strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
 The functions are defined for e below e_cmax and Lambda > 0: see `outside` in labkit.model.rates.
 """
 
@@ -176,9 +176,9 @@ LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by
 def line_void_ratio(e: float, Z: float, Lam: float, c: Constants) -> float:
     """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
 
-    A lens of two equal grains has the volume pi D delta^2/4, a grain has Z/2 of them, and delta/D = 4/3 Lambda: lenses
-    take 4/3 Z <Lambda^2> of the grain volume, where <Lambda^2> is about twice <Lambda>^2. LENSES is the median over the
-    sheared tests of results/paper, of which each is within 0.2 of it.
+    The lens of two equal grains has the volume pi D delta^2/4, each grain has Z/2 lenses, and delta/D = 4/3 Lambda. The
+    lenses therefore occupy 4/3 Z <Lambda^2> of the grain volume, where <Lambda^2> is about twice <Lambda>^2. LENSES is
+    the median over the sheared tests of results/paper; each of these is within 0.2 of it.
     """
     return e + (1.0 + e) * LENSES * Z * Lam * Lam if c.reported else e
 

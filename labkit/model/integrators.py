@@ -1,4 +1,4 @@
-"""Integrators: a base class, and the adaptive one. benchmarks/integrators.py has others to compare it with.
+"""The base class of integrators, and the adaptive integrator; benchmarks/integrators.py compares it with others.
 
 The default is the Dormand-Prince 5(4) pair, compiled as one loop: Dormand and Prince, A family of embedded Runge-Kutta
 formulae, J. Comput. Appl. Math. 6 (1980) 19-26.
@@ -39,10 +39,10 @@ SMALLEST = 1e-13  # strain step, or fraction of an increment, at which a boundar
 
 
 class Failure(PhysicsError):
-    """A step that cannot be taken: status (labkit.model.rates), last valid y, and strain `travelled` in the piece."""
+    """A step failed: its status (labkit.model.rates), the last valid y, and the strain `travelled` in the piece."""
 
     def __init__(self, status: int, y: np.ndarray, travelled: float = 0.0) -> None:
-        """The message gives the reason and the state y (27,)."""
+        """Compose the message from the reason and the state y (27,)."""
         super().__init__(f"{REASONS[status]} (at e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g})")
         self.status = status
         self.y = y
@@ -56,7 +56,7 @@ class Problem:
     """
 
     def __init__(self, model: Model, control: PointControl) -> None:
-        """The initial guess of the free rates is zero."""
+        """Set the initial guess of the free rates to zero."""
         self.constants = model.constants
         self.control = control
         self.x = np.zeros(control.free.shape[1])
@@ -81,17 +81,24 @@ class Integrator(abc.ABC):
 
     @abc.abstractmethod
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        """State vector (27,) after a strain of `span`; `y` (27,) is not modified. Raises Failure."""
+        """Return the state vector (27,) after a strain of `span`; `y` (27,) is not modified.
+
+        Raises Failure where the equations are undefined.
+        """
 
 
 class Adaptive(Integrator):
     """Dormand-Prince 5(4), compiled, with error control; the step length is kept from one piece to the next.
 
-    tolerance: error of one step, relative to each component or to its FLOOR .
+    Raises InputError for a tolerance outside 1e-13 to 0.1.
+
+    Args:
+        tolerance: Error of one step, relative to each component or to its FLOOR.
+        most_steps: Largest number of steps within one piece.
     """
 
     def __init__(self, tolerance: float = 1e-6, most_steps: int = 100_000) -> None:
-        """`most_steps`: limit within one piece. Raises InputError for a tolerance outside 1e-13 to 0.1."""
+        """Check the tolerance."""
         if not 1e-13 <= tolerance <= 1e-1:
             raise InputError(f"--tolerance {tolerance:g} is not valid: give a number from 1e-13 to 0.1")
         self.tolerance = tolerance
@@ -121,12 +128,20 @@ def advance_adaptively(
     tolerance: float,
     most_steps: int,
 ) -> tuple[int, float, int, float]:
-    """Integrate y (27,) over `span` in place. Returns (status, next step length, number of steps, strain covered).
+    """Integrate y over `span` in place. Returns (status, next step length, number of steps, strain covered).
 
-    `step`: initial step length; `x` (k,): the free rates, kept between calls; `tolerance`: error of a step, relative to
-    each component or to FLOOR. A step whose stages leave the domain of the equations is retried with a shorter length,
-    until it succeeds or is so short that the boundary is reached: y is then just inside the boundary, and the status
-    identifies the boundary.
+    A step whose stages leave the domain of the equations is retried with a shorter length, until it succeeds or is so
+    short that the boundary is reached: y is then just inside the boundary, and the status identifies the boundary.
+
+    Args:
+        y: State vector, (27,).
+        span: Strain to cover.
+        step: Initial step length.
+        control: Control of the point.
+        x: The free rates, (k,), kept between calls.
+        c: Constants of the model.
+        tolerance: Error of a step, relative to each component or to FLOOR.
+        most_steps: Largest number of steps.
     """
     k, new, trial = np.empty((7, SIZE)), np.empty(SIZE), x.copy()
     status = rates(y, control, x, c, k[0])

@@ -2,7 +2,7 @@
 
 Many points are updated at once, each independently. A symmetric tensor is six numbers in Mandel notation (xx, yy, zz,
 sqrt2 yz, sqrt2 xz, sqrt2 xy; labkit.model.tensors.to_six and to_tensor), compression positive. A finite-element code
-that takes tension as positive must change the sign of strain and stress; the tangent is the same.
+with tension positive must change the sign of strain and stress; the tangent is the same.
 """
 
 from __future__ import annotations
@@ -34,10 +34,17 @@ MOST_SUBSTEPS = 100_000
 
 @dataclasses.dataclass(frozen=True)
 class Update:
-    """state (n, 21), stress (n, 6) Pa, tangent (n, 6, 6) Pa or None, status (n,), substeps (n,).
+    """Points after an increment.
 
-    The status of a point is 0 or the reason why its increment failed (labkit.model.rates.REASONS): its state is then
-    unchanged, its stress and tangent are NaN, and the calling code should halve the increment.
+    If the increment of a point failed, its state is unchanged, its stress and tangent are NaN, and the calling code
+    should halve the increment.
+
+    Args:
+        state: e, Z, Lambda, A, F, F^t, (n, 21).
+        stress: (n, 6), Pa.
+        tangent: (n, 6, 6), Pa, or None.
+        status: 0, or the reason why the increment failed (labkit.model.rates.REASONS), (n,).
+        substeps: Number of substeps, (n,).
     """
 
     state: np.ndarray
@@ -58,7 +65,7 @@ class Update:
 
 
 def states(state: ModelState, number: int) -> np.ndarray:
-    """Array (number, 21) with the same ModelState at `number` points."""
+    """Return an array (number, 21) with the same ModelState at `number` points."""
     return np.tile(state.vector()[:STATE], (number, 1))
 
 
@@ -67,11 +74,17 @@ def update(
 ) -> Update:
     """Apply one increment of strain at every point; returns an Update.
 
-    state (n, 21): e, Z, Lambda, A, F, F^t; increment (n, 6). Each point is advanced in substeps by Heun's method;
-    their number is chosen to keep the error of each substep below `tolerance` (Sloan's modified Euler with error
-    control). The tangent is the exact derivative of these substeps, and therefore consistent with the computed stress
-    increment. For isotropic increments see labkit.model.differentials. Raises InputError for shapes that do not match
-    and for strains that are not finite.
+    Each point is advanced in substeps by Heun's method; their number is chosen to keep the error of each substep below
+    `tolerance` (Sloan's modified Euler with error control). The tangent is the exact derivative of these substeps, and
+    therefore consistent with the computed stress increment. For isotropic increments see labkit.model.differentials.
+    Raises InputError for shapes that do not match and for strains that are not finite.
+
+    Args:
+        model: The model.
+        state: e, Z, Lambda, A, F, F^t, (n, 21).
+        increment: Strain increment, (n, 6).
+        tangent: True to compute the tangent.
+        tolerance: Relative error of a substep.
     """
     state, increment = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(increment, dtype=float)
     if state.ndim != 2 or state.shape[1] != STATE or increment.shape != (len(state), 6):
@@ -92,7 +105,7 @@ def update(
 
 
 def voigt(tangent: np.ndarray) -> np.ndarray:
-    """Tangent in Voigt notation, with engineering shear strains, order xx, yy, zz, yz, xz, xy; (n, 6, 6)."""
+    """Convert a tangent (n, 6, 6) to Voigt notation: engineering shear strains, order xx, yy, zz, yz, xz, xy."""
     weight = np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])
     return tangent / (weight[:, None] * weight)
 

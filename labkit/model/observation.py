@@ -23,7 +23,7 @@ MOST_RECORDS = 80  # largest number of records used from one run
 
 @dataclasses.dataclass(frozen=True)
 class Observation:
-    """Calibration data of a run: `strain_step` (n-1, 6), `e` (n,), `values` (n, 5) of VARIABLES, zz components."""
+    """Calibration data of a run: `strain_step` (n-1, 6), `e` (n,), and `values` (n, 5) of VARIABLES, zz components."""
 
     name: str
     path: str
@@ -33,10 +33,10 @@ class Observation:
 
 
 def observe(name: str, run: xarray.Dataset) -> Observation:
-    """The Observation of a run opened with labkit.open_run.
+    """Return the Observation of a run opened with labkit.open_run.
 
-    At most MOST_RECORDS records are used, evenly spaced in accumulated strain. e is the nominal void ratio, which is
-    the one used in C0 and consistent with the strain. Only the triaxial part of the tensors and of the strain is used.
+    At most MOST_RECORDS records are used, evenly spaced in accumulated strain. e is the nominal void ratio, which C0
+    uses and which is consistent with the strain. Only the triaxial part of the tensors and of the strain is used.
     Raises InputError for a run with fewer than 10 records with contacts, or without strain.
     """
     strain = triaxial(run["strain"].values)
@@ -60,7 +60,7 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
 
 
 def require_usable(runs: Mapping[str, xarray.Dataset]) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
-    """Select the runs that a calibration may use: (name -> run, name -> reason for leaving a run out).
+    """Select the runs that a calibration may use; returns (name -> run, name -> reason for leaving a run out).
 
     Predictions of the model, unfinished runs and runs that are not axisymmetric are left out. Raises InputError if no
     run is left.

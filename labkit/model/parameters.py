@@ -1,4 +1,4 @@
-"""Parameters of the model (Table 2), interpretations of ambiguous equations (Readings), and both with E as a Model."""
+"""Parameters of the model (Table 2), interpretations of ambiguous equations (Readings), and a Model of both with E."""
 
 from __future__ import annotations
 
@@ -116,10 +116,10 @@ READINGS = {
 
 
 class Constants(NamedTuple):
-    """Argument of compiled code: E in Pa, the fields of Parameters, c_dLam of Model, and the interpretations as flags.
+    """Constants for compiled code: E, Pa, the fields of Parameters, c_dLam of Model, and the interpretations as flags.
 
-    A flag is True if the interpretation is the one that it is named after. The values come from `Model.constants`,
-    which raises TypeError if these fields differ from those of Parameters.
+    A flag is True if the interpretation that it is named after applies. The values come from `Model.constants`, which
+    raises TypeError if these fields differ from those of Parameters.
     """
 
     E: float
@@ -156,10 +156,14 @@ class Constants(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """The constants of the model: parameters, interpretations, Young's modulus E of the grains, Pa, and an amendment.
+    """The constants of the model.
 
-    c_dLam: coefficient of a term that is not in the paper, c_dLam Lambda (X - X^c):n |rate| in C4, with X = 2/5 A +
-    2/5 F + 3 F^t, the stress ratio of Eq. 30. Zero, the default, is the paper's model; see results/model_evidence.
+    Args:
+        parameters: Parameters of Table 2.
+        readings: Interpretations of the paper.
+        young_modulus: Young's modulus E of the grains, Pa.
+        c_dLam: Coefficient of an amendment, the term c_dLam Lambda (X - X^c):n |rate| in C4, with X = 2/5 A + 2/5 F +
+            3 F^t, the stress ratio of Eq. 30. Zero, the default, gives the paper's model; see results/model_evidence.
     """
 
     parameters: Parameters = Parameters()
@@ -192,20 +196,20 @@ class Model:
         )
 
     def with_parameters(self, **changes: float) -> Model:
-        """Copy of the model with other values of the named Parameters. Raises InputError."""
+        """Return a copy of the model with other values of the named Parameters. Raises InputError for invalid ones."""
         return dataclasses.replace(self, parameters=dataclasses.replace(self.parameters, **changes))
 
     def reading(self, **changes: str) -> Model:
-        """Copy of the model with other values of the named Readings. Raises InputError."""
+        """Return a copy of the model with other values of the named Readings. Raises InputError for unknown ones."""
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
     def to_json(self) -> str:
-        """The model as JSON: parameters, readings, young_modulus and c_dLam."""
+        """Return the model as JSON: parameters, readings, young_modulus and c_dLam."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Model:
-        """Model from the text of `to_json`. Raises InputError if the text is not a model."""
+        """Return the model written by `to_json`. Raises InputError if the text is not a model."""
         try:
             values = json.loads(text)
             parameters, readings = Parameters(**values["parameters"]), Readings(**values["readings"])

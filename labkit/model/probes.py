@@ -15,8 +15,8 @@ from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.runs.probe_set import Probes, dataset_of
 from labkit.runs.probing import Probing, plane_of
 
-RECORDS = 3  # of a probe: two while the increment is applied, one at rest
-TYPICAL = 1e-3  # strain that a change of stress by the mean stress takes; only sets the length of the path
+RECORDS = 3  # records of a probe: two while the increment is applied, one at rest
+TYPICAL = 1e-3  # typical strain of a stress change equal to the mean stress; only sets the length of the path
 
 
 def probe_model(
@@ -29,14 +29,22 @@ def probe_model(
 ) -> Probes:
     """Apply small increments of strain or stress to a state of the model, each to the same state; returns Probes.
 
-    plane, directions, amplitude, kind: as for labkit.probe. `labkit.model.state_of(snapshot)` is the state of the model
-    with the statistics of grains. Raises InputError, PhysicsError.
+    `labkit.model.state_of(snapshot)` gives the state of the model with the statistics of grains. Raises InputError for
+    invalid settings, PhysicsError if a probe fails.
+
+    Args:
+        state: State of the model.
+        model: The model.
+        plane: Plane of the increments, as for labkit.probe.
+        directions: Number of directions, as for labkit.probe.
+        amplitude: Size of the increments, as for labkit.probe.
+        kind: "strain" or "stress".
     """
     return model_probes(state, model, Probing(plane, directions, kind, amplitude))
 
 
 def model_probes(state: ModelState, model: Model, probing: Probing) -> Probes:
-    """The probes of a state with the settings of `probing`; see `probe`."""
+    """Apply the probes that `probing` describes to a state of the model (probe_model)."""
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
     rows = [_row(state, model, _path(state, model, probing, six)) for six in direction]

@@ -37,8 +37,14 @@ REASONS = {
 class PointControl(NamedTuple):
     """Strain rate D = given + free @ x, with x such that d(measure @ sigma)/dt = gain (target - measure @ sigma).
 
-    given (6,), free (6, k), measure (k, 6), target (k,) Pa. The strain rate is per unit of the path's strain
-    measure. `gain`, per unit of strain, corrects the drift of the integrator; it is not a stiffness.
+    The strain rate is per unit of the path's strain measure.
+
+    Args:
+        given: Prescribed strain rate, (6,).
+        free: Strain rates that are free, (6, k).
+        measure: Stresses to hold, as tensors, (k, 6).
+        target: Their targets, (k,), Pa.
+        gain: Corrects the drift of the integrator, per unit of strain; it is not a stiffness.
     """
 
     given: np.ndarray
@@ -73,7 +79,7 @@ def outside(y: np.ndarray, c: Constants) -> int:
 
 @jit
 def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
-    """Write dy/dt to `out` (at least 21,) for the strain rate D, C1 to C5.
+    """Write dy/dt from C1 to C5 to `out` (at least 21,) for the strain rate D.
 
     `compressing` selects the branch of Eqs. 31 and 32.
     """
@@ -119,7 +125,7 @@ def _missing(y, control, x, compressing, c, out, missing):
 
 
 NEWTON_STEPS = 20
-FASTEST = 1e4  # free over prescribed strain rate, above which the target counts as unreachable
+FASTEST = 1e4  # largest ratio of free to prescribed strain rate; beyond it the target counts as unreachable
 
 
 @jit
@@ -165,9 +171,9 @@ def _newton(y, control, x, compressing, c, out):
 def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
     """Write dy/dt under a control to `out` (27,); returns FINE, or the reason why it is undefined.
 
-    `x` (k,): the free rates; on input, the initial guess. The branch of Eqs. 31 and 32 must agree with the sign of the
-    resulting volumetric rate. The branch of the guess is tried first; if the volumetric stiffness is positive, at most
-    one branch agrees.
+    `x` (k,) holds the free rates and, on input, their initial guess. The branch of Eqs. 31 and 32 must agree with the
+    sign of the resulting volumetric rate. The branch of the guess is tried first; if the volumetric stiffness is
+    positive, at most one branch agrees.
     """
     status = outside(y, c)
     if status != FINE:

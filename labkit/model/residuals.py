@@ -19,12 +19,12 @@ from labkit.model.rates import FINE, SIZE, PointControl
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])
 TOLERANCE = 1e-7  # of the integration, well below the resolution of the finite differences of the Jacobian
-PRIOR = 3.0  # width of a weak prior on the unknown of a parameter, which bounds parameters that are not determined
+PRIOR = 3.0  # width of a weak prior on each unknown, which bounds parameters that the data do not determine
 MOST_EVALUATIONS = 100
 
 
 def is_exponent(name: str) -> bool:
-    """True for the parameters that are fitted as they are, not as logarithms, since they may be zero."""
+    """True for a parameter that is fitted directly, not as its logarithm, because it may be zero."""
     return name.startswith(("gamma", "beta"))
 
 
@@ -40,8 +40,8 @@ class Residuals:
     """Residuals as a function of the unknowns x.
 
     The unknowns are one number per fitted parameter, zero at its initial value (`parameter_value`), followed by five
-    per run: the offset of its initial state from its first record, in units of NATURAL. `names`: fitted parameters;
-    `initial`: name -> initial value of every parameter.
+    per run: the offset of its initial state from its first record, in units of NATURAL. `names` are the fitted
+    parameters, and `initial` holds the initial value of every parameter.
     """
 
     observations: Sequence[Observation]
@@ -54,17 +54,17 @@ class Residuals:
         return np.zeros(len(self.names) + 5 * len(self.observations))
 
     def values(self, x: np.ndarray) -> dict[str, float]:
-        """Name -> value of every parameter at the unknowns x."""
+        """Return the value of every parameter at the unknowns x, name -> value."""
         fitted = zip(self.names, x, strict=False)  # x continues with the unknowns of the runs
         return {**self.initial} | {name: parameter_value(name, self.initial[name], u) for name, u in fitted}
 
     def constants(self, x: np.ndarray) -> Constants:
-        """Constants of compiled code at the unknowns x."""
+        """Return the constants of compiled code at the unknowns x."""
         values: dict[str, Any] = self.values(x)
         return self.model.constants._replace(**values)
 
     def predicted(self, x: np.ndarray, k: int, constants: Constants | None = None) -> np.ndarray:
-        """Prediction (n, 5) for run k; `constants`: those at x, if already computed."""
+        """Return the prediction (n, 5) for run k; pass the `constants` at x if they are already computed."""
         o, n = self.observations[k], len(self.names)
         offset = x[n + 5 * k : n + 5 * (k + 1)] * NATURAL
         first = o.values[0] + offset
@@ -72,7 +72,7 @@ class Residuals:
         return predict(o, first, constants or self.constants(x))
 
     def residuals(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Misfits of all runs divided by `weight` (5,), followed by those of the prior."""
+        """Return the misfits of all runs divided by `weight` (5,), followed by those of the prior."""
         constants = self.constants(x)
         blocks = [
             ((self.predicted(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)
@@ -118,7 +118,7 @@ class Residuals:
         )
 
     def sensitive(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """(names on which at least one record depends, the other names)."""
+        """Return the names on which at least one record depends, and the other names."""
         n = len(self.names)
         J = self.jacobian(self.start(), NATURAL)[:-n, :n]
         size = np.sqrt((J**2).sum(axis=0))
@@ -129,7 +129,7 @@ class Residuals:
 
 
 def predict(observation: Observation, first: np.ndarray, constants: Constants) -> np.ndarray:
-    """Prediction of the model along the strain of an observation, from `first` (5,); (n, 5), zz components."""
+    """Predict the variables along the strain of an observation, from `first` (5,); (n, 5), zz components."""
     y = np.zeros(SIZE)
     y[0], y[1], y[2] = observation.e[0], first[0], first[1]
     for start, zz in zip((3, 9, 15), first[2:], strict=True):

@@ -1,4 +1,4 @@
-"""A Result of the model as a run file, with the variables of a simulation, so that the same code reads both.
+"""Writes a Result of the model as a run file with the variables of a simulation, so that the same code reads both.
 
 Quantities that have no meaning without grains are NaN (inertial number, overlap, rattlers, kinetic energy, unbalanced
 force, drift); the groups `contacts` and `grains` are present but empty. Both stresses are computed from C0, and both
@@ -36,7 +36,7 @@ MODEL_ENGINE = "model"
 
 
 def records_of_result(result: Result) -> dict[str, np.ndarray]:
-    """Variables of labkit.io.schema.RECORD and of Path.recorded for a Result: name -> array along time."""
+    """Return the variables of labkit.io.schema.RECORD and of Path.recorded for a Result, name -> array along time."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
@@ -56,7 +56,7 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
 
 
 def as_run(result: Result) -> xr.Dataset:
-    """The Result as the Dataset that labkit.open_run would return for its run file, without a file."""
+    """Return the Dataset that labkit.open_run would return for the run file of a Result, without writing a file."""
     values = records_of_result(result)
     variables = {
         name: (v.dimensions, values[name], {"units": v.units, "long_name": v.long_name})
@@ -71,7 +71,7 @@ def _variables(result: Result) -> dict[str, Variable]:
 
 
 def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, Any]:
-    """Attributes that tell which test this is and how it ended. parameters: further values that determine it."""
+    """Return attributes that identify the test, by its path and `parameters`, and that say how it ended."""
     return {
         "engine": MODEL_ENGINE,
         "path": result.path.name,
@@ -122,14 +122,15 @@ def write_result(
 
 
 def model_of(run: xr.Dataset) -> Model | None:
-    """Model that predicted a run, or None for a simulation."""
+    """Return the model that predicted a run, or None for a simulation."""
     return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == MODEL_ENGINE else None
 
 
 def read_model(file: str | os.PathLike[str] | None) -> Model:
-    """Model from a JSON file written by labkit calibrate; Table 2 if no file is given. Raises InputError.
+    """Read a model from a JSON file written by labkit calibrate; without a file it is that of Table 2.
 
-    Says if the file has changed since: parameters may be edited, but damage should not go unnoticed.
+    Prints a note if the file has changed since: parameters may be edited, but damage should not go unnoticed. Raises
+    InputError if the file cannot be read or holds no model.
     """
     if file is None:
         return Model()

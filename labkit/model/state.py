@@ -38,7 +38,7 @@ class ModelState:
     Ft: np.ndarray = dataclasses.field(default_factory=_zero)
 
     def __post_init__(self) -> None:
-        """Convert to float and check. Raises InputError."""
+        """Convert to float and check. Raises InputError for an impossible state."""
         for name, label, least in (
             ("e", "void ratio", "above 0"),
             ("Z", "coordination number", "0 or more"),
@@ -58,21 +58,21 @@ class ModelState:
             )
 
     def vector(self) -> np.ndarray:
-        """Vector (27,): e, Z, Lambda, the tensors in Mandel notation, and a strain of zero."""
+        """Return the vector (27,) of e, Z, Lambda, the tensors in Mandel notation, and a strain of zero."""
         six = (to_six(self.A), to_six(self.F), to_six(self.Ft), np.zeros(6))
         return np.concatenate([[self.e, self.Z, self.Lam], *six])
 
     @classmethod
     def from_vector(cls, y: np.ndarray) -> ModelState:
-        """ModelState from a vector (27,)."""
+        """Return the ModelState of a vector (27,)."""
         return cls(float(y[0]), float(y[1]), float(y[2]), to_tensor(y[3:9]), to_tensor(y[9:15]), to_tensor(y[15:21]))
 
     def stress(self, model: Model = TABLE_2) -> np.ndarray:
-        """Stress according to C0, shape (3, 3), Pa, compression positive; zero without contacts or forces."""
+        """Return the stress according to C0, (3, 3), Pa, compression positive; zero without contacts or forces."""
         return c0_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
 
     def rotated(self, Q: np.ndarray) -> ModelState:
-        """The state rotated by the orthogonal tensor Q (3, 3): T -> Q T Q^T."""
+        """Return the state rotated by the orthogonal tensor Q (3, 3): T -> Q T Q^T."""
         A, F, Ft = (_clean(Q @ tensor @ Q.T) for tensor in (self.A, self.F, self.Ft))
         return dataclasses.replace(self, A=A, F=F, Ft=Ft)
 
@@ -84,7 +84,7 @@ def _clean(tensor: np.ndarray) -> np.ndarray:
 
 
 def state_of(snapshot: Snapshot) -> ModelState:
-    """ModelState with the five statistics and the nominal void ratio of grains; F^t without its antisymmetric part.
+    """Return the ModelState with the nominal void ratio and the five statistics of grains, F^t being symmetrised.
 
     Raises InputError for grains without contacts.
     """
@@ -101,9 +101,17 @@ def isotropic_state(
 ) -> ModelState:
     """Isotropic initial state: e, p, Z and Lambda satisfy C0 with A = F = F^t = 0, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
 
-    pressure: Pa, or text with a unit. If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to
-    which Eq. 31 brings any isotropically compressed specimen, and Lambda follows from p. If one of them is given, the
-    other follows. Beyond e_cmax, Z^com is determined by the option beyond_e_cmax. Raises InputError.
+    If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings any
+    isotropically compressed specimen, and Lambda follows from p. If one of them is given, the other follows. Beyond
+    e_cmax, Z^com is determined by the option beyond_e_cmax. Raises InputError for values that are inconsistent or out
+    of range.
+
+    Args:
+        model: The model.
+        void_ratio: e.
+        pressure: Mean stress, Pa, or text with a unit.
+        Z: Coordination number.
+        Lam: Mean normalised force Lambda.
     """
     if not (np.isfinite(void_ratio) and 0.0 < void_ratio):
         raise InputError(field="void_ratio", value=void_ratio, allowed="a positive number, e.g. 0.67")
@@ -130,7 +138,7 @@ def isotropic_state(
 
 
 def require_density(model: Model, void_ratio: float) -> None:
-    """Raises InputError if the equations are undefined at this void ratio."""
+    """Raise InputError if the equations are undefined at this void ratio."""
     limit = model.parameters.e_cmax
     if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
         raise InputError(
@@ -147,7 +155,7 @@ def inherent_anisotropy(a1: float, angle: float) -> np.ndarray:
 
 
 def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: float) -> ModelState:
-    """The state with inherent anisotropy A0 of magnitude `a1` at `angle` (rad from z) (section 5.3).
+    """Return the state with inherent anisotropy A0 of magnitude `a1` at `angle` (rad from z) (section 5.3).
 
     F0 is chosen such that the stress remains isotropic, and Lambda is adjusted so that the mean stress is unchanged.
     """
@@ -162,10 +170,10 @@ def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: 
 def isotropic_force_anisotropy(A: np.ndarray, exact: bool = True) -> np.ndarray:
     """F0 for which the stress of C0 is isotropic although the contacts are anisotropic, with F^t = 0; (3, 3).
 
-    exact: the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), is set to zero: five linear equations.
-    Otherwise the paper's F0 = -A [I + 4/7 A]^-1, which solves the same equations without `dev`; its trace is
-    subtracted, as F is deviatoric. With a1 = 0.3 the paper's formula leaves (sigma_1 - sigma_3)/p = 0.0025, the exact
-    one only rounding error.
+    If `exact`, the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), is set to zero: five linear equations.
+    Otherwise F0 is the paper's -A [I + 4/7 A]^-1, which solves the same equations without `dev`; its trace is
+    subtracted, because F is deviatoric. With a1 = 0.3 the paper's formula leaves (sigma_1 - sigma_3)/p = 0.0025, the
+    exact solution only rounding error.
     """
     A = require_symmetric("contact anisotropy A", A, deviatoric=True)
     if not exact:

@@ -51,8 +51,11 @@ def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
 class HypoplasticForm:
     """sigma' = Lv rate_v + Ls : dev D + N |dev D| on one branch of Eqs. 31 and 32 (Eq. 34).
 
-    Lv (3, 3), Ls (3, 3, 3, 3), N (3, 3), Pa. `misfit`: RMS residual of this form under deviatoric strain rates,
-    relative to the RMS of sigma'.
+    Args:
+        Lv: (3, 3), Pa.
+        Ls: (3, 3, 3, 3), Pa.
+        N: (3, 3), Pa.
+        misfit: RMS residual of this form under deviatoric strain rates, relative to the RMS of sigma'.
     """
 
     Lv: np.ndarray

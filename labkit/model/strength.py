@@ -4,7 +4,7 @@ Principal stresses at the Lode angle theta, 0 in triaxial compression and 60 deg
 
     sigma_i = p + 2/3 q c_i,    c = cos(theta), cos(theta - 120), cos(theta + 120)
 
-Each section is that of the criterion which has the strength M = q/p in triaxial compression, sin(phi) = 3M/(6 + M).
+Each criterion is scaled to the strength M = q/p in triaxial compression, sin(phi) = 3M/(6 + M).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from labkit.micro.stress import equivalent_stress, lode_angle, mean_stress
 from labkit.model.parameters import TABLE_2, Model
 from labkit.sff.c0 import c0_stress
 
-LARGEST = 3.0  # of M: sin(phi) = 1
+LARGEST = 3.0  # largest M: sin(phi) = 1
 
 
 def principal_cosines(angle: np.ndarray) -> np.ndarray:
-    """The three c_i of the principal stresses, largest first; `angle`: theta (...), degrees; shape (..., 3)."""
+    """Return the three c_i of the principal stresses, (..., 3), largest first; `angle` is theta (...), degrees."""
     return np.cos(np.radians(np.asarray(angle, dtype=float)[..., None] + np.array([0.0, -120.0, 120.0])))
 
 
@@ -33,16 +33,28 @@ def _sine(strength: float) -> float:
 
 
 def mohr_coulomb(strength: float, angle: np.ndarray) -> np.ndarray:
-    """q/p of sigma_1 - sigma_3 = sin(phi) (sigma_1 + sigma_3); strength: M in compression. Raises InputError."""
+    """q/p of the criterion of Mohr and Coulomb, sigma_1 - sigma_3 = sin(phi) (sigma_1 + sigma_3).
+
+    Raises InputError for a strength out of range.
+
+    Args:
+        strength: M in triaxial compression.
+        angle: Lode angle (...), degrees.
+    """
     sine, c = _sine(strength), principal_cosines(angle)
     largest, least = c.max(axis=-1), c.min(axis=-1)
     return 3.0 * sine / (largest - least - sine * (largest + least))
 
 
 def matsuoka_nakai(strength: float, angle: np.ndarray) -> np.ndarray:
-    """q/p of I_1 I_2/I_3 = (9 - sin^2 phi)/(1 - sin^2 phi) (Matsuoka & Nakai 1974); strength: M in compression.
+    """q/p of the criterion of Matsuoka and Nakai (1974), I_1 I_2/I_3 = (9 - sin^2 phi)/(1 - sin^2 phi).
 
-    The root is found by bisection between q = 0 and the q at which the least stress vanishes. Raises InputError.
+    The root is found by bisection between q = 0 and the q at which the least stress vanishes. Raises InputError for a
+    strength out of range.
+
+    Args:
+        strength: M in triaxial compression.
+        angle: Lode angle (...), degrees.
     """
     sine, c = _sine(strength), principal_cosines(angle)
     ratio = (9.0 - sine**2) / (1.0 - sine**2)
@@ -57,9 +69,9 @@ def matsuoka_nakai(strength: float, angle: np.ndarray) -> np.ndarray:
 
 
 def critical_section(angle: np.ndarray, model: Model = TABLE_2) -> tuple[np.ndarray, np.ndarray]:
-    """Critical stress of the model for strain rates at these Lode angles (...): (q/p, Lode angle of the stress).
+    """Critical stress of the model for strain rates at Lode angles (...), degrees: (q/p, Lode angle of the stress).
 
-    At the critical state A, F and F^t have their norms A^c, F^c and F^tc and the direction of the strain rate, and C0
+    At the critical state A, F and F^t have the norms A^c, F^c and F^tc and the direction of the strain rate, and C0
     gives the stress.
     """
     c = principal_cosines(angle)

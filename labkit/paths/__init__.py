@@ -1,6 +1,6 @@
 """Loading paths: their interface, mixed control, and the registered paths.
 
-`labkit.paths.SimpleShear` and so on are the classes of all registered paths, those of a user included.
+Each registered path has a class here, such as `labkit.paths.SimpleShear`, including those that a user registers.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ else:
     _get, _, __all__ = attach(__name__)
 
     def _classes() -> dict[str, type[Path]]:
-        """Classes of the registered paths by name."""
+        """Return the classes of the registered paths by name."""
         from labkit.paths.registry import PATHS
 
         return {kind.__name__: kind for kind in PATHS.values()}

@@ -2,8 +2,8 @@
 
     D = D0 + sum_j x_j P_j        M_i : sigma = s_i(t)        i, j = 1 ... k, k <= 6
 
-D0 is the strain rate that a path prescribes. The servo (labkit.servo.correction) finds the k numbers x_j such that the
-k stresses M_i : sigma follow their targets s_i, which may be constant or functions of the accumulated strain t.
+D0 is the strain rate that a path prescribes. The servo (labkit.servo.correction) sets the k numbers x_j so that the k
+stresses M_i : sigma follow their targets s_i, which may be constant or functions of the accumulated strain t.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ _MEAN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
 
 
 def _in_pascals(stresses: object) -> object:
-    """Stresses in Pa; those in a list may be text with a unit."""
+    """Convert stresses to Pa; those in a list may be text with a unit."""
     if not isinstance(stresses, list | tuple):
         return stresses
     return [Parameter("target", unit="Pa").read(one) if isinstance(one, str) else one for one in stresses]
 
 
 def six_columns(tensors: object) -> np.ndarray:
-    """Converts k tensors (k, 3, 3), or only their normal components (k, 3), to Mandel notation, shape (k, 6).
+    """Convert k tensors (k, 3, 3), or only their normal components (k, 3), to Mandel notation, shape (k, 6).
 
     An array that already has six columns is returned unchanged.
     """
@@ -47,12 +47,13 @@ def six_columns(tensors: object) -> np.ndarray:
 class Control(Named):
     """Stresses that the servo holds, and the strain rates by which it does so.
 
-    measure: the k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
-    free: the k tensors P_j, shape (k, 3, 3), or (3, k) if only normal strain rates are adjusted.
-    target: the k stresses, Pa, shape (k,), or a function of the accumulated strain that returns them.
-
     The fields hold six components in Mandel notation (labkit.micro.tensors): measure (k, 6), free (6, k). Raises
     InputError for shapes that do not fit, tensors that are not symmetric, and a control that no material can follow.
+
+    Args:
+        measure: The k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
+        free: The k tensors P_j, shape (k, 3, 3), or (3, k) if only normal strain rates are adjusted.
+        target: The k stresses, Pa, shape (k,), or a function of the accumulated strain that returns them.
     """
 
     measure: Any
@@ -60,7 +61,7 @@ class Control(Named):
     target: Any
 
     def __post_init__(self) -> None:
-        """Converts the fields to six components. Raises InputError."""
+        """Convert the fields to six components. Raises InputError."""
         measure, free = (np.asarray(value, dtype=float) for value in (self.measure, self.free))
         target = self.target if callable(self.target) else np.asarray(_in_pascals(self.target), dtype=float)
         k = len(np.atleast_1d(target(0.0))) if callable(target) else target.size
@@ -78,7 +79,7 @@ class Control(Named):
         object.__setattr__(self, "target", target)
 
     def require_possible(self) -> None:
-        """Raises InputError if a held stress does not respond to the free strain rates."""
+        """Raise InputError if a held stress does not respond to the free strain rates."""
         response = self.measure @ _ISOTROPIC @ self.free
         for name, row in zip(self.names, response, strict=True):
             if np.abs(row).max() < SINGULAR:
@@ -107,7 +108,7 @@ class Control(Named):
 
     @property
     def components(self) -> int:
-        """Number of components that the servo has to follow: 3, or 6 with shear."""
+        """Number of components that the servo must follow: 3, or 6 with shear."""
         return 3 if self.coaxial else 6
 
     @property
@@ -117,16 +118,16 @@ class Control(Named):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The held stresses as text, e.g. ('sigma_xz', 'the mean stress', 'sigma_xx - 1 sigma_yy')."""
+        """Names of the held stresses, e.g. ('sigma_xz', 'the mean stress', 'sigma_xx - 1 sigma_yy')."""
         return tuple(_combination(row) for row in self.measure)
 
     def at(self, travelled: float) -> np.ndarray:
-        """The targets (k,), Pa, at the accumulated strain `travelled`."""
+        """Return the targets (k,), Pa, at the accumulated strain `travelled`."""
         return np.asarray(self.target(travelled) if callable(self.target) else self.target, dtype=float)
 
 
 def _combination(row: np.ndarray) -> str:
-    """A linear combination of stresses as text."""
+    """Write a linear combination of stresses as text."""
     if np.allclose(row, _MEAN, atol=1e-12):
         return "the mean stress"
     weights = row * np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])  # M : sigma counts a shear stress twice

@@ -22,7 +22,7 @@ from labkit.paths.strain_measures import StrainMeasure
 from labkit.paths.stress_reversals import StressReversals, longest_strain
 
 MOST_CYCLES = 10_000
-LEAST_PRESSURE = 1e3  # Pa: below it few contacts are left, and q/p is noise that must not reverse a path
+LEAST_PRESSURE = 1e3  # Pa: below it few contacts remain, and q/p is noise that must not reverse a path
 CONSOLIDATE = "isotropic stress to which the specimen is first consolidated (default: none)"
 DRAINED = "True to hold the stress, False for constant volume (undrained)"
 
@@ -92,8 +92,8 @@ class UndrainedCycles(_StressCycles):
 class DrainedCycles(_StressCycles, StressPath):
     """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`.
 
-    The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as it does if the
-    amplitude is beyond the strength.
+    The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as happens if the
+    amplitude exceeds the strength.
     """
 
     name = "drained_cycles"
@@ -138,7 +138,7 @@ class StrainCycles(_Drainage):
     line_style = "-."
 
     def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
+        """Check every parameter. Raises InputError."""
         super().__post_init__()
         object.__setattr__(self, "strain", -self.strain_amplitude)
 
@@ -160,8 +160,8 @@ class ShearCycles(_Drainage, StressReversals):
     """Cyclic simple shear in the x-z plane, with an amplitude of sigma_xz or of gamma_xz; eps_x = eps_y = 0.
 
     Drained: sigma_z is held at `pressure`. Undrained: the height, hence the volume, is constant. The test ends after
-    `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as it does after liquefaction or if the amplitude
-    is beyond the strength.
+    `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as happens after liquefaction or if the amplitude
+    exceeds the strength.
     """
 
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
@@ -186,7 +186,7 @@ class ShearCycles(_Drainage, StressReversals):
     line_style = (0, (2, 1, 1, 1, 1, 1))
 
     def __post_init__(self) -> None:
-        """Checks that only one amplitude is given. Raises InputError."""
+        """Check that only one amplitude is given. Raises InputError."""
         super().__post_init__()
         if self.amplitude is not None and self.strain_amplitude is not None:
             raise InputError("and amplitude are both given: give only one of them", field="strain_amplitude")

@@ -57,7 +57,7 @@ class TrueTriaxial(StressPath):
     name = "true_triaxial"
     shear = True
     axisymmetric = False
-    rate_limit = 8.0  # at b = 1 the least principal strain rate is -2 and more
+    rate_limit = 8.0  # at b = 1 the magnitude of the least principal strain rate is 2 or more
     line_style = (0, (4, 1))
 
     def __post_init__(self) -> None:
@@ -235,7 +235,7 @@ class ProportionalStrain(Path):
     axisymmetric = False
 
     def __post_init__(self) -> None:
-        """Checks the number of ratios. Raises InputError."""
+        """Check the number of ratios. Raises InputError."""
         super().__post_init__()
         if len(self.ratios) not in (3, 6) or not np.any(self.ratios) or not np.isfinite(self.ratios).all():
             raise InputError(field="ratios", value=self.ratios, allowed="3 or 6 numbers, not all zero")
@@ -254,7 +254,7 @@ class ProportionalStrain(Path):
 
 
 def _tensors(name: str, values: object) -> tuple[float, ...]:
-    """Tensors (k, 3, 3), or their components as a flat list, as 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    """Convert tensors (k, 3, 3), or a flat list of their components, to 6 numbers each: xx, yy, zz, yz, xz, xy."""
     array = np.asarray(values, dtype=float)
     if array.ndim > 1:
         array = require_symmetric(name, array)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
@@ -276,10 +276,16 @@ class Mixed(Path):
 
         D = strain_rate + sum_j x_j free_j      measured_i : sigma = target_i
 
-    `strain_rate`: the prescribed part divided by `rate`, (3, 3). `free` and `measured`: k tensors (k, 3, 3). `target`:
-    (k,), Pa. Tensors may also be given, and are stored, as 6 numbers each: xx, yy, zz, yz, xz, xy. `strain`:
-    accumulated strain at which the path ends. Raises InputError for tensors that are not symmetric and shapes that do
-    not match.
+    Tensors may also be given, and are stored, as 6 numbers each: xx, yy, zz, yz, xz, xy. Raises InputError for tensors
+    that are not symmetric and shapes that do not match.
+
+    Args:
+        strain_rate: Prescribed part divided by `rate`, (3, 3).
+        free: Strain rates that the servo adjusts, (k, 3, 3).
+        measured: Coefficients of the held stresses, (k, 3, 3).
+        target: Held stresses, (k,), Pa.
+        strain: Accumulated strain at which the path ends.
+        rate: Strain rate by which `strain_rate` is multiplied, 1/s.
     """
 
     strain: Number[float] = parameter(0.1, above=0.0, high=50.0, help="accumulated strain at which the path ends")

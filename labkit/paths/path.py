@@ -33,9 +33,14 @@ AnyPath = TypeVar("AnyPath", bound="Path")
 class Held:
     """A quantity that a path keeps constant, checked by `labkit verify`.
 
-    kind: `stress`: measure : sigma stays at target (k,), Pa, which may be a function of the accumulated strain;
-    `strain`: measure : strain stays zero; `volume`: the volume keeps its initial value. measure: k tensors as for a
-    Control, stored with shape (k, 6). Raises InputError for another kind.
+    With the kind `stress`, measure : sigma stays at the target; with `strain`, measure : strain stays zero; with
+    `volume`, the volume keeps its initial value. Raises InputError for another kind.
+
+    Args:
+        name: Name of the quantity.
+        kind: "stress", "strain" or "volume".
+        measure: k tensors as for a Control, stored with shape (k, 6).
+        target: Held stresses, (k,), Pa, or a function of the accumulated strain that returns them.
     """
 
     name: str
@@ -52,7 +57,7 @@ class Held:
 
 
 def rate_parameter(what: str, standard: float) -> Any:
-    """The field `rate` of a path whose `standard_rate` is `standard`, 1/s; `what`: description for the help text."""
+    """Return the field `rate` of a path whose `standard_rate` is `standard`, 1/s; its help text starts with `what`."""
     default = f"{standard:g} for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains"
     return parameter(None, unit="1/s", above=0.0, high=1e10, help=f"{what} (default: {default})")
 
@@ -95,12 +100,12 @@ class Path(Named, abc.ABC):
     shear: ClassVar[bool] = False  # True for a shear test, which tends to a critical state
     holds: ClassVar[str] = "stress"  # name of the controlled stress
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
-    axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ or there is shear: q is the invariant
+    axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or with shear: q is then the invariant
     cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
     figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.figures.FIGURES
     line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # of matplotlib, in figures
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
-    phases: ClassVar[bool] = False  # True if the steps are phases, of which runs record the number and the progress
+    phases: ClassVar[bool] = False  # True if the steps are phases, whose number and progress runs record
 
     def __post_init__(self) -> None:
         """Check the direction and every parameter. Raises InputError."""
@@ -110,7 +115,7 @@ class Path(Named, abc.ABC):
             raise InputError(field="strain", value=self.strain, allowed="a strain that is not zero")
 
     def flow(self, travelled: float) -> np.ndarray:
-        """The prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `travelled`.
+        """Return the prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `travelled`.
 
         Compression is positive. The symmetric part is the prescribed strain rate. The accumulated strain is the
         integral of |`rate`| over time. By default the gradient is constant, with the components of `direction` on its
@@ -119,48 +124,48 @@ class Path(Named, abc.ABC):
         return np.diag(np.array(self.direction))
 
     def steps_from(self, start: Here) -> Iterable[Step]:
-        """The steps of the path, one after another.
+        """Yield the steps of the path, one after another.
 
-        By default one step: the prescribed rates `flow` and the stresses of `control`, until the axial strain is
-        `strain`. start: where the next step starts, which the walk keeps up to date.
+        By default the path is one step: the prescribed rates `flow` and the stresses of `control`, until the axial
+        strain is `strain`. The walk keeps `start`, where the next step starts, up to date.
         """
         yield step_of(self, StrainReached(abs(self.strain), self.strain), math.copysign(1.0, self.strain))
 
     def strain_measure(self) -> StrainMeasure:
-        """The scalar strain by which the test is drawn, tabulated and followed; by default the axial strain."""
+        """The scalar strain used in figures, tables and progress messages; by default the axial strain."""
         return AXIAL
 
     def status(self, record: Record) -> str:
-        """How far a test has come, for progress messages, from its latest record."""
+        """Describe the progress of a test from its latest record."""
         measure = self.strain_measure()
         p = mean_stress(record["stress"]) / 1e3
         return f"{measure.name} {measure.at(record['strain']):.2%}, p {p:.{1 if p < 1e3 else 0}f} kPa"
 
     def control(self) -> Control | None:
-        """The Control of the servo; None if all strain rates are prescribed."""
+        """Return the Control of the servo; None if all strain rates are prescribed."""
         return None
 
     def held(self) -> tuple[Held, ...]:
-        """Quantities that `labkit verify` checks; by default the controlled stresses."""
+        """Return the quantities that `labkit verify` checks; by default the controlled stresses."""
         control = self.control()
         return () if control is None else (Held(self.holds, "stress", control.measure, control.target),)
 
     def start_pressure(self) -> float | None:
-        """Isotropic pressure to which the specimen is first consolidated, Pa; None to keep its stresses."""
+        """Return the isotropic pressure to which the specimen is first consolidated, Pa; None to keep its stresses."""
         return None
 
     def starting_at(self, pressure: float) -> Path:
-        """The path for a specimen with this mean stress, Pa, which becomes the stress to hold if none was given."""
+        """Return the path for a specimen with this mean stress, Pa, which is then held if no stress was given."""
         return self
 
 
 def step_of(path: Path, until: Until, sign: float = 1.0) -> Step:
-    """A step with the prescribed rates of a path times `sign`, and the stresses that it holds."""
+    """Return a step with the prescribed rates of a path times `sign`, and the stresses that the path holds."""
     return Step(lambda accumulated: sign * path.flow(accumulated), path.control(), until, path.rate_limit)
 
 
 def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:
-    """Steps that bring the strain of a path to each of `strains`, at which it reverses."""
+    """Yield steps that bring the strain of a path to each of `strains`, where it reverses."""
     back, ahead = (step_of(path, StrainReached(0.0), sign) for sign in (-1.0, 1.0))
     for before, turn in itertools.pairwise((0.0, *strains)):
         until = StrainReached(abs(turn - before), turn)
@@ -168,7 +173,7 @@ def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:
 
 
 def status_of(path: Path, record: Mapping[str, object], number: int, steps: int) -> str:
-    """How far a test has come: the step or cycle that it is in, and its status. number: of the step, from 0."""
+    """Describe the progress of a test: its current step or cycle, and its status. `number` counts steps from 0."""
     text = path.status(record)
     if steps == 1:
         return text
@@ -177,7 +182,7 @@ def status_of(path: Path, record: Mapping[str, object], number: int, steps: int)
 
 
 def number_of_steps(path: Path) -> int:
-    """Number of steps of a path."""
+    """Return the number of steps of a path."""
     return sum(1 for _ in path.steps_from(Here()))
 
 
@@ -193,7 +198,7 @@ def is_coaxial(path: Path) -> bool:
 
 
 def is_symmetric(path: Path) -> bool:
-    """True if a path treats x and y alike, and does not say otherwise: q is sigma_z - (sigma_x + sigma_y)/2."""
+    """True if a path treats x and y alike, and does not declare otherwise: q is sigma_z - (sigma_x + sigma_y)/2."""
     with contextlib.suppress(InputError):  # without the pressure that it holds, a path has no control yet
         control = path.control()
         if path.direction[0] != path.direction[1] or not (control is None or control.axisymmetric):
@@ -217,13 +222,13 @@ def require_consistent(path: Path) -> None:
 
 
 def arguments_of(path: Path) -> dict[str, object]:
-    """The fields of a path that are arguments of its constructor, name -> value."""
+    """Return the fields of a path that are arguments of its constructor, name -> value."""
     return {field.name: getattr(path, field.name) for field in dataclasses.fields(path) if field.init}
 
 
 @dataclasses.dataclass(frozen=True)
 class StressPath(Path):
-    """A path that holds a stress. pressure: Pa; None stands for the mean stress of the specimen."""
+    """A path that holds a stress: `pressure`, Pa, or the mean stress of the specimen if it is None."""
 
     pressure: Number[float | None] = parameter(
         None,
@@ -235,7 +240,7 @@ class StressPath(Path):
 
     @property
     def held_pressure(self) -> float:
-        """The stress to hold, Pa. Raises InputError while it is None; see `starting_at`."""
+        """Return the stress to hold, Pa. Raises InputError while it is None (see `starting_at`)."""
         if self.pressure is None:
             raise InputError(
                 "is missing: give the stress to hold, or create the path with `starting_at`", field="pressure"

@@ -1,6 +1,6 @@
 """One step of mixed control: prescribed increments of strain and of stress, applied together.
 
-In a step, n pieces follow one another. In each piece the prescribed strains E and the targets of the held stresses
+A step consists of n consecutive pieces. In each piece the prescribed strains E and the targets of the held stresses
 change linearly with the accumulated strain t:
 
     D = dE/dt + sum_j x_j P_j        M_i : sigma = M_i : sigma_0 + s_i(t)        i, j = 1 ... k, k <= 6
@@ -19,9 +19,9 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.control import Control
 from labkit.quantities.conditions import condition
 
-LEAST = 1e-3  # accumulated strain of a step, at least: room for a hundred time steps and for the servo to settle
-STIFFNESS = 50.0  # times the mean stress: a step that prescribes stresses alone takes |ds|/(STIFFNESS p) of strain
-LARGEST_STRAIN, LARGEST_STRESS = 10.0, 1e12  # of a step; Pa
+LEAST = 1e-3  # least accumulated strain of a step: enough for a hundred time steps and for the servo to settle
+STIFFNESS = 50.0  # over the mean stress: a step that prescribes only stresses covers a strain of |ds|/(STIFFNESS p)
+LARGEST_STRAIN, LARGEST_STRESS = 10.0, 1e12  # in one step; stress in Pa
 MEAN = to_six(np.eye(3) / 3.0)
 
 
@@ -29,14 +29,22 @@ MEAN = to_six(np.eye(3) / 3.0)
 class Phase:
     """One step of a path.
 
-    strain: prescribed increments of logarithmic strain, 9 numbers for each piece, tensors row by row, compression
-    positive; an antisymmetric part is a rotation. free, measured: tensors P_j and M_i, 6 numbers each: xx, yy, zz, yz,
-    xz, xy. stress: increments of the k held stresses, Pa, k numbers for each piece; if `absolute`, the values to reach
-    at the ends of the pieces. over: accumulated strain of the step, i.e. the rate of the path times its duration
-    (default: the largest prescribed strain increment, or the one that the stress increments may need). durations: of
-    the pieces in the test that the step describes, s, for output. until: condition (labkit.quantities.conditions) that
-    ends the step at a record. records: number of records. label: name of the step in messages. Raises InputError for
-    values that are not finite, shapes that do not match, and a control that no material can follow.
+    Raises InputError for values that are not finite, shapes that do not match, and a control that no material can
+    follow.
+
+    Args:
+        strain: Prescribed increments of logarithmic strain, 9 numbers for each piece, tensors row by row, compression
+            positive; an antisymmetric part is a rotation.
+        free: Tensors P_j, 6 numbers each: xx, yy, zz, yz, xz, xy.
+        measured: Tensors M_i, 6 numbers each.
+        stress: Increments of the k held stresses, Pa, k numbers for each piece.
+        absolute: True if `stress` gives the values to reach at the ends of the pieces.
+        over: Accumulated strain of the step, i.e. the rate of the path times its duration (default: the largest
+            prescribed strain increment, or the one that the stress increments may need).
+        durations: Durations of the pieces in the test that the step describes, s, for output.
+        until: Condition (labkit.quantities.conditions) that ends the step at a record.
+        records: Number of records.
+        label: Name of the step in messages.
     """
 
     strain: tuple[float, ...] = (0.0,) * 9
@@ -51,7 +59,7 @@ class Phase:
     label: str = ""
 
     def __post_init__(self) -> None:
-        """Converts and checks the fields. Raises InputError."""
+        """Convert and check the fields. Raises InputError."""
         for name in ("strain", "free", "measured", "stress", "durations"):
             array = np.asarray(getattr(self, name), dtype=float).ravel()
             if not np.isfinite(array).all():
@@ -104,12 +112,12 @@ class Phase:
         return float(np.abs(values).max(initial=0.0))
 
     def targets(self, start: np.ndarray) -> np.ndarray:
-        """The held stresses at the start, (k,), Pa, and their targets at the ends of the pieces: (n + 1, k)."""
+        """Return the held stresses at the start and their targets at the ends of the pieces, (n + 1, k), Pa."""
         start = np.reshape(start, (1, -1))
         return np.concatenate([start, self.stresses if self.absolute else start + np.cumsum(self.stresses, axis=0)])
 
     def target_at(self, completed: object, start: np.ndarray) -> np.ndarray:
-        """The targets (..., k), Pa, when a share `completed` (...) of the step is done; start: (k,), Pa."""
+        """Return the targets (..., k), Pa, when a share `completed` (...) of the step is done; `start` (k,) in Pa."""
         done, targets = np.asarray(completed) * self.pieces, self.targets(start)
         return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in targets.T], axis=-1)
 
@@ -119,7 +127,7 @@ class Phase:
         return to_six(_as_tensors(self.measured))
 
     def control(self, target: object) -> Control:
-        """The Control of the step, with these targets."""
+        """Return the Control of the step, with these targets."""
         return Control(_as_tensors(self.measured), _as_tensors(self.free), target)
 
     @property
@@ -131,17 +139,20 @@ class Phase:
         return tuple(next((name for name, row in known.items() if np.allclose(row, one)), text) for text, one in rows)
 
     def mean_after(self, pressure: float) -> float:
-        """Mean stress at the end of the step, Pa, if the held stresses determine it, else that at the start."""
+        """Return the mean stress at the end of the step, Pa, or that at the start if the step leaves it open."""
         weights, *_ = np.linalg.lstsq(self.measure.T, MEAN, rcond=None)
         determined = np.allclose(self.measure.T @ weights, MEAN, atol=1e-9)
         return float(weights @ self._targets_from(pressure)[-1]) if determined else pressure
 
     def _targets_from(self, pressure: float) -> np.ndarray:
-        """The targets after an isotropic stress, Pa, (n + 1, k)."""
+        """Return the targets of a step that starts at an isotropic stress, Pa, (n + 1, k)."""
         return self.targets(pressure * self.measure[:, :3].sum(axis=1))
 
     def lengths(self, pressure: float) -> np.ndarray:
-        """Accumulated strain of the pieces, (n,), after a mean stress in Pa: see `over`, and at least LEAST in all."""
+        """Return the accumulated strain of the pieces, (n,), at least LEAST in all, for a mean stress `pressure`, Pa.
+
+        See the field `over`.
+        """
         rate = np.abs(symmetric(self.strains)).max(axis=2, initial=0.0)
         shear = np.abs(symmetric(self.strains) * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
         lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
@@ -156,10 +167,10 @@ class Phase:
 
 
 def _as_tensors(components: Sequence[float]) -> np.ndarray:
-    """6 numbers each -> tensors (k, 3, 3)."""
+    """Convert 6 numbers each to tensors (k, 3, 3)."""
     return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
 
 
 def components_of(tensors: object) -> tuple[float, ...]:
-    """Symmetric tensors (k, 3, 3) as 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    """Convert symmetric tensors (k, 3, 3) to 6 numbers each: xx, yy, zz, yz, xz, xy."""
     return tuple(np.asarray(tensors, dtype=float)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]].ravel().tolist())

@@ -1,4 +1,4 @@
-"""Paths that apply one small increment of strain or stress smoothly, after which the grains rest."""
+"""Paths that apply one small increment of strain or stress smoothly and then let the grains rest."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in th
 
 
 def _six_numbers(name: str, values: tuple[float, ...]) -> None:
-    """Raises InputError unless there are six finite numbers."""
+    """Raise InputError unless `values` are six finite numbers."""
     if len(values) != 6 or not np.isfinite(values).all():
         raise InputError(field=name, value=values, allowed="6 numbers: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
 
 
 def increment_parameter(what: str) -> Any:
-    """A field with six numbers."""
+    """Return a field with six numbers."""
     return parameter((0.0,) * 6, help=f"{what}: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
 
 
@@ -53,7 +53,7 @@ class _Probe(Path):
 
 @dataclasses.dataclass(frozen=True)
 class StrainProbe(_Probe):
-    """A small increment of strain, applied smoothly, after which the grains rest."""
+    """A small increment of strain, applied smoothly; the grains then rest."""
 
     increment: tuple[float, ...] = increment_parameter("increment of strain")
 
@@ -67,7 +67,7 @@ class StrainProbe(_Probe):
 
 @dataclasses.dataclass(frozen=True)
 class StressProbe(_Probe, StressPath):
-    """A small increment of stress, applied smoothly by all six strain rates, after which the grains rest.
+    """A small increment of stress, applied smoothly by all six strain rates; the grains then rest.
 
     `pressure` is the mean stress before the probe, by which all other stresses are divided.
     """

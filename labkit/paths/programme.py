@@ -14,7 +14,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.phase import Phase
 from labkit.paths.step import Here, RecordMeets, Step, StrainReached
 
-LOST = 0.05  # of the mean stress: a held stress that differs more from its target no longer follows it
+LOST = 0.05  # of the mean stress: a held stress farther from its target no longer follows it
 
 PROGRESS = {
     "path_step": Variable("path_step", ("time",), "f8", "1", "number of the step of the path, from 1"),
@@ -28,7 +28,7 @@ class Programme:
 
     Args:
         phase: The increments.
-        number: Of the step, from 0.
+        number: Number of the step, from 0.
         length: Accumulated strain.
         start: Stress at the start, six components in Mandel notation, Pa.
         knots: Accumulated strain at which `completed` pieces are done, (m + 1,).
@@ -74,19 +74,19 @@ class Programme:
         return float(np.interp(accumulated, self.knots, self.completed)) / self.phase.pieces
 
     def rates(self, accumulated: float) -> np.ndarray:
-        """The prescribed velocity gradient divided by the rate, (3, 3)."""
+        """Return the prescribed velocity gradient divided by the rate, (3, 3)."""
         return self._flows[self._piece(accumulated)]
 
     def target(self, accumulated: float) -> np.ndarray:
-        """The targets of the held stresses (k,), Pa."""
+        """Return the targets of the held stresses, (k,), Pa."""
         return self.phase.target_at(self.share(accumulated), self.phase.measure @ self.start)
 
     def next_change(self, accumulated: float) -> float:
-        """Accumulated strain at which the prescribed rates next change abruptly."""
+        """Return the accumulated strain at which the prescribed rates next change abruptly."""
         return float(self.knots[self._piece(accumulated) + 1])
 
     def interval(self, record_strain: float | None, standard: float) -> float:
-        """Accumulated strain between two records; record_strain: the value that the user chose, if any."""
+        """Return the accumulated strain between two records; `record_strain` is the user's choice, if any."""
         records = self.phase.records if record_strain is None else None
         return self.length / records if records is not None else min(record_strain or standard, self.length)
 
@@ -95,7 +95,7 @@ class Programme:
         return {"path_step": self.number + 1.0, "path_step_progress": self.share(accumulated)}
 
     def lost(self, stress: np.ndarray, accumulated: float) -> str:
-        """Why a held stress no longer follows its target, one sentence; empty if it does. stress: (3, 3), Pa."""
+        """Say why a held stress no longer follows its target; empty if all do. `stress` (3, 3) in Pa."""
         if not self.phase.measured:
             return ""
         target = self.target(accumulated)
@@ -113,11 +113,11 @@ class Programme:
 def step_of_phase(
     phase: Phase, number: int, length: float, span: float, pressure: float, least_pressure: float, here: Here
 ) -> Step:
-    """The step that carries out a phase from the stress `here`.
+    """Return the step that carries out a phase from the stress `here`.
 
     Args:
         phase: The increments.
-        number: Of the step, from 0.
+        number: Number of the step, from 0.
         length: Accumulated strain of the phase.
         span: The same, as the difference of the strains accumulated in all steps.
         pressure: Mean stress expected at the start, Pa.

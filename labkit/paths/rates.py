@@ -1,4 +1,4 @@
-"""The rate of a path, which is resolved where path and specimen meet."""
+"""The rate of a path, which is resolved when the path is applied to a specimen."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ AnyPath = TypeVar("AnyPath", bound=Path)
 
 
 def default_rate(kind: type[Path], scene: Scene) -> float:
-    """Default axial strain rate of a path for the grains of a scene, 1/s.
+    """Return the default axial strain rate of a path for the grains of a scene, 1/s.
 
     At a given mean stress p, the inertial number I = |D'| D sqrt(rho/p) (section 2, D' the strain rate tensor) keeps
-    the value that it has for the grains of Table 1, D0 = 0.17 mm and rho0 = 2650 kg/m3:
+    its value for the grains of Table 1, D0 = 0.17 mm and rho0 = 2650 kg/m3:
 
         rate = standard_rate (D0/D) sqrt(rho0/rho)
 
@@ -31,17 +31,17 @@ def default_rate(kind: type[Path], scene: Scene) -> float:
 
 
 def at_rate(path: AnyPath, rate: float) -> AnyPath:
-    """A copy of a path with another axial strain rate, 1/s."""
+    """Return a copy of a path with another axial strain rate, 1/s."""
     return restored(type(path), {**arguments_of(path), "rate": rate})
 
 
 def on_grains(path: AnyPath, scene: Scene) -> AnyPath:
-    """The path with the default rate for the grains of a scene if no rate was given."""
+    """Return the path, with the default rate for the grains of a scene if no rate was given."""
     return path if path.rate is not None else at_rate(path, default_rate(type(path), scene))
 
 
 def rate_of(path: Path) -> float:
-    """Axial strain rate of a path, 1/s. Raises InputError while it is None; see `on_grains`."""
+    """Return the axial strain rate of a path, 1/s. Raises InputError while it is None (see `on_grains`)."""
     if path.rate is None:
         raise InputError("is missing: give a rate, or create the path with `on_grains`", field="rate")
     return path.rate

@@ -56,7 +56,7 @@ def register_path(kind: type[Kind]) -> type[Kind]:
 
 
 def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
-    """The path of that name; parameters that are None take their defaults.
+    """Return the path of that name; parameters that are None take their defaults.
 
     Raises InputError for an unknown path, a value that is out of range, or a parameter that the path does not have.
     """
@@ -72,7 +72,7 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
 
 
 def path_of(name: str, values: Mapping[str, object]) -> Path | None:
-    """The path of a run file from its name and `path_parameters`; None if no path is registered under that name."""
+    """Return the path of a run file from its name and `path_parameters`; None if no such path is registered."""
     if name not in PATHS:
         return None
     kind = PATHS[name]

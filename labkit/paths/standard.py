@@ -99,7 +99,7 @@ _EQUAL = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [1.0, 0.0, -1.0]])
 
 @dataclasses.dataclass(frozen=True)
 class IsotropicCompression(Path):
-    """ISOC, equal rates in the three directions until the mean stress reaches `pressure`."""
+    """ISOC, isotropic compression at equal rates in all directions until the mean stress reaches `pressure`."""
 
     rate: Number[float | None] = rate_parameter("strain rate in each direction", 5.0)
     strain: Number[float] = parameter(0.1, above=0.0, high=2.0, help="maximum strain")
@@ -125,7 +125,7 @@ class IsotropicCompression(Path):
 
 @dataclasses.dataclass(frozen=True)
 class IsotropicDilation(Path):
-    """ISOD, equal negative rates in the three directions until the mean stress falls below `pressure`."""
+    """ISOD, isotropic dilation at equal rates in all directions until the mean stress falls below `pressure`."""
 
     rate: Number[float | None] = rate_parameter("strain rate in each direction", 2.5)
     strain: Number[float] = parameter(-0.1, low=-2.0, high=-1e-9, help="maximum dilation, a negative strain")

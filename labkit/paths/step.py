@@ -1,4 +1,4 @@
-"""A step of a path: what is given, what is held, and until when."""
+"""A step of a path: prescribed strain rates, held stresses, and the condition that ends it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class AnyOf(Until):
 
 @dataclasses.dataclass(frozen=True)
 class StrainReached(Until):
-    """The strain accumulated in the step reaches `length`; `turn`: the scalar strain of the path there, if known."""
+    """The strain accumulated in the step reaches `length`; `turn` is the path's scalar strain there, if known."""
 
     length: float
     turn: float | None = None
@@ -62,8 +62,8 @@ class StressReached(Until):
     """A scalar of the stress rises to `level`, or falls to it.
 
     Args:
-        name: Of the scalar, for messages; with a / if it is a ratio of stresses.
-        measured: The scalar of a stress (3, 3), Pa.
+        name: Name of the scalar, for messages; it contains a / if it is a ratio of stresses.
+        measured: Returns the scalar of a stress (3, 3), Pa.
         level: Pa, or a ratio.
         falling: True if the scalar falls to the level.
     """
@@ -86,7 +86,7 @@ class RecordMeets(Until):
     text: str
 
     def holds(self, record: Record, first: Record) -> bool:
-        """True at a record; `first`: the first record of the run."""
+        """True if the condition holds at a record; `first` is the first record of the run."""
         return condition(self.text, "until").holds(record, first)
 
 
@@ -98,7 +98,7 @@ class StrainExceeds(Until):
     limit: float
 
     def beyond(self, record: Record) -> bool:
-        """True at a record."""
+        """True if the limit is exceeded at a record."""
         return bool(abs(self.measure.at(record["strain"])) > self.limit)
 
 
@@ -122,8 +122,8 @@ class Step:
     Args:
         given: Prescribed velocity gradient divided by the rate of the path, (3, 3), compression positive, or a function
             of the accumulated strain that returns it.
-        held: The stresses that the servo holds, and the strain rates by which it does so; None for none.
-        until: What ends the step. A path that does not end at a strain needs a StrainLimit.
+        held: The stresses that the servo holds, and the strain rates by which it does so; None if it holds none.
+        until: Condition that ends the step. A path that does not end at a strain needs a StrainLimit.
         rate_limit: Largest strain rate of the servo, divided by the rate of the path.
         phase: The increments of a phase of a path file that the step carries out. The accumulated strain is then
             counted from the start of the step.
@@ -146,7 +146,7 @@ class Step:
 
     @property
     def limit(self) -> float:
-        """Accumulated strain at which the step ends, or, for a step that ends at a stress, the path."""
+        """Accumulated strain at which the step ends or, if the step ends at a stress, at which the path ends."""
         limits = (one.total for one in self.until.each if isinstance(one, StrainLimit))
         return next(limits, np.inf) if self.length is None else self.length
 
@@ -173,15 +173,15 @@ class Step:
         return any(end.met(stress) for end in self.stress_ends)
 
     def ends_path(self, record: Record) -> StrainExceeds | None:
-        """The strain that ends the path at a record, if any does."""
+        """Return the strain limit that ends the path at a record, if any does."""
         limits = (one for one in self.until.each if isinstance(one, StrainExceeds) and one.beyond(record))
         return next(limits, None)
 
     def settled(self, stress: np.ndarray, accumulated: float) -> np.ndarray:
-        """The stress (3, 3), Pa, at which the next step starts, given the one measured at the end of this one.
+        """Return the stress (3, 3), Pa, at which the next step starts, given the one measured at the end of this step.
 
-        The held stresses of a phase pass on at the values that they were to have, not at those measured: errors of the
-        servo do not add up over many steps.
+        The held stresses of a phase are passed on at their target values, not as measured, so that errors of the servo
+        do not add up over many steps.
         """
         if self.phase is None or self.held is None:
             return stress
@@ -190,14 +190,18 @@ class Step:
 
 
 def corrected(six: np.ndarray, measure: np.ndarray, missing: np.ndarray) -> np.ndarray:
-    """The stress nearest to `six` (6,) whose combinations `measure` (k, 6) are larger by `missing` (k,)."""
+    """Return the stress nearest to `six` (6,) whose combinations `measure` (k, 6) are larger by `missing` (k,)."""
     return six + np.linalg.lstsq(measure, missing, rcond=None)[0]
 
 
 def why_short(name: str, strain: float, step: Step, record: Record) -> str:
-    """Why a path ended in this step before the stress at which the step ends; empty if that was reached.
+    """Say why a path ended in this step before the stress at which the step ends; empty if that was reached.
 
-    name, strain: of the path; record: the last one.
+    Args:
+        name: Name of the path.
+        strain: Accumulated strain at which the path ends.
+        step: The step.
+        record: The last record.
     """
     end = next(iter(step.stress_ends), None)
     if end is None:

@@ -1,7 +1,7 @@
-"""A path made of steps (labkit.paths.step), each of which starts at the stress where the one before ended.
+"""A path made of steps (labkit.paths.step), each of which starts at the stress where the previous one ended.
 
-The stresses that a step controlled pass on to the next one at the values they were to have, not at those measured:
-errors of the servo do not add up over many steps.
+The stresses that a step held are passed on to the next one at their target values, not as measured, so that errors of
+the servo do not add up over many steps.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from labkit.paths.programme import LOST, PROGRESS, step_of_phase
 from labkit.paths.step import Here, Step, corrected
 from labkit.quantities.scalars import Record
 
-TYPICAL_PRESSURE = 0.1e6  # Pa, assumed as long as the mean stress of the specimen is unknown
+TYPICAL_PRESSURE = 0.1e6  # Pa, assumed while the mean stress of the specimen is unknown
 MOST_STEPS = 100_000
 
 
@@ -29,9 +29,9 @@ MOST_STEPS = 100_000
 class Steps(Path):
     """Steps of mixed control, one after another: a path file, or a test for the Incremental Driver.
 
-    A prescribed strain changes at `rate`; the default rate of a stress alone is that of a material with the stiffness
-    50 p. A step whose held stresses no longer follow their targets, because no strain rate can keep them there, ends
-    the run with an error.
+    A prescribed strain changes at `rate`; a step that prescribes only stresses by default assumes a material of the
+    stiffness 50 p. The run ends with an error if held stresses no longer follow their targets because no strain rate
+    can keep them there.
     """
 
     rate: Number[float | None] = rate_parameter("largest prescribed strain rate", 10.0)
@@ -51,7 +51,7 @@ class Steps(Path):
     rate_limit = 8.0
 
     def __post_init__(self) -> None:
-        """Checks the steps and their order. Raises InputError."""
+        """Check the steps and their order. Raises InputError."""
         super().__post_init__()
         order = self.order or tuple(range(len(self.steps)))
         if any(number != int(number) or not 0 <= number < len(self.steps) for number in order):
@@ -72,7 +72,7 @@ class Steps(Path):
 
     @functools.cached_property
     def _pressures(self) -> tuple[float, ...]:
-        """The mean stress expected at the start of each leg, Pa."""
+        """Return the mean stress expected at the start of each leg, Pa."""
         start = pressure = self.mean_stress or self.pressure or TYPICAL_PRESSURE
         expected = []
         for number in self.order:
@@ -82,14 +82,14 @@ class Steps(Path):
 
     @functools.cached_property
     def _lengths(self) -> tuple[float, ...]:
-        """Accumulated strain of each leg."""
+        """Return the accumulated strain of each leg."""
         return tuple(
             float(self.steps[number].lengths(pressure).sum())
             for number, pressure in zip(self.order, self._pressures, strict=True)
         )
 
     def steps_from(self, start: Here) -> Iterable[Step]:
-        """The steps. Raises InputError if there are none."""
+        """Yield the steps. Raises InputError if the path has none."""
         if not self.steps:
             raise InputError("is empty", field="steps", allowed="at least one step, best in a path file")
         spans = np.diff((0.0, *np.cumsum(self._lengths).tolist())).tolist()
@@ -100,9 +100,13 @@ class Steps(Path):
 
 
 def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
-    """Stresses that phases hold minus their targets at each record of a run, name -> (time,), Pa; NaN where not held.
+    """Return held stresses of phases minus their targets at each record, name -> (time,), Pa; NaN where not held.
 
-    record: `stress` and the variables PROGRESS along time. Empty for a path without phases.
+    The result is empty for a path without phases.
+
+    Args:
+        path: The path.
+        record: `stress` and the variables PROGRESS along time.
     """
     if not path.phases:
         return {}

@@ -1,7 +1,7 @@
-"""Scalar strains: the one that suits a path, for its figures, tables, progress messages and critical state.
+"""Scalar strains, one of which each path uses in its figures, tables, progress messages and critical state.
 
-A record holds the logarithmic strain tensor eps, compression positive; a path says by its `strain_measure` which scalar
-of eps describes its course.
+A record holds the logarithmic strain tensor eps, compression positive; the `strain_measure` of a path selects the
+scalar of eps that describes its course.
 """
 
 from __future__ import annotations
@@ -14,9 +14,13 @@ import numpy as np
 
 @dataclasses.dataclass(frozen=True)
 class StrainMeasure:
-    """A scalar strain. `name` and `short`: for labels; `at`: function of the strain (..., 3, 3), shape (...).
+    """A scalar strain.
 
-    `signed`: False for a norm, which does not distinguish loading from unloading.
+    Args:
+        name: Name in labels.
+        short: Short name in labels.
+        at: Returns the scalar (...) of a strain (..., 3, 3).
+        signed: False for a norm, which does not distinguish loading from unloading.
     """
 
     name: str
@@ -25,13 +29,13 @@ class StrainMeasure:
     signed: bool = True
 
     def accumulated(self, strain: np.ndarray) -> np.ndarray:
-        """The strain accumulated up to each record, which increases through reversals; strain (n, 3, 3), shape (n,)."""
+        """Return the strain (n,) accumulated up to each record, which grows through reversals; strain (n, 3, 3)."""
         steps = np.diff(strain, axis=0)
         travelled = np.abs(np.diff(self.at(strain))) if self.signed else self.at(steps)
         return np.concatenate([np.zeros(min(len(strain), 1)), np.cumsum(travelled)])
 
     def reversals(self, strain: np.ndarray) -> np.ndarray:
-        """Indices (k,) of the records at which this strain reverses; strain (n, 3, 3). None if it is a norm."""
+        """Return the indices (k,) of the records at which this strain reverses, none for a norm; strain (n, 3, 3)."""
         if not self.signed:
             return np.zeros(0, dtype=int)
         steps = np.diff(self.at(strain))

@@ -1,4 +1,4 @@
-"""Loading paths that reverse at given stresses, and among them isotropic and K0 compression with unloading loops."""
+"""Loading paths that reverse at given stresses, such as isotropic and K0 compression with unloading loops."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from labkit.paths.strain_measures import VOLUMETRIC, StrainMeasure
 
 
 def longest_strain(default: float, high: float) -> Any:
-    """The field `strain` of a path that usually ends at a stress."""
+    """Return the field `strain` of a path that usually ends at a stress."""
     text = "maximum accumulated strain; the test ends there if it has not ended before"
     return parameter(default, above=0.0, high=high, help=text)
 
@@ -30,22 +30,22 @@ class StressReversals(Path):
     @property
     @abc.abstractmethod
     def measured_name(self) -> str:
-        """Name of the stress that is compared with the levels."""
+        """Return the name of the stress that is compared with the levels."""
 
     @abc.abstractmethod
     def measured(self, stress: np.ndarray) -> float:
-        """The stress that is compared with the levels, Pa, or a ratio of stresses."""
+        """Return the stress that is compared with the levels, Pa, or a ratio of stresses."""
 
     @abc.abstractmethod
     def level(self, leg: int) -> float:
-        """The stress at which a leg ends, Pa, or a ratio of stresses."""
+        """Return the stress at which a leg ends, Pa, or a ratio of stresses."""
 
     @abc.abstractmethod
     def number_of_levels(self) -> int:
-        """Number of times that the stress reaches a level; the last one ends the path."""
+        """Return how often the stress reaches a level; the last time ends the path."""
 
     def limits(self) -> Until:
-        """What else ends the path: by default its accumulated `strain`."""
+        """Return the other conditions that end the path: by default its accumulated `strain`."""
         return StrainLimit(float(self.strain))
 
     def steps_from(self, start: Here) -> Iterable[Step]:
@@ -58,7 +58,7 @@ class StressReversals(Path):
 
 
 def _require_alternating(name: str, values: tuple[float, ...], example: str) -> None:
-    """Raises InputError unless the values go up and down in turn."""
+    """Raise InputError unless the values rise and fall in turn."""
     steps = np.diff(values)
     if not values or not np.isfinite(values).all() or min(values) <= 0.0:
         raise InputError(field=name, value=values, allowed=f"positive stresses, e.g. {example}")
@@ -81,7 +81,7 @@ class IsotropicReloading(StressReversals):
     measured_name = "the mean stress"
 
     def __post_init__(self) -> None:
-        """Checks the pressures. Raises InputError."""
+        """Check the pressures. Raises InputError."""
         super().__post_init__()
         _require_alternating("pressures", self.pressures, "1e6,0.3e6,2e6")
 
@@ -110,7 +110,7 @@ class OedometerReloading(StressReversals):
     measured_name = "sigma_zz"
 
     def __post_init__(self) -> None:
-        """Checks the stresses. Raises InputError."""
+        """Check the stresses. Raises InputError."""
         super().__post_init__()
         _require_alternating("stresses", self.stresses, "1e6,0.3e6,2e6")
 

@@ -28,7 +28,7 @@ _DEVIATOR = np.diag([-0.5, -0.5, 1.0])  # _DEVIATOR : sigma = q
 
 
 def _shear(i: int, j: int) -> np.ndarray:
-    """The tensor T with T : sigma = sigma_ij and gamma_ij T the strain of a shear strain gamma_ij."""
+    """Return the tensor T with T : sigma = sigma_ij; gamma_ij T is then the strain tensor of the shear gamma_ij."""
     tensor = np.zeros((3, 3))
     tensor[i, j] = tensor[j, i] = 0.5
     return tensor
@@ -36,7 +36,13 @@ def _shear(i: int, j: int) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Variables:
-    """A set of variables. stress, strain: their names; tensors: the six tensors T_i, (6, 3, 3)."""
+    """A set of variables.
+
+    Args:
+        stress: Names of the stress variables.
+        strain: Names of the strain variables.
+        tensors: The six tensors T_i, (6, 3, 3).
+    """
 
     name: str
     stress: tuple[str, ...]
@@ -77,9 +83,20 @@ def mixed_step(
     records: int | None = None,
     label: str = "",
 ) -> Phase:
-    """A Phase in which each of six variables has a prescribed change of stress (True in `on_stress`) or of strain.
+    """Return a Phase in which each of six variables has a prescribed change of stress or of strain.
 
-    changes: (n, 6) for n pieces, Pa or dimensionless. The other arguments are those of Phase. Raises InputError.
+    Raises InputError for values that Phase refuses.
+
+    Args:
+        variables: The set of variables.
+        on_stress: True for each variable whose stress is prescribed.
+        changes: Changes of stress, Pa, or strain, (n, 6) for n pieces.
+        absolute: True if stresses are values to reach.
+        over: Accumulated strain of the step.
+        durations: Durations of the pieces, s.
+        until: Condition that ends the step.
+        records: Number of records.
+        label: Name of the step in messages.
     """
     chosen = np.array(on_stress, dtype=bool)
     changes = np.atleast_2d(np.asarray(changes, dtype=float))
@@ -100,7 +117,7 @@ def mixed_step(
 
 
 def _in_si(values: Mapping[str, float | str] | None, unit: str) -> dict[str, float]:
-    """Name -> value as a number; text is read with its unit. Raises InputError."""
+    """Convert values to numbers, reading text with its unit; name -> value. Raises InputError."""
     read = {name: Parameter(name, unit=unit).read for name in values or {}}
     return {name: read[name](value) if isinstance(value, str) else value for name, value in (values or {}).items()}
 
@@ -115,15 +132,25 @@ def increments(
     records: int | None = None,
     label: str = "",
 ) -> Phase:
-    """A Phase from the changes of named stresses, Pa, and strains; a variable that is not named keeps its strain.
+    """Return a Phase from changes of named stresses, Pa, and strains; a variable that is not named keeps its strain.
 
     Values are numbers or text with a unit, such as "40 kPa" and "1 %".
 
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
 
-    absolute: True if stresses are values to reach. over, until, records, label: as for Phase. Raises InputError for a
-    name that `variables` does not have, and for a variable whose stress and strain are both given.
+    Raises InputError for a name that `variables` does not have, and for a variable whose stress and strain are both
+    given.
+
+    Args:
+        stress: Changes of stress, Pa, name -> value.
+        strain: Changes of strain, name -> value.
+        variables: Set of variables, such as "cartesian" or "roscoe".
+        absolute: True if stresses are values to reach.
+        over: Accumulated strain of the step.
+        until: Condition that ends the step.
+        records: Number of records.
+        label: Name of the step in messages.
     """
     if variables not in VARIABLES:
         raise InputError("is unknown", field="variables", value=variables, allowed=instead_of(VARIABLES, variables))

@@ -12,17 +12,17 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here, Record, Step, why_short
 from labkit.quantities.conditions import Condition
 
-Walk = Generator[Any, object, None]  # yields what the material needs, and receives it
+Walk = Generator[Any, object, None]  # yields the material's requests, and receives the answers
 
 
 @dataclasses.dataclass(frozen=True)
 class Stop:
-    """Where a material has stopped.
+    """The point at which a material has stopped.
 
     Args:
         record: The variables recorded there, by name.
         reached: True if the strain or a stress that ends the step is reached.
-        ended: True if the walk cannot go on, or is at the limit of the accumulated strain.
+        ended: True if the walk cannot continue, or is at the limit of the accumulated strain.
     """
 
     record: Record
@@ -31,9 +31,9 @@ class Stop:
 
 
 class Material(abc.ABC):
-    """What can be carried along a path. Its methods are generators, which yield what they need.
+    """A material that can be carried along a path. Its methods are generators, which yield their requests.
 
-    here: where the next step starts; first: the first record.
+    `here` is where the next step starts, `first` the first record.
     """
 
     here: Here
@@ -41,21 +41,21 @@ class Material(abc.ABC):
 
     @abc.abstractmethod
     def enter(self, number: int, step: Step) -> Walk:
-        """Begin a step, or continue one. number: of the step, from 0."""
+        """Begin or continue a step; `number` counts steps from 0."""
 
     @abc.abstractmethod
     def advance(self) -> Generator[object, object, Stop]:
-        """Follow the step to its next record; returns where that is."""
+        """Follow the step to its next record, and return that Stop."""
 
     @abc.abstractmethod
     def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> Walk:
         """Keep a record.
 
         Args:
-            stop: Where it is.
+            stop: The point reached.
             over: True if the step is over.
-            last: True if the path is.
-            reason: Why the path ended before its aim, one sentence; empty if it did not.
+            last: True if the path is over.
+            reason: Sentence that says why the path ended before its target; empty if it did not.
         """
 
     @property
