@@ -10,9 +10,14 @@ from collections.abc import Callable, Iterable
 class InputError(ValueError):
     """Invalid input: exit code 2, a one-line message, no output file left behind.
 
-    field: Python name of the invalid parameter; value: the value given; allowed: valid values; quoted: True to print
-    the value in quotes. `str()` uses the Python name of the field; `said(name)` lets a front end use another name, such
-    as that of an option.
+    `str()` uses the Python name of the field; a front end can use another name, such as that of an option.
+
+    Args:
+        problem: Text after the field's name and value; without a field, the complete message.
+        field: Python name of the invalid parameter.
+        value: The value given.
+        allowed: The valid values, in words.
+        quoted: True to print the value in quotes.
     """
 
     def __init__(
@@ -24,12 +29,12 @@ class InputError(ValueError):
         allowed: str | None = None,
         quoted: bool = False,
     ) -> None:
-        """problem: the text after the field's name and value; without a field, the complete message."""
+        """Keep the values of which the message is composed."""
         super().__init__(problem)
         self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted
 
     def said(self, name: Callable[[str], str] = str) -> str:
-        """The message, in which the field appears as `name(field)`."""
+        """Compose the message, in which the field appears as `name(field)`."""
         if self.field is None:
             return self.problem
         value = "" if self.value is None else f" {repr(self.value) if self.quoted else shown(self.value)}"
@@ -41,21 +46,21 @@ class InputError(ValueError):
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
-    """The name that was probably meant by a misspelled one, whatever its case; None if none is similar."""
+    """Return the known name most similar to a misspelled one, ignoring case; None if none is similar."""
     names = {one.lower(): one for one in known}
     close = difflib.get_close_matches(str(name)[:100].lower(), names, 1)
     return names[close[0]] if close else None
 
 
 def instead_of(known: Iterable[str], name: object = None) -> str:
-    """The names to give instead of an unknown one, worded for an error message; the most similar one comes first."""
+    """List the names to give instead of an unknown one, for an error message; the most similar comes first."""
     names = tuple(known)
     close = None if name is None else nearest(name, names)
     return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"
 
 
 def shown(value: object) -> str:
-    """A value as text, as a user would type it."""
+    """Format a value as a user would type it."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, tuple):
@@ -71,7 +76,7 @@ class Interrupted(Exception):
     """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells."""
 
     def __init__(self, message: str, code: int) -> None:
-        """code: the exit code."""
+        """Keep the exit code."""
         super().__init__(message, code)
         self.code = code
 
@@ -80,19 +85,19 @@ class Interrupted(Exception):
 
 
 def option_name(field: str) -> str:
-    """Command-line option of a parameter: `--step1-friction` for `step1_friction`."""
+    """Return the command-line option of a parameter: `--step1-friction` for `step1_friction`."""
     return f"--{field.replace('_', '-')}"
 
 
 def exit_code(error: BaseException) -> int:
-    """Exit code of a command that stops with this error."""
+    """Return the exit code of a command that stops with this error."""
     if isinstance(error, Interrupted):
         return error.code
     return 2 if isinstance(error, InputError) else 1
 
 
 def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
-    """The message that a front end prints for an error."""
+    """Return the message that a front end prints for an error."""
     if isinstance(error, InputError):
         return error.said(name)
     if isinstance(error, OSError):
@@ -101,6 +106,6 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
 
 
 def fail(message: object, code: int) -> int:
-    """Prints the one-line message of a failed command and returns its exit code."""
+    """Print the one-line message of a failed command and return its exit code."""
     print(f"labkit: {message}", file=sys.stderr, flush=True)
     return code

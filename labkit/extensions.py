@@ -39,15 +39,18 @@ Registered = TypeVar("Registered")
 class Registry(Mapping[str, Entry], Generic[Entry]):
     """Mapping of name -> class or object. Built-in entries are imported on first use.
 
-    kind: the term for an entry in messages; builtin: name -> `module:attribute`; aliases: former name -> name.
+    Args:
+        kind: Term for an entry in messages.
+        builtin: Built-in entries, name -> `module:attribute`.
+        aliases: Former names, former name -> name.
     """
 
     def __init__(self, kind: str, builtin: dict[str, str], aliases: dict[str, str] | None = None) -> None:
-        """Starts with the built-in entries only."""
+        """Start with the built-in entries only."""
         self.kind, self._entries, self._aliases = kind, dict[str, Entry | str](builtin), aliases or {}
 
     def register(self, entry: Registered) -> Registered:
-        """Registers an entry under its `name` and returns it; usable as a decorator.
+        """Register an entry under its `name` and return it; usable as a decorator.
 
         Raises InputError if the name is missing or already taken.
         """
@@ -61,9 +64,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return entry
 
     def offer(self, name: str, place: str) -> None:
-        """Registers the entry in `place`, a `module:attribute` that is imported on first use.
+        """Register the entry at `place`, a `module:attribute` that is imported on first use.
 
-        Raises InputError if the name is taken, for example by a user's file that was loaded before.
+        Raises InputError if the name is taken, for example by a user's file that was loaded earlier.
         """
         taken = self._entries.setdefault(name, place)
         if taken != place:
@@ -98,7 +101,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return len(self._entries)
 
     def require(self, name: str, field: str | None = None) -> Entry:
-        """The entry of that name. Raises InputError with a list of all names if it is unknown."""
+        """Return the entry of that name. Raises InputError with a list of all names if it is unknown."""
         try:
             return self[name]
         except KeyError:
@@ -107,20 +110,20 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             ) from None
 
     def instead_of(self, name: object) -> str:
-        """The valid names, the most similar one first, worded for an error message."""
+        """List the valid names, the most similar one first, for an error message."""
         return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use){missing()}"
 
     def name(self, name: str) -> str:
-        """Current name of an entry, given its current or a former name."""
+        """Return the current name of an entry, given its current or a former name."""
         return self._aliases.get(name, name)
 
     def earlier(self, name: str) -> tuple[str, ...]:
-        """Former names of an entry."""
+        """Return the former names of an entry."""
         return tuple(alias for alias, known in self._aliases.items() if known == name)
 
 
 def _origin(entry: object) -> str:
-    """Module or file, and name, of the definition of an entry, by which a file that is loaded twice is recognised."""
+    """Return module or file, and name, of an entry's definition, which identify a file that is loaded twice."""
     if isinstance(entry, str):
         return entry
     definition = getattr(entry, "function", entry)  # a statistic and a figure wrap a function
@@ -134,7 +137,7 @@ def is_labkits(entry: object) -> bool:
 
 
 def file_of(entry: object) -> str | None:
-    """Path of the file that defines a class or function; None if it was defined interactively."""
+    """Return the path of the file that defines a class or function; None if it was defined interactively."""
     try:
         return str(Path(inspect.getfile(cast(type, entry))).resolve())
     except (TypeError, OSError):
@@ -142,7 +145,7 @@ def file_of(entry: object) -> str | None:
 
 
 def use(file: str | os.PathLike[str]) -> None:
-    """Loads a file that registers extensions, for this process and its child processes.
+    """Load a file that registers extensions, for this process and its child processes.
 
     Raises InputError if the file does not exist, cannot be imported or registers a name that is already taken.
     """
@@ -157,13 +160,13 @@ def use(file: str | os.PathLike[str]) -> None:
 
 
 def used() -> list[str]:
-    """Absolute paths of the extension files in use."""
+    """Return the absolute paths of the extension files in use."""
     return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
 
 
 @functools.cache
 def load_extensions() -> None:
-    """Loads the plug-ins, the files of LABKIT_USE and the installed extensions, once per process."""
+    """Load the plug-ins, the files of LABKIT_USE and the installed extensions, once per process."""
     load_plugins()
     load_plugins("engines")
     for file in used():
@@ -204,10 +207,10 @@ def _load(file: str) -> None:
 
 
 def blamed(error: BaseException, files: Sequence[str] = ()) -> str | None:
-    """File, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere.
+    """Return file, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere.
 
     Args:
-        error: With its traceback.
+        error: The error, with its traceback.
         files: Paths of the user's files; by default those in use.
     """
     files, line = files or used(), None

@@ -1,4 +1,4 @@
-"""Former packages, whose names warn and say where they are now; they go in 0.4."""
+"""Former packages, which warn that their names have moved; they will be removed in 0.4."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Callable
 
 
 def moved(package: str, *rooms: str) -> Callable[[str], object]:
-    """`__getattr__` of a package whose public names have moved to others.
+    """Return `__getattr__` for a package whose public names have moved to others.
 
     Args:
-        package: the former package, e.g. `labkit.dem`.
-        rooms: packages that have its names now, e.g. `grains`.
+        package: The former package, e.g. `labkit.dem`.
+        rooms: Packages that have its names now, e.g. `grains`.
     """
 
     def __getattr__(name: str) -> object:
         for room in () if name.startswith("_") else rooms:
             module = importlib.import_module(f"labkit.{room}")
             if name in module.__all__:
-                text = f"{package}.{name} is labkit.{room}.{name} now; {package} goes in labkit 0.4"
+                text = f"{package}.{name} is now labkit.{room}.{name}; {package} will be removed in labkit 0.4"
                 warnings.warn(text, FutureWarning, stacklevel=2)
                 return getattr(module, name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")

@@ -12,9 +12,9 @@ from labkit.plugins import is_there
 
 
 def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
-    """Returns `__getattr__`, `__dir__` and `__all__` for a package.
+    """Return `__getattr__`, `__dir__` and `__all__` for a package.
 
-    It has the names that `exports` finds, without those of plug-ins that have been deleted.
+    The package gets the names that `exports` finds, without those of deleted plug-ins.
     """
     found = exports(Path(str(sys.modules[package].__file__)))
     sources = {name: place for name, place in found.items() if is_there(".".join(place))}
@@ -34,10 +34,10 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
 
 
 def exports(file: Path) -> dict[str, tuple[str, str]]:
-    """The names that an `__init__.py` imports under `if TYPE_CHECKING:`, name -> (module, name there).
+    """Return the names that an `__init__.py` imports under `if TYPE_CHECKING:`, name -> (module, name there).
 
-    Thus what a type checker knows and what a package has are one list. There may be `from labkit.grains.scene import
-    Scene as Scene`, `from labkit import paths as paths` for a submodule, and `new = old` for a second name.
+    The type checker and the package thus share one list. It may contain `from labkit.grains.scene import Scene as
+    Scene`, `from labkit import paths as paths` for a submodule, and `new = old` for a second name.
     """
     found: dict[str, tuple[str, str]] = {}
     for block in ast.parse(file.read_text()).body:

@@ -22,20 +22,20 @@ Given = TypeVar("Given")
 if TYPE_CHECKING:
 
     class Number(Generic[Given]):
-        """Annotates a field that is given as a number or as text with a unit, and is then a number in SI units."""
+        """Annotates a field given as a number, or as text with a unit, and stored as a number in SI units."""
 
         def __get__(self, instance: object, owner: type, /) -> Given: ...
         def __set__(self, instance: object, value: Given | str, /) -> None: ...
 
     class Numbers:
-        """Annotates a field that is given as several numbers or as text, and is then a tuple in SI units."""
+        """Annotates a field given as several numbers, or as text, and stored as a tuple in SI units."""
 
         def __get__(self, instance: object, owner: type, /) -> tuple[float, ...]: ...
         def __set__(self, instance: object, value: Iterable[float | str], /) -> None: ...
 else:
 
     class Number:
-        """The type itself at run time: dataclasses read no annotations."""
+        """Stands for the type itself at run time, because dataclasses read no annotations."""
 
         def __class_getitem__(cls, given: type) -> type:
             return given
@@ -58,9 +58,9 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*"
 class Parameter:
     """Definition of a parameter.
 
-    low, high: range; above: excluded lower bound; choices: allowed text values; kind: float, int, bool, str, tuple for
-    a list of numbers, or a dataclass for a list of its instances, which may be given as JSON; optional: None is
-    allowed; option: True for a command-line option and campaign key.
+    `low` and `high` bound its range, `above` is an excluded lower bound, and `choices` are the allowed text values. The
+    `kind` is float, int, bool, str, tuple for a list of numbers, or a dataclass for a list of its instances, which may
+    be given as JSON. `optional` allows None; `option` makes a command-line option and a campaign key of it.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Parameter:
 
     @property
     def example(self) -> str:
-        """An example value, as a user might type it."""
+        """Give an example value, as a user might type it."""
         return EXAMPLES.get(self.unit, f"1 {self.unit}")
 
     @property
@@ -107,11 +107,11 @@ class Parameter:
     def error(
         self, value: object, problem: str = "is not valid", allowed: str | None = None, quoted: bool = False
     ) -> InputError:
-        """The InputError for an invalid value of this parameter."""
+        """Return the InputError for an invalid value of this parameter."""
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
 
     def read(self, value: object, unit_needed: bool = False) -> Any:
-        """The checked value in SI units. Text may contain a unit, and must if `unit_needed`. Raises InputError."""
+        """Check a value, convert it to SI units and return it; text needs a unit if `unit_needed`. Raises InputError."""
         if value is None and self.optional:
             return None
         if self.kind is bool:
@@ -159,7 +159,7 @@ class Parameter:
         return value
 
     def _named_like(self, value: object) -> str:
-        """The choices, the most similar one first, worded for an error message."""
+        """List the choices, the most similar one first, for an error message."""
         worded = getattr(self.choices, "instead_of", None)  # a Registry mentions --use
         return worded(value) if worded else instead_of(self.choices, value)
 
@@ -201,13 +201,13 @@ class Parameter:
         return value
 
     def _require_likely(self, value: float) -> None:
-        """Raises InputError for a number without a unit that is too small to be a pressure in Pa."""
+        """Raise InputError for a number without a unit that is too small to be a pressure in Pa."""
         if self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
             problem = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
             raise self.error(value, problem, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
 
     def check(self, value: float) -> float:
-        """Returns the value. Raises InputError if it is outside the range."""
+        """Return the value. Raises InputError if it is outside the range."""
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
             share = "strain" in self.name and self.unit == "1" and 1.0 < abs(value) <= 100.0
             raise self.error(value, allowed=f"{self.allowed}, or {value:g} % if that is meant" if share else None)
@@ -223,13 +223,13 @@ class _OfInit:
 
 
 class Named:
-    """Base of the dataclasses that users create: a misspelled argument is refused with the names that exist."""
+    """Base of the dataclasses that users create; it refuses a misspelled argument and lists the valid names."""
 
     __signature__ = _OfInit()
-    _created_by: ClassVar[str] = ""  # function whose arguments are those of the class, if users do not create it
+    _created_by: ClassVar[str] = ""  # function that creates the class from the same arguments, if users do not
 
     def __new__(cls, *values: object, **named: object) -> Self:
-        """Raises InputError for an argument that the class does not have."""
+        """Raise InputError for an argument that the class does not have."""
         known = inspect.signature(cls).parameters
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
             for name in named.keys() - known.keys():
@@ -250,7 +250,7 @@ def parameter(
     kind: type | None = None,
     option: bool = True,
 ) -> Any:
-    """A dataclass field that is a parameter; see Parameter. By default, its kind is the type of `default`."""
+    """Return a dataclass field that is a Parameter. By default, its kind is the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
     known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, option)
     return dataclasses.field(default=default, metadata={"parameter": known})
@@ -258,7 +258,7 @@ def parameter(
 
 @functools.cache
 def parameters_of(kind: type) -> Mapping[str, Parameter]:
-    """Parameters of a dataclass, name -> Parameter; other fields are left out."""
+    """Return the parameters of a dataclass, name -> Parameter, without its other fields."""
     return {
         field.name: dataclasses.replace(field.metadata["parameter"], name=field.name)
         for field in dataclasses.fields(kind)
@@ -267,14 +267,14 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
 
 
 def check_parameters(value: object) -> None:
-    """Converts and checks all parameters of a dataclass instance in place; for its __post_init__. Raises InputError."""
+    """Convert and check all parameters of a dataclass instance in place, in its __post_init__. Raises InputError."""
     kind: type = type(value)
     for name, definition in parameters_of(kind).items():
         object.__setattr__(value, name, definition.read(getattr(value, name)))
 
 
 def restored(kind: type, values: Mapping[str, Any]) -> Any:
-    """An instance of a dataclass from values in SI units that were checked earlier, e.g. when they were written.
+    """Return an instance of a dataclass from values in SI units that were checked earlier, e.g. when written to a file.
 
     Raises TypeError for a name that the class does not have.
     """
@@ -284,7 +284,7 @@ def restored(kind: type, values: Mapping[str, Any]) -> Any:
 
 
 def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of parameters of a dataclass in SI units, with their unit where a number alone would be ambiguous."""
+    """Return values of a dataclass's parameters in SI units, with units where a number alone would be ambiguous."""
     pressures = {name for name, known in parameters_of(kind).items() if known.unit == "Pa"}
     return {
         name: with_unit(value, "Pa") if name in pressures and isinstance(value, float) else value
@@ -293,15 +293,15 @@ def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A value as text that `Parameter.read` accepts, in scientific notation if the value is very small."""
+    """Format a value as text that `Parameter.read` accepts, in scientific notation if it is very small."""
     text = repr(value if isinstance(value, int) else float(value))  # the repr of a numpy number differs
     return f"{text} {unit}" if unit != "1" else text
 
 
 def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
-    """Help text of an option, with its unit and default."""
+    """Return the help text of an option, with its unit and default."""
     default = known.default if default is dataclasses.MISSING else default
     unit = f" in {known.unit}" if known.unit != "1" else ""
     suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {shown(default)})"
-    text, bracket, rest = known.help.partition(" (default: ")  # of a default that is not a value
+    text, bracket, rest = known.help.partition(" (default: ")  # a default that is not a value is in the text
     return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")

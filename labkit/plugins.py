@@ -1,7 +1,7 @@
-"""Plug-ins: rooms of labkit that the other rooms do without. Each registers what it adds, and may be deleted.
+"""Plug-ins: rooms of labkit that no other room needs. Each registers what it adds, and may be deleted.
 
-The module `plugin` of such a room offers its engines and commands to the registries that a user's file and an installed
-package use too. It imports no library, because it is loaded to list the commands.
+The module `plugin` of such a room offers its engines and commands to the same registries as a user's file or an
+installed package. It imports no library, because it is loaded to list the commands.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ COMMANDS: dict[str, Offer] = {}  # by name
 
 
 def register_command(name: str, module: str, summary: str) -> None:
-    """Registers a command that `module` defines with `@command(name, ...)`; the module is imported on first use."""
+    """Register a command that `module` defines with `@command(name, ...)`; the module is imported on first use."""
     COMMANDS[name] = Offer(module, summary)
 
 
 @functools.cache
 def load_plugins(room: str = "") -> None:
-    """Loads the plug-ins in a room of labkit, by default the rooms that are plug-ins themselves."""
+    """Load the plug-ins in a room of labkit, by default the rooms that are plug-ins themselves."""
     for plugin in PLUGINS:
         module = f"labkit.{plugin}.plugin"
         if plugin.rpartition(".")[0] == room and is_there(module):
@@ -39,17 +39,17 @@ def load_plugins(room: str = "") -> None:
 
 
 def plugin_of(place: str) -> str | None:
-    """The plug-in that contains a module or a name, e.g. `exchange` for labkit.exchange.formats; None for the core."""
+    """Return the plug-in that contains a module or a name, e.g. `exchange` for labkit.exchange.formats, or None."""
     return next((plugin for plugin in PLUGINS if f"{place}.".startswith(f"labkit.{plugin}.")), None)
 
 
 def is_there(place: str) -> bool:
-    """True unless a module or a name belongs to a plug-in that has been deleted."""
+    """True unless a module or a name belongs to a deleted plug-in."""
     plugin = plugin_of(place)
     return plugin is None or (Path(__file__).parent / plugin.replace(".", "/") / "plugin.py").is_file()
 
 
 def missing() -> str:
-    """The plug-ins that are not there, for the end of an error message; empty if all are."""
+    """List the deleted plug-ins, for the end of an error message; empty if none is missing."""
     names = [plugin for plugin in PLUGINS if not is_there(f"labkit.{plugin}")]
     return f" (not installed: {', '.join(names)})" if names else ""

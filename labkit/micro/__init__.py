@@ -1,4 +1,4 @@
-"""Micromechanical statistics as numpy arrays. Every statistic is a function of a Snapshot.
+"""Micromechanical statistics as numpy arrays; every statistic is a function of a Snapshot.
 
 The paper counts each physical contact twice, once for each of its grains. Because `n n` and `n (x) f` are equal on both
 sides, the sums here run over physical contacts, each weighted with the sum of the weights of its two sides.

@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 class Contacts:
     """The n physical contacts at one instant, each listed once.
 
-    grain (n, 2) int: indices of the first and the second grain;
-    normal (n, 3): unit vector from the first to the second grain;
-    overlap (n,): penetration depth delta, m;
-    normal_force (n,): N, compression positive;
-    tangential_force (n, 3): on the first grain, N;
-    rolling_moment (n, 3): on the first grain, N m.
+    Args:
+        grain: Indices of the first and the second grain, (n, 2), int.
+        normal: Unit vector from the first to the second grain, (n, 3).
+        overlap: Penetration depth delta, (n,), m.
+        normal_force: Normal force, compression positive, (n,), N.
+        tangential_force: Tangential force on the first grain, (n, 3), N.
+        rolling_moment: Rolling moment on the first grain, (n, 3), N m.
     """
 
     grain: np.ndarray
@@ -36,7 +37,7 @@ class Contacts:
         return len(self.overlap)
 
     def branch_length(self, radius: np.ndarray) -> np.ndarray:
-        """Distance between the two grain centres, R_a + R_b - delta, shape (n,), m. `radius` (grain,) in m."""
+        """Distance between the two grain centres, R_a + R_b - delta, (n,), m; `radius` (grain,) in m."""
         return radius[self.grain[:, 0]] + radius[self.grain[:, 1]] - self.overlap
 
     def force_on_first(self) -> np.ndarray:
@@ -45,7 +46,7 @@ class Contacts:
 
 
 def require_contacts(contacts: Contacts, grains: int) -> None:
-    """Raise ValueError if contacts cannot be those of this number of grains."""
+    """Raise ValueError unless every grain index is below `grains` and all values are valid."""
     index = contacts.grain
     if index.dtype.kind not in "iu" or (index.size and not 0 <= index.min() <= index.max() < grains):
         raise ValueError("contact_grain refers to grains that do not exist")
@@ -63,7 +64,7 @@ NO_CONTACTS = Contacts(
 
 
 def contacts_of(snapshot: Snapshot) -> Contacts:
-    """The contacts of a Snapshot. Raises InputError for a value of another type."""
+    """Return the contacts of a Snapshot. Raises InputError for a value of another type."""
     contacts: Contacts | None = getattr(snapshot, "contacts", None)
     if contacts is None:
         kind = type(snapshot).__name__
@@ -72,9 +73,12 @@ def contacts_of(snapshot: Snapshot) -> Contacts:
 
 
 def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Branch vectors x_b + H s - x_a from the first to the second grain, shape (n, 3), m.
+    """Branch vectors x_b + H s - x_a from the first to the second grain, (n, 3), m.
 
-    position (grain, 3) m; cell (3, 3) with the cell vectors as columns, m; grain (n, 2);
-    shift (n, 3): periodic shift of the second grain, in cell vectors.
+    Args:
+        position: Grain centres, (grain, 3), m.
+        cell: Cell vectors as columns, (3, 3), m.
+        grain: Indices of the two grains, (n, 2).
+        shift: Periodic shift of the second grain, in cell vectors, (n, 3).
     """
     return position[grain[:, 1]] + shift @ cell.T - position[grain[:, 0]]

@@ -1,4 +1,4 @@
-"""Directional functions of contacts: fits of order 0, 2 and 4 on the sphere (Eqs. 9, 23 and extensions), and bins.
+"""Directional functions of contacts: fits of order 0, 2 and 4 on the sphere (Eqs. 9, 23 and beyond), and bins.
 
 An even function of the direction n is written f(n) = f0 [1 + n.B n + B4::nnnn] with B deviatoric and B4 symmetric
 and traceless (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
@@ -34,7 +34,10 @@ def traceless(S: np.ndarray) -> np.ndarray:
 class DirectionalFit:
     """A fitted directional function f0 [1 + n.B n + B4::nnnn].
 
-    mean: f0; second (3, 3): B; fourth (3, 3, 3, 3): B4, zero for a fit of second order.
+    Args:
+        mean: f0.
+        second: B, (3, 3).
+        fourth: B4, (3, 3, 3, 3), zero for a fit of second order.
     """
 
     mean: float
@@ -56,7 +59,7 @@ class DirectionalFit:
 
 
 def directional_fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> DirectionalFit:
-    """Fit of a directional function that has the same moments, up to `order`, as the values v in the directions n.
+    """Fit a directional function that has the same moments, up to `order`, as the values v in the directions n.
 
     f0 = <v>, B = 15/2 (<v nn>/f0 - I/3), B4 = 315/8 times the traceless part of <v nnnn>/f0
 
@@ -82,20 +85,20 @@ def directional_fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Direct
 
 
 def second_order(full: DirectionalFit) -> DirectionalFit:
-    """The same Fit without its fourth-order term."""
+    """Return the same fit without its fourth-order term."""
     return dataclasses.replace(full, fourth=np.zeros((3, 3, 3, 3)))
 
 
 def normal_density(n: np.ndarray, order: int = 2) -> DirectionalFit:
-    """Fit of the density of contact normals E_PDF(n), f0 = 1/(4 pi) (Eqs. 9, 10).
+    """Fit the density of contact normals E_PDF(n), f0 = 1/(4 pi) (Eqs. 9, 10), to unit vectors n (m, 3).
 
-    `n` (m, 3) unit vectors; NaN for m = 0.
+    The result is NaN for m = 0.
     """
     return dataclasses.replace(directional_fit(n, np.ones(len(n)), order), mean=0.25 / np.pi)
 
 
 def directional_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> DirectionalFit:
-    """Fit of the mean of `values` (m,) in the direction n, with the order of `density`, the Fit of E_PDF.
+    """Fit the mean of `values` (m,) in the direction n, with the order of `density`, the fit of E_PDF.
 
     Rows are weighted by 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
     """
@@ -108,7 +111,10 @@ def directional_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit)
 class TangentialFit:
     """A fitted vector function t(n) = G n - (n.G n) n + W n + B4:nnn - (B4::nnnn) n, without a component along n.
 
-    second (3, 3): G, symmetric; skew (3, 3): W; fourth (3, 3, 3, 3): B4, zero for a fit of second order.
+    Args:
+        second: G, symmetric, (3, 3).
+        skew: W, (3, 3).
+        fourth: B4, (3, 3, 3, 3), zero for a fit of second order.
     """
 
     second: np.ndarray
@@ -124,9 +130,9 @@ class TangentialFit:
 
 
 def tangential_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> TangentialFit:
-    """Fit of the mean of tangential vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
+    """Fit the mean of tangential vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
 
-    Rows are weighted by 1/(1 + n.A n + ...), and the fit has the order of `density`, the Fit of E_PDF.
+    Rows are weighted by 1/(1 + n.A n + ...), and the fit has the order of `density`, the fit of E_PDF.
     G = 5 sym<n (x) t>, W = 3 skew<n (x) t>^T, B4 = 63/2 times the symmetric, traceless part of <nnn (x) t>. With
     t = -Lambda_t/Lambda, <n (x) t> is F^t.
     """
@@ -160,9 +166,10 @@ def _as_matrix(tensor):
 
 
 def polar_bins(n: np.ndarray, bins: int, axis: int = 2) -> tuple[np.ndarray, np.ndarray]:
-    """Bins of equal solid angle about an axis: (cosines of the edges (bins + 1,), bin of each row (m,)).
+    """Divide directions n (m, 3) into bins of equal solid angle about an axis.
 
-    n and -n are treated as the same direction: the angle from the axis runs from 0 to 90 degrees. `n` (m, 3).
+    n and -n are treated as the same direction: the angle from the axis runs from 0 to 90 degrees. Returns the cosines
+    of the edges (bins + 1,) and the bin of each row (m,).
     """
     edges = np.linspace(0.0, 1.0, bins + 1)
     return edges, np.clip((np.abs(n[:, axis]) * bins).astype(int), 0, bins - 1)
@@ -175,7 +182,7 @@ def bin_means(values: np.ndarray, bin_of: np.ndarray, bins: int) -> np.ndarray:
 
 
 def hemisphere_bins(n: np.ndarray, bands: int, sectors: int) -> np.ndarray:
-    """Bins of equal solid angle on the hemisphere z > 0: bin of each row (m,), band * sectors + sector.
+    """Divide the hemisphere z > 0 into bins of equal solid angle: bin of each row (m,), band * sectors + sector.
 
     `n` (m, 3) is reflected into the hemisphere; bands have equal height in z, sectors equal azimuth.
     """

@@ -16,11 +16,12 @@ from labkit.micro.snapshot import Snapshot
 class Statistics:
     """State variables of C0. Without contacts, Z and Lambda are 0 and the tensors are NaN (undefined).
 
-    coordination_number: Z = Nc/Ng, each contact counted on both sides;
-    contact_anisotropy (3, 3): A, Eq. 10;
-    mean_normalised_force: Lambda, Eq. 24;
-    normal_force_anisotropy (3, 3): F, Eq. 25;
-    mobilisation (3, 3): F^t, Eq. 27.
+    Args:
+        coordination_number: Z = Nc/Ng, each contact counted on both sides.
+        contact_anisotropy: A, Eq. 10, (3, 3).
+        mean_normalised_force: Lambda, Eq. 24.
+        normal_force_anisotropy: F, Eq. 25, (3, 3).
+        mobilisation: F^t, Eq. 27, (3, 3).
     """
 
     coordination_number: float
@@ -41,9 +42,11 @@ class Statistics:
 class Series:
     """Directional functions of a set of Vectors: E_PDF, mean Lambda_n, and F^t.
 
-    density: Fit of E_PDF(n), whose second-order tensor is A; normal_force: Fit of the mean of Lambda_n in the direction
-    n, whose mean is Lambda and whose second-order tensor is F; mobilisation (3, 3): F^t of Eq. 27, weighted with
-    `density`.
+    Args:
+        density: Fit of E_PDF(n), whose second-order tensor is A.
+        normal_force: Fit of the mean of Lambda_n in the direction n, whose mean is Lambda and whose second-order
+            tensor is F.
+        mobilisation: F^t of Eq. 27, weighted with `density`, (3, 3).
     """
 
     density: DirectionalFit
@@ -52,9 +55,12 @@ class Series:
 
 
 def series_of(vectors: Vectors, order: int = 2, density: DirectionalFit | None = None) -> Series:
-    """Series of a non-empty set of Vectors with E_PDF and Lambda_n of order 2 (Eqs. 10, 24, 25, 27) or 4.
+    """Return the Series of a non-empty set of Vectors.
 
-    density: E_PDF, if the vectors are only a part of those that determine it.
+    Args:
+        vectors: The Vectors.
+        order: Order of E_PDF and Lambda_n, 2 (Eqs. 10, 24, 25, 27) or 4.
+        density: E_PDF, if the vectors are only a part of those that determine it.
     """
     n = vectors.normal
     density = density or normal_density(n, order)
@@ -66,7 +72,7 @@ def series_of(vectors: Vectors, order: int = 2, density: DirectionalFit | None =
 
 
 def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
-    """Contact anisotropy A = 15/2 (<n n> - I/3) (Eq. 10), shape (3, 3). `normal` (n, 3) unit vectors; NaN for n = 0."""
+    """Contact anisotropy A = 15/2 (<n n> - I/3) (Eq. 10), (3, 3), of unit vectors (n, 3); NaN for n = 0."""
     return normal_density(normal).second
 
 

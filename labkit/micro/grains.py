@@ -8,7 +8,7 @@ from labkit.micro.snapshot import Snapshot, contact_arms, contacts_per_grain
 
 
 def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
-    """Sum of values over the contact sides of each grain, shape (grain, ...). `values` (n, 2, ...): one per side."""
+    """Sum of values (n, 2, ...), one per contact side, over the sides of each grain, shape (grain, ...)."""
     side = snapshot.contacts.grain.ravel()
     shape = np.shape(values)[2:]
     columns = np.reshape(values, (len(side), int(np.prod(shape)))).T
@@ -17,9 +17,9 @@ def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
 
 
 def mean_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
-    """Mean of values over the contact sides of each grain, shape (grain, ...); zero for a grain without contacts.
+    """Mean of values (n, 2, ...), one per contact side, over the sides of each grain, shape (grain, ...).
 
-    `values` (n, 2, ...): one per side.
+    The mean is zero for a grain without contacts.
     """
     sums = sum_per_grain(snapshot, values)
     number = np.maximum(contacts_per_grain(snapshot), 1)

@@ -1,4 +1,4 @@
-"""Indicators of whether a test is quasi-static, overlaps are small and the specimen is at rest (section 2)."""
+"""Indicators that a test is quasi-static, that overlaps are small and that the specimen is at rest (section 2)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,13 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, density: float) -> float:
     """Inertial number I = |rate| D sqrt(rho/p) with the Euclidean norm (section 2).
 
-    `strain_rate` (3, 3) 1/s, `pressure` Pa, `diameter` m, `density` kg/m3; 0 at rest, inf if a deforming specimen has
-    no mean stress.
+    It is 0 at rest, and inf if a deforming specimen has no mean stress.
+
+    Args:
+        strain_rate: (3, 3), 1/s.
+        pressure: Mean stress, Pa.
+        diameter: Mean diameter, m.
+        density: Density of the grains, kg/m3.
     """
     norm = float(np.linalg.norm(strain_rate))
     if norm == 0.0:

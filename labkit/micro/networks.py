@@ -11,7 +11,7 @@ from labkit.micro.snapshot import Snapshot, contact_arms
 
 
 def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
-    """Stress of selected contact sides, -(1/V) sum of l (x) f (Eq. 4), shape (3, 3), Pa. `side` (n, 2) of bool.
+    """Stress of the contact sides selected by `side` (n, 2), -(1/V) sum of l (x) f (Eq. 4), (3, 3), Pa.
 
     With all sides selected, this is Love's stress.
     """
@@ -22,11 +22,16 @@ def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Lives:
-    """Lifetimes of contacts over K snapshots. A contact that opens and closes between two snapshots counts as kept.
+    """Lifetimes of L contacts over K snapshots. A contact that opens and closes between two snapshots counts as kept.
 
-    contacts (K,): number of contacts in each snapshot; gained, lost, kept (K,): numbers relative to the previous
-    snapshot, 0 in the first; pair (L, 2): the two grains of each of L contacts; birth (L,): first snapshot with the
-    contact; death (L,): first later snapshot without it, K if it still exists in the last one.
+    Args:
+        contacts: Number of contacts in each snapshot, (K,).
+        gained: Number gained since the previous snapshot, 0 in the first, (K,).
+        lost: Number lost since the previous snapshot, (K,).
+        kept: Number kept since the previous snapshot, (K,).
+        pair: The two grains of each contact, (L, 2).
+        birth: First snapshot with the contact, (L,).
+        death: First later snapshot without it, K if it still exists in the last one, (L,).
     """
 
     contacts: np.ndarray
@@ -38,7 +43,7 @@ class Lives:
     death: np.ndarray
 
     def age_sum(self, times: np.ndarray) -> np.ndarray:
-        """Sum of the ages of all contacts in each snapshot, shape (K,). `times` (K,): time of each snapshot."""
+        """Sum of the ages of all contacts in each snapshot, (K,), from the time of each snapshot, (K,)."""
         K = len(self.contacts)
         born = np.bincount(self.birth, minlength=K)[:K]
         died = np.bincount(self.death, minlength=K + 1)[:K]
@@ -48,10 +53,14 @@ class Lives:
 
 
 def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
-    """Lifetimes of contacts, from the pairs of grains (n, 2) in contact in each snapshot, in chronological order.
+    """Return the Lives of contacts.
 
     Only two snapshots are in memory at a time. Two contacts between the same two grains, which occur in a cell hardly
-    wider than a grain, count as one. grains: number of grains.
+    wider than a grain, count as one.
+
+    Args:
+        pairs_of_snapshots: Pairs of grains in contact, (n, 2), in each snapshot, in chronological order.
+        grains: Number of grains.
     """
     counts, gained, lost, kept = [], [], [], []
     alive, birth = np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -16,8 +16,12 @@ from labkit.micro.snapshot import Snapshot, contact_arms
 def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
     """Normalisation factor f~/f = |l|/v = 3 lambda'/(pi D^2) of each side (below Eq. 18), shape (n, 2), 1/m2.
 
-    `volume` (grain,) m3: v of each grain; default: the volume of the sphere. In a planar layer, grains are discs: with
-    v = pi D^2/4 times the thickness of the layer, f~/f = 2 lambda'/(pi D thickness).
+    In a planar layer, grains are discs: with v = pi D^2/4 times the thickness of the layer,
+    f~/f = 2 lambda'/(pi D thickness).
+
+    Args:
+        snapshot: The snapshot.
+        volume: v of each grain, (grain,), m3 (default: the volume of the sphere).
     """
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
     return contact_arms(snapshot) / volume[snapshot.contacts.grain]
@@ -60,8 +64,11 @@ def strong_by_normalised_force(snapshot: Snapshot, volume: np.ndarray | None = N
 class Vectors:
     """Normalised forces that C0 and related equations average. A row is a contact side, or the mean of both sides.
 
-    normal (m, 3): n, from the first to the second grain for both sides, because n n and n (x) Lambda are even in n;
-    normal_component (m,): Lambda_n; tangential (m, 3): Lambda_t on the first grain (above Eq. 22).
+    Args:
+        normal: n, from the first to the second grain for both sides, because n n and n (x) Lambda are even in n,
+            (m, 3).
+        normal_component: Lambda_n, (m,).
+        tangential: Lambda_t on the first grain (above Eq. 22), (m, 3).
     """
 
     normal: np.ndarray
@@ -73,7 +80,7 @@ class Vectors:
 
 
 def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) -> Vectors:
-    """Vectors with one row per contact, in which Lambda is the mean of both sides. Averages equal those over sides.
+    """Return Vectors with one row per contact, the mean of both sides, so that averages equal those over sides.
 
     `volume`: see `normalisation`.
     """
@@ -83,7 +90,7 @@ def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) ->
 
 
 def vectors_of_sides(snapshot: Snapshot, side: np.ndarray, weight: np.ndarray) -> Vectors:
-    """Vectors with one row per selected side. `side` (n, 2) of bool; `weight` (n, 2): Lambda/f of each side, 1/N."""
+    """Return Vectors with one row per selected side; `side` (n, 2) of bool, `weight` (n, 2) = Lambda/f, 1/N."""
     contacts = snapshot.contacts
     row, _ = np.nonzero(side)
     weight = weight[side]

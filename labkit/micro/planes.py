@@ -16,13 +16,13 @@ def plane_normal(snapshot: Snapshot, axis: int) -> np.ndarray:
 
 
 def plane_tractions(snapshot: Snapshot, axis: int, planes: int) -> np.ndarray:
-    """Tractions on planes parallel to a face of the cell, at equal distances, shape (planes, 3), Pa.
+    """Tractions on equally spaced planes parallel to a face of the cell, (planes, 3), Pa.
 
     The traction on a plane is the sum of the forces of all contacts whose branch crosses it, acting from the side of
     the normal n, over its area; the force of a contact counts once for each crossing. Its mean over all planes is
     n . sigma, with Love's stress (first index: branch), because a branch b crosses a fraction n . b/h of the planes of
-    a cell of height h. axis: 0, 1 or 2, the cell vector that the planes cut. Raises InputError for other values, and if
-    `planes` is not positive.
+    a cell of height h. Raises InputError unless `axis`, the cell vector that the planes cut, is 0, 1 or 2 and `planes`
+    is positive.
     """
     if axis not in (0, 1, 2):
         raise InputError("is not a cell vector", field="axis", value=axis, allowed="0, 1 or 2")

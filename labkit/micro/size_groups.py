@@ -15,9 +15,14 @@ from labkit.micro.void_ratio import grain_volume
 class GroupStresses:
     """Stresses and weights of K groups of grains. The stresses of a group without contacts are NaN (undefined).
 
-    grains (K,): N_g(k); contacts (K,): N_c(k), contact sides; by_contacts (K,): N_c(k)/N_c, the weights of Eq. 15;
-    coordination_ratio (K,): Z(k)/Z; volume_fraction (K,): V_g(k)/V_g; the product of these two is the weight of Eq. 17;
-    per_contact (K, 3, 3): sigma^N(k) of Eq. 15, Pa; per_volume (K, 3, 3): sigma^V(k) of Eq. 17, Pa.
+    Args:
+        grains: N_g(k), (K,).
+        contacts: N_c(k), contact sides, (K,).
+        by_contacts: N_c(k)/N_c, the weights of Eq. 15, (K,).
+        coordination_ratio: Z(k)/Z, (K,); times volume_fraction, this is the weight of Eq. 17.
+        volume_fraction: V_g(k)/V_g, (K,).
+        per_contact: sigma^N(k) of Eq. 15, (K, 3, 3), Pa.
+        per_volume: sigma^V(k) of Eq. 17, (K, 3, 3), Pa.
     """
 
     grains: np.ndarray
@@ -55,9 +60,9 @@ def diameter_edges(snapshot: Snapshot, groups: int) -> np.ndarray:
 
 
 def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
-    """Size group of each grain, k for edges[k] <= D < edges[k + 1], shape (grain,); the last interval is closed.
+    """Size group of each grain, k for edges[k] <= D < edges[k + 1], (grain,); the last interval is closed.
 
-    `edges` in m. Raises InputError if the edges are not ascending or a grain lies outside them.
+    Raises InputError if the edges, in m, are not ascending, or a grain lies outside them.
     """
     edges, diameter = np.asarray(edges, dtype=float), 2.0 * snapshot.radius
     if len(edges) < 2 or not (np.diff(edges) >= 0.0).all():
@@ -70,11 +75,15 @@ def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
 
 
 def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupStresses:
-    """GroupStresses of any partition of the grains, by size or by another criterion.
+    """Return the GroupStresses of any partition of the grains, by size or by another criterion.
 
-    `group` (grain,) int from 0 to `groups` - 1. sigma^V(k) contains the mean grain volume V_g(k)/N_g(k) of the group
-    instead of pi D_k^3/6 of Eq. 18. Otherwise, with different diameters in a group, the sum of Eq. 17 would differ from
-    Love's stress.
+    sigma^V(k) contains the mean grain volume V_g(k)/N_g(k) of the group instead of pi D_k^3/6 of Eq. 18. Otherwise,
+    with different diameters in a group, the sum of Eq. 17 would differ from Love's stress.
+
+    Args:
+        snapshot: The snapshot.
+        group: Group of each grain, from 0 to `groups` - 1, (grain,), int.
+        groups: Number of groups.
     """
     group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume
     lf = _outer_products(snapshot)

@@ -47,10 +47,16 @@ class ContactMaterial(typing.Protocol):
 class Snapshot:
     """Grains and contacts at one instant, from a State (`State.snapshot()`) or a run file (`run.lab.snapshot(k)`).
 
-    scene: the material; radius (grain,), m: radii of all grains, including those without contacts; cell (3, 3), m: cell
-    vectors as columns; contacts; position (grain, 3), m: grain centres, not wrapped into the cell, None if unknown;
-    time, s; axial_strain since the start of the path, None for a State; velocity (grain, 3), m/s, None for a run file;
-    number: index of the snapshot in its run file.
+    Args:
+        scene: The material.
+        radius: Radii of all grains, including those without contacts, (grain,), m.
+        cell: Cell vectors as columns, (3, 3), m.
+        contacts: The contacts.
+        position: Grain centres, not wrapped into the cell, (grain, 3), m; None if unknown.
+        time: Time, s.
+        axial_strain: Axial strain since the start of the path; None for a State.
+        velocity: Velocities, (grain, 3), m/s; None for a run file.
+        number: Index of the snapshot in its run file.
     """
 
     scene: ContactMaterial

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 def love_stress(snapshot: Snapshot) -> np.ndarray:
     """Love's stress sigma = -(1/V) sum of l (x) f over all contact sides, with l = (R - delta/2) n (Eq. 4).
 
-    On the two sides of a contact both n and f are opposite, so that the two terms add up to the branch vector times the
-    force. Shape (3, 3), Pa, compression positive, first index: branch vector; zero without contacts.
+    On the two sides of a contact both n and f are opposite, so the two terms add up to the branch vector times the
+    force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
     """
     contacts = contacts_of(snapshot)
     weighted_normal = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
@@ -25,14 +25,14 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:
-    """Mean stress p = tr(sigma)/3, Pa. `stress` (..., 3, 3) Pa; shape (...)."""
+    """Mean stress p = tr(sigma)/3 of a stress (..., 3, 3), Pa."""
     return np.trace(stress, axis1=-2, axis2=-1) / 3.0
 
 
 def deviatoric_stress(stress: np.ndarray) -> np.ndarray:
     """Deviatoric stress q = sigma_zz - (sigma_xx + sigma_yy)/2, Pa; negative in triaxial extension.
 
-    In triaxial compression this is the paper's sigma_1 - sigma_3. `stress` (..., 3, 3) Pa; shape (...).
+    In triaxial compression this is the paper's sigma_1 - sigma_3. The stress is (..., 3, 3), Pa.
     """
     return stress[..., 2, 2] - 0.5 * (stress[..., 0, 0] + stress[..., 1, 1])
 
@@ -44,7 +44,7 @@ def deviator(tensor: np.ndarray) -> np.ndarray:
 
 
 def equivalent_stress(stress: np.ndarray) -> np.ndarray:
-    """The invariant q = sqrt(3/2 s:s), s the stress deviator, Pa, never negative. `stress` (..., 3, 3); shape (...).
+    """The invariant q = sqrt(3/2 s:s), Pa, of the deviator s of a stress (..., 3, 3), Pa; it is never negative.
 
     In triaxial compression it is sigma_1 - sigma_3; in simple shear, sqrt(3) sigma_xz if the normal stresses are equal.
     """
@@ -52,7 +52,7 @@ def equivalent_stress(stress: np.ndarray) -> np.ndarray:
 
 
 def lode_angle(stress: np.ndarray) -> np.ndarray:
-    """Lode angle theta, degrees: 0 in triaxial compression, 60 in triaxial extension. `stress` (..., 3, 3); (...).
+    """Lode angle theta of a stress (..., 3, 3), degrees: 0 in triaxial compression, 60 in triaxial extension.
 
     cos(3 theta) = 27/2 det(s)/q^3, with s the stress deviator; NaN where the stress is isotropic.
     """
@@ -65,7 +65,8 @@ def lode_angle(stress: np.ndarray) -> np.ndarray:
 def along_deviator(tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
     """Component 3/2 s:T/q of a tensor along the stress deviator s, shape (...); NaN where the stress is isotropic.
 
-    In triaxial compression it is T_zz - (T_xx + T_yy)/2; the stress itself has the component q. Both (..., 3, 3).
+    In triaxial compression it is T_zz - (T_xx + T_yy)/2; the stress itself has the component q. Both tensors are
+    (..., 3, 3).
     """
     s = deviator(stress)
     with np.errstate(divide="ignore", invalid="ignore"):

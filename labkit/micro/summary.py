@@ -1,4 +1,4 @@
-"""What notebooks show of a snapshot: numbers of grains and contacts, density, stresses and cell."""
+"""The summary of a snapshot in notebooks: numbers of grains and contacts, density, stresses and cell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def summary(snapshot: Snapshot) -> dict[str, str]:
-    """Name -> value with its unit, as text."""
+    """Return the summary of a snapshot, name -> value with its unit, as text."""
     grains, contacts = snapshot.number_of_grains, len(snapshot.contacts)
     stress = love_stress(snapshot) / 1e3
     sides = " x ".join(f"{1e3 * side:.3g}" for side in np.linalg.norm(snapshot.cell, axis=0))

@@ -17,12 +17,12 @@ _PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
 def to_six(tensor: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) symmetric -> (..., 6). The antisymmetric part is ignored: see require_symmetric."""
+    """Convert symmetric tensors (..., 3, 3) to (..., 6). An antisymmetric part is ignored (see require_symmetric)."""
     return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
 
 
 def to_tensor(six: np.ndarray) -> np.ndarray:
-    """(..., 6) -> (..., 3, 3)."""
+    """Convert (..., 6) to tensors (..., 3, 3)."""
     return (np.asarray(six, dtype=float) / _WEIGHT)[..., _PLACE]
 
 
@@ -33,7 +33,7 @@ def symmetric(tensor: np.ndarray) -> np.ndarray:
 
 
 def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -> np.ndarray:
-    """The tensor as a float array (..., 3, 3); `name` is used in the message.
+    """Return the tensor as a float array (..., 3, 3); `name` is used in the message.
 
     Raises InputError unless it is finite, symmetric and, with `deviatoric`, traceless, within rounding.
     """

@@ -27,7 +27,7 @@ def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray)
 
 
 def grain_volume(radius: np.ndarray) -> float:
-    """Total grain volume V_g, the sum of pi D^3/6, m3 (below Eq. 16). `radius` (grain,) m."""
+    """Total grain volume V_g, the sum of pi D^3/6, m3 (below Eq. 16), from the radii (grain,), m."""
     return 4.0 / 3.0 * np.pi * np.sum(np.asarray(radius) ** 3)
 
 

@@ -58,8 +58,9 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
 
         C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
 
-    b: branch length; sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni nk)/4.
-    Shape (6, 6) in Mandel notation (labkit.micro.tensors); with `components` = 3 only its block of normal components.
+    with the branch length b and sym(delta nn)_ijkl = (delta_ik nj nl + delta_il nj nk + delta_jk ni nl + delta_jl ni
+    nk)/4. Its shape is (6, 6) in Mandel notation (labkit.micro.tensors); with `components` = 3 only the block of normal
+    components is returned.
     """
     scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
@@ -82,7 +83,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
 
 
 def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:
-    """The velocity gradient L (3, 3), 1/s, at the start of a path whose strain rates are all prescribed."""
+    """Return the velocity gradient L (3, 3), 1/s, at the start of a path whose strain rates are all prescribed."""
     step = next(iter(path.steps_from(Here())))
     return velocity_gradient(step, rate_of(path), time_step)
 
@@ -97,7 +98,7 @@ def velocity_gradient(
     servo: Servo = STANDARD,
     accumulated: float = 0.0,
 ) -> np.ndarray:
-    """The velocity gradient L (3, 3), 1/s, of a step until the `servo` corrects again.
+    """Return the velocity gradient L (3, 3), 1/s, of a step until the servo's next correction.
 
     Prescribed rates G give 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic strains exactly,
     and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the accumulated strain.
@@ -106,10 +107,10 @@ def velocity_gradient(
     Args:
         step: The step of a path.
         rate: Strain rate by which the rates of the step are multiplied, 1/s.
-        time_step: s.
-        stress: The current stress (3, 3), Pa, for a step that holds stresses.
-        stiffness: Of the cell (c, c), Pa, for the c components of its Control.
-        before: The gradient (3, 3), 1/s, up to now.
+        time_step: Time step, s.
+        stress: Current stress, (3, 3), Pa, for a step that holds stresses.
+        stiffness: Stiffness of the cell, (c, c), Pa, for the c components of its Control.
+        before: Velocity gradient so far, (3, 3), 1/s.
         servo: Gain and interval.
         accumulated: Accumulated strain.
     """
@@ -136,7 +137,7 @@ def _servoed(
     servo: Servo,
     accumulated: float,
 ) -> np.ndarray:
-    """The part of the velocity gradient that the servo finds, (3, 3), 1/s; `limit`: of its rates, 1/s."""
+    """Return the part of the velocity gradient that the servo sets, (3, 3), 1/s; `limit`, 1/s, bounds its rates."""
     n = control.components
     measure, free = control.measure[:, :n], control.free[:n]
     missing = control.at(accumulated) - measure @ to_six(symmetric(stress))[:n]
@@ -157,7 +158,7 @@ def _servoed(
 
 
 def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:
-    """L (3, 3) with 1 + L dt = exp(-rate dt), 1/s, for prescribed rates (3, 3), 1/s."""
+    """Return L (3, 3), 1/s, with 1 + L dt = exp(-rate dt), for prescribed rates (3, 3), 1/s."""
     if np.array_equal(rate, np.diag(np.diag(rate))):
         return np.diag(np.expm1(-np.diag(rate) * time_step) / time_step)
     power = term = -rate

@@ -1,11 +1,11 @@
-"""Targets that cannot be reached: a held stress that does not approach its target while the servo does all it may.
+"""Detects targets out of reach: a held stress does not approach its target although the servo is at its limit.
 
 The servo limits its strain rates to `rate_limit` times the rate of the path. A target is out of reach if these rates
 stay at their limit over a strain of STRAIN although the largest error, more than ERROR of its scale, does not fall
 below (1 - PROGRESS) of its least value: the material then flows, or has lost its contacts. A stress that only lags, in
-a transient or far from its target, approaches it within that strain. The state is examined wherever a run stops, which
-is at every record. The limit of 2 % of strain is several times the strain at which the stress of a dense specimen
-responds to a change of its strain rate; an error of 2 % is the largest that `labkit verify` allows.
+a transient or far from its target, approaches it within that strain. The state is examined at every record. The limit
+of 2 % of strain is several times the strain within which the stress of a dense specimen responds to a change of strain
+rate; an error of 2 % is the largest that `labkit verify` allows.
 """
 
 from __future__ import annotations
@@ -25,12 +25,17 @@ from labkit.paths.step import Here
 STRAIN = 0.02
 ERROR = 0.02
 PROGRESS = 0.02
-AT_LIMIT = 0.9  # of the limit of the strain rate, which the low-pass filter of the servo only approaches
+AT_LIMIT = 0.9  # of the limit of the strain rate, which the servo's low-pass filter only approaches
 
 
 @dataclasses.dataclass(frozen=True)
 class Lag:
-    """How long the servo has been at its limit. strain: since the least error, the largest of the held stresses'."""
+    """How long the servo has been at its limit.
+
+    Args:
+        strain: Strain since the error was least.
+        least_error: That error, the largest of the held stresses, relative to its scale.
+    """
 
     strain: float = 0.0
     least_error: float = np.inf
@@ -41,7 +46,7 @@ class Lag:
         return self.strain >= STRAIN
 
     def after(self, strain: float, error: float, at_limit: bool) -> Lag:
-        """The lag after a further strain at the limit of the servo; error: the present one, relative to its scale."""
+        """Return the lag after a further strain, with the present error relative to its scale."""
         if error <= ERROR or not at_limit:
             return Lag()
         if error < (1.0 - PROGRESS) * self.least_error:
@@ -50,7 +55,7 @@ class Lag:
 
 
 def errors(control: Control, stress: np.ndarray, travelled: float) -> np.ndarray:
-    """Errors (k,) of the held stresses relative to their scale, the target or the mean stress, whichever is larger."""
+    """Return the errors (k,) of held stresses relative to the target or the mean stress, whichever is larger."""
     target = control.at(travelled)
     missing = target - control.measure @ to_six(symmetric(stress))
     scale = np.maximum(np.abs(target), abs(float(mean_stress(stress))))
@@ -58,13 +63,20 @@ def errors(control: Control, stress: np.ndarray, travelled: float) -> np.ndarray
 
 
 def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: float) -> bool:
-    """True if a strain rate that the servo adjusts is at its limit, 1/s; rate, given: (3, 3), compression positive."""
+    """True if a strain rate that the servo adjusts is at its limit.
+
+    Args:
+        control: The control.
+        rate: Strain rate, (3, 3), 1/s, compression positive.
+        given: Prescribed strain rate, (3, 3), 1/s.
+        limit: Limit of the servo's rates, 1/s.
+    """
     adjusted = to_six(symmetric(rate - given))[control.free.any(axis=1)]
     return bool(np.abs(adjusted).max() >= AT_LIMIT * limit)
 
 
 def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, travelled: float) -> str:
-    """The sentence about the held stress with the largest error. names: those of the held stresses."""
+    """Return a sentence about the held stress with the largest error; `names` are those of the held stresses."""
     worst = int(errors(control, stress, travelled).argmax())
     now = float(control.measure[worst] @ to_six(symmetric(stress)))
     target = float(control.at(travelled)[worst])

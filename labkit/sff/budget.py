@@ -1,6 +1,6 @@
 """Error budget of C0: contributions whose sum is exactly C0 - Love.
 
-A chain of stresses leads from C0 to Love's stress, each with one assumption fewer than the one before. A contribution
+A chain of stresses leads from C0 to Love's stress, each with one assumption fewer than its predecessor. A contribution
 is the difference between two successive stresses:
 
     C0 -> E_PDF to order 4 -> Lambda_n to order 4 -> tangential force to order 2 -> the contacts themselves (Eq. 20)

@@ -34,8 +34,16 @@ def symmetric_product(F: np.ndarray, A: np.ndarray) -> np.ndarray:
 def bracket(delta: Values, A: Values, F: Values, trace_FA: Values, FA: Values, Ft: Values) -> Any:
     """Bracket of C0, I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, component by component.
 
-    delta: component of the identity; trace_FA: tr(FA); FA: component of sym(FA). All are arrays that broadcast, or
-    scalars for a single component; labkit.model.equations compiles the function for scalars.
+    All arguments are arrays that broadcast, or scalars for a single component; labkit.model.equations compiles the
+    function for scalars.
+
+    Args:
+        delta: Component of the identity.
+        A: Component of A.
+        F: Component of F.
+        trace_FA: tr(FA).
+        FA: Component of sym(FA).
+        Ft: Component of F^t.
     """
     return delta / 3 + 2 / 15 * A + 2 / 15 * F + 2 / 105 * trace_FA * delta + 8 / 105 * FA + Ft
 
@@ -47,8 +55,16 @@ def c0_stress(
 
     sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
 
-    young_modulus: E, Pa; e: nominal void ratio, V/V_g - 1. Z, Lam, e (...); A, F, Ft (..., 3, 3). The stress is zero
-    where Z Lam = 0, even if the tensors are NaN.
+    The stress is zero where Z Lam = 0, even if the tensors are NaN.
+
+    Args:
+        young_modulus: E, Pa.
+        Z: Coordination number, (...).
+        Lam: Mean normalised force Lambda, (...).
+        e: Nominal void ratio, V/V_g - 1, (...).
+        A: Contact anisotropy, (..., 3, 3).
+        F: Anisotropy of the normal force, (..., 3, 3).
+        Ft: Mobilisation F^t, (..., 3, 3).
     """
     Z, Lam, e = (np.asarray(x, dtype=float)[..., None, None] for x in (Z, Lam, e))
     A, F, Ft = (np.asarray(x, dtype=float) for x in (A, F, Ft))

@@ -67,9 +67,9 @@ def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = N
 
 
 def sphere_integral(series: Series, tangential: int) -> np.ndarray:
-    """Integrals of Eq. 22 over a Series: Lambda times the bracket of C0 or its higher-order analogue; shape (3, 3).
+    """Integrals of Eq. 22 over a Series: Lambda times the bracket of C0 or its higher-order analogue, (3, 3).
 
-    tangential: order of the tangential term, 0 (only F^t) or 2.
+    `tangential` is the order of the tangential term, 0 (only F^t) or 2.
     """
     density, force = series.density, series.normal_force
     fourth = density.fourth if density.fourth.any() else None
@@ -168,8 +168,13 @@ FORMS: dict[str, Callable[..., np.ndarray]] = {
 def stress(form: str, snapshot: Snapshot, group: np.ndarray | None = None) -> np.ndarray:
     """Stress by one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
 
-    `group` (grain,): index of the size group of each grain, for the forms whose names end in `_groups`; default: five
-    equal intervals of the diameter. Raises InputError if the form is unknown.
+    Raises InputError if the form is unknown.
+
+    Args:
+        form: Name of the equation, one of FORMS.
+        snapshot: The snapshot.
+        group: Index of the size group of each grain, (grain,), for the forms whose names end in `_groups` (default:
+            five equal intervals of the diameter).
     """
     if form not in FORMS:
         raise InputError(f"the form {form!r} is unknown: use {instead_of(FORMS, form)}")

@@ -1,9 +1,9 @@
-"""Specimens by isotropic compression of a gas, with a lowered friction, to a void ratio or a pressure.
+"""Specimens by isotropic compression of a gas with reduced friction, to a void ratio or a pressure.
 
 The grains are inserted at random in a large cell and moved apart until they form a gas without contacts. The cell is
-then compressed at a constant isotropic rate with the friction of step 1, which decides the density at a pressure: 0
-gives the densest and best connected specimens, a high one the loosest. At the target the grains come to rest, first
-with the friction of step 1 and then with that of the scene.
+then compressed at a constant isotropic rate with the friction of step 1, which determines the density at a pressure: a
+friction of 0 gives the densest and best connected specimens, a high friction the loosest. At the target the grains come
+to rest, first with the friction of step 1 and then with that of the scene.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from labkit.specimens.specimen import (
 )
 
 GAS = 2.0  # void ratio of the gas
-RATE = 10.0  # of the compression, divided by the default rate of IsotropicCompression
+RATE = 10.0  # rate of the compression, divided by the default rate of IsotropicCompression
 CHECK = 50  # steps between two checks of the pressure
 DENSEST = 0.3  # void ratio at which a compression that has not reached its pressure gives up
 
 
 def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
-    """A State at rest at the nominal void ratio of the recipe, or at its pressure.
+    """Make a State at rest at the nominal void ratio of the recipe, or at its pressure.
 
-    `start`: starts the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
+    `start` starts the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
     """
     soft = scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction)
     engine = start(_gas(soft, recipe))
@@ -68,19 +68,19 @@ def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress 
 
 
 def _gas(scene: Scene, recipe: Recipe) -> State:
-    """Grains of the recipe inserted at random in a cell with the void ratio of a gas."""
+    """Insert the grains of the recipe at random in a cell with the void ratio of a gas."""
     inserted = insert_grains(scene, recipe)
     stretch = ((1.0 + GAS) / (1.0 + recipe.void_ratio)) ** (1.0 / 3.0)
     return inserted.replace(position=inserted.position * stretch, cell=inserted.cell * stretch)
 
 
 def _with_scene(state: State, scene: Scene, start: Start) -> State:
-    """The state at rest with another friction: forces above the new limit are reduced before a ledger is opened."""
+    """Bring the state to rest with another friction, reducing forces above the new limit before a ledger is opened."""
     return start(state.at_rest().replace(scene=scene)).state()
 
 
 def _limit(state: State) -> float:
-    """Critical time step of the inserted grains; that of the scene if by chance none touch."""
+    """Critical time step of the inserted grains, or that of the scene if by chance none touch."""
     limit = critical_time_step(state)
     return limit if math.isfinite(limit) else state.time_step
 

@@ -1,8 +1,8 @@
 """Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses.
 
-The state of an unfinished consolidation is kept in a file, so that a killed command need not begin anew. It then ends
-at the same stresses as if it had not been interrupted, but not with the same bits: loading a state changes the order in
-which contact forces are summed.
+The state of an unfinished consolidation is kept in a file, so that a killed command need not start again. A continued
+consolidation ends at the same stresses as an uninterrupted one, but not with the same bits, because loading a state
+changes the order in which contact forces are summed.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from labkit.specimens.specimen import ready
 TOLERANCE = 1e-3  # of the pressure, in each direction
 UNBALANCED = 1e-3
 CHECK_INTERVAL = 250  # steps
-STEP_LIMIT = 200_000  # to reach the stress
-REST_LIMIT = 1_000_000  # to come to rest at the stress: specimens without friction need many steps
+STEP_LIMIT = 200_000  # steps to reach the stress
+REST_LIMIT = 1_000_000  # steps to come to rest at the stress; specimens without friction need many
 PAUSE = 60.0  # s between two saves of an unfinished consolidation
-SHARE = 0.05  # of the time may be spent on saving
+SHARE = 0.05  # largest share of the time spent on saving
 
 
 def path_to(pressure: float) -> Consolidation:
-    """The path to an isotropic stress, Pa."""
+    """Return the path to an isotropic stress, Pa."""
     return Consolidation(pressure=with_unit(pressure, "Pa"))
 
 
@@ -60,10 +60,17 @@ def stress_error(snapshot: Snapshot, control: Control) -> float:
 def bring_to(
     specimen: State, path: Path, start: Start, progress: Progress = silent, interim: File | None = None
 ) -> State:
-    """A State at rest with the stresses that `path` holds at their targets. Raises PhysicsError at the step limit.
+    """Bring a State to rest with the stresses that `path` holds at their targets.
 
-    interim: file that keeps the state from time to time, so that an interrupted consolidation continues from there;
-    Interrupted is then raised after a signal, once the file is written.
+    Raises PhysicsError at the step limit and, with an interim file, Interrupted after a signal, once the file is
+    written.
+
+    Args:
+        specimen: State at rest.
+        path: Path that holds stresses.
+        start: Starts the engine.
+        progress: Called with the progress.
+        interim: File in which the state is saved regularly, so that an interrupted consolidation can continue.
     """
     return drive_engine(approach(specimen, path, start.name, progress, interim), start)
 
@@ -71,7 +78,7 @@ def bring_to(
 def approach(
     specimen: State, path: Path, engine: str, progress: Progress = silent, interim: File | None = None
 ) -> Generator[Request, object, State]:
-    """What `bring_to` needs of an engine, whose name is given; see labkit.engines.base."""
+    """Yield the requests of `bring_to` to an engine, whose name is given (labkit.engines.base)."""
     path = on_grains(path, specimen.scene)
     control = path.control()
     if control is None:
@@ -116,13 +123,13 @@ def _to_rest(
 
 
 class Interim:
-    """Keeps states of the consolidation of a specimen along a path in a file.
+    """Saves states of the consolidation of a specimen along a path in a file.
 
-    file: None to keep nothing; engine: its name.
+    `file` is None to save nothing; `engine` is the name of the engine.
     """
 
     def __init__(self, file: File | None, specimen: State, path: Path, engine: str) -> None:
-        """Read nothing yet."""
+        """Open no file yet."""
         self.file = file
         aim = [specimen.digest(), path.name, dataclasses.asdict(path), engine]
         self._key = hashlib.sha256(json.dumps(aim).encode()).hexdigest()
@@ -130,12 +137,12 @@ class Interim:
         self._saved, self._took = time.monotonic(), 0.0
 
     def resumed(self) -> State | None:
-        """The last state that was kept of the same consolidation; None if there is none."""
+        """Return the last saved state of the same consolidation, or None."""
         if self.file is None or not self.file.exists():
             return None
         try:
             state = read_state(self.file)
-        except InputError:  # damaged, or of another version: begin anew
+        except InputError:  # damaged, or of another version: start again
             return None
         if state.history != self._key:
             return None
@@ -143,7 +150,7 @@ class Interim:
         return state.replace(history=kept.history, recipe=kept.recipe, provenance=kept.provenance)
 
     def keep(self, state: State, signals: Signals) -> None:
-        """Save a state if that is due. Raises Interrupted, after saving it, if a signal was caught."""
+        """Save a state if due. Raises Interrupted, after saving it, if a signal was caught."""
         now = time.monotonic()
         if self.file is None or not (signals.caught or now - self._saved > max(PAUSE, self._took / SHARE)):
             return
@@ -163,5 +170,5 @@ class Interim:
 
 
 def interim_of(output: File | str | None) -> File | None:
-    """Path of the file that keeps the consolidation of a command that writes `output`."""
+    """Return the path of the interim file of a command that writes `output`."""
     return None if output is None else File(output).with_name(f".{File(output).name}.consolidation")

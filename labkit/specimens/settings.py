@@ -15,8 +15,11 @@ from labkit.specimens.specimen import SIDE
 class Settings:
     """A preset.
 
-    side or grains: size of a specimen; time_step_factor: of the Scene; rate_factor: axial strain rate divided by the
-    default of the path (labkit.paths.rates.default_rate).
+    Args:
+        side: Side of the specimen, m, unless `grains` is given.
+        grains: Approximate number of grains.
+        time_step_factor: time_step_factor of the Scene.
+        rate_factor: Axial strain rate divided by the default of the path (labkit.paths.rates.default_rate).
     """
 
     side: float | None = None  # m

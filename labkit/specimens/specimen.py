@@ -42,7 +42,7 @@ class Recipe(Named):
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A
     cell with another `aspect` has the base `side` x `side`. `preparation = "insertion"` is that of the paper.
     `preparation = "compression"` compresses a gas isotropically (labkit.specimens.compression), with the friction of
-    step 1, to the void ratio, or to `pressure` if that is given: `void_ratio` then only determines the size.
+    step 1, to the void ratio, or to `pressure` if that is given; `void_ratio` then only determines the size.
     Raises InputError for values outside their ranges.
     """
 
@@ -106,7 +106,7 @@ class Recipe(Named):
         return self.grains or round(solid / mean_grain_volume(scene))
 
     def to_json(self) -> str:
-        """The recipe as JSON, for files."""
+        """Return the recipe as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
 
 
@@ -124,7 +124,7 @@ STEP1 = Equilibrium(unbalanced_force=1e-3, energy_ratio=1e-4)
 STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
 
 # The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
-# a spring system that is stopped after a time T retains cos(omega T) of each mode, so that no mode grows.
+# a spring system that is stopped after a time T retains cos(omega T) of each mode, so no mode grows.
 RELEASE_TIME_STEP = 0.25  # of the critical time step of the inserted grains
 RELEASE_STEPS = 20  # between two stops
 RELEASE_UNBALANCED = 0.03
@@ -144,7 +144,7 @@ def mean_grain_volume(scene: Scene) -> float:
 
 
 def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii from the distribution of diameters with a total volume of `solid_volume`, m3; (grain,), m.
+    """Draw radii (grain,), m, with a total volume of `solid_volume`, m3, from the distribution of diameters.
 
     See labkit.grains.grading for a scene with a grading. For the uniform distribution about the mean diameter,
     grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
@@ -163,7 +163,7 @@ def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> n
 
 
 def in_classes(radius: np.ndarray, classes: int) -> np.ndarray:
-    """Radii rounded to the midpoints of classes of equal width, times a factor close to 1 that keeps their volume."""
+    """Round radii to the midpoints of classes of equal width, times a factor close to 1 that keeps their volume."""
     low, high = radius.min(), radius.max()
     width = (high - low) / classes
     if width == 0.0:
@@ -173,13 +173,13 @@ def in_classes(radius: np.ndarray, classes: int) -> np.ndarray:
 
 
 def spatial_order(position: np.ndarray, side: float, mean_diameter: float) -> np.ndarray:
-    """Order of grains in which neighbours in space are close in memory: slices, rows, cells of two diameters."""
+    """Order grains by slices, rows and cells of two diameters, so that neighbours in space are close in memory."""
     block = np.floor(position / side * max(1, int(side / (2 * mean_diameter)))).astype(int)
     return np.lexsort(block.T)
 
 
 def insert_grains(scene: Scene, recipe: Recipe) -> State:
-    """A State of grains inserted at random with overlap, at exactly the nominal void ratio."""
+    """Insert grains at random with overlap, at exactly the nominal void ratio; returns a State."""
     side = recipe.side_of(scene)
     rng = np.random.default_rng(recipe.seed)
     lengths = side * np.array([1.0, 1.0, recipe.aspect])
@@ -192,16 +192,16 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
 
 
 def prepare_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
-    """A State at rest at the nominal void ratio, prepared in the two steps of section 2.
+    """Prepare a State at rest at the nominal void ratio in the two steps of section 2.
 
-    `start`: starts the engine. Raises PhysicsError if the specimen does not come to rest.
+    `start` starts the engine. Raises PhysicsError if the specimen does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
     return relax(inserted, scene, start, progress).replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
-    """A State at rest, relaxed from inserted grains with their friction in step 1 and that of `scene` in step 2."""
+    """Relax inserted grains to rest, with their own friction in step 1 and that of `scene` in step 2."""
     engine = start(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
     release(engine, lambda f, text: progress(0.3 * f, text))
@@ -266,12 +266,11 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
 
 
 def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, State]:
-    """The specimen at rest with the time step of its scene, ready for a test.
+    """Return the specimen at rest with the time step of its scene, ready for a test.
 
-    A state without contacts, from another program or placed by hand, gets the contacts that the engine detects: the
-    energy balance then includes their energy, and the stability limit takes their stiffness into account, from the
-    start. Raises InputError if grains overlap too deeply, PhysicsError if the test is `guarded` and the time step
-    exceeds its limit.
+    A state without contacts, from another program or placed by hand, gets the contacts that the engine detects, so that
+    the energy balance and the stability limit include them from the start. Raises InputError if grains overlap too
+    deeply, PhysicsError if the test is `guarded` and the time step exceeds its limit.
     """
     state = specimen.at_rest().replace(time_step=specimen.scene.time_step)
     if len(state.contact_grain) == 0:
@@ -285,7 +284,7 @@ def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, Stat
 
 
 def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
-    """Summary of a specimen, name -> (value, unit)."""
+    """Summarise a specimen, name -> (value, unit)."""
     snapshot = state.snapshot()
     grains, contacts, limit = state.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
     values = {
@@ -300,6 +299,6 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "unbalanced force": (unbalanced_force(snapshot), ""),
         "time step": (state.time_step, "s"),
     }
-    if np.isfinite(limit):  # there are contacts
+    if np.isfinite(limit):  # the specimen has contacts
         values["time step/critical time step"] = state.time_step / limit, ""
     return values

@@ -1,8 +1,8 @@
 """The stratified example of Fig. 3: a plane periodic layer, coarse grains above fine ones, under sigma_zz = 2 sigma_xx.
 
 The layer is one grain thick in a thicker periodic cell, because YADE requires a cell wider than two grains. Grains
-cannot leave the plane. Stresses are forces divided by the thickness of the cell, and a grain represents a disc of that
-thickness: its volume in the normalised force is pi D^2/4 times the thickness.
+cannot leave the plane. Stresses are forces divided by the thickness of the cell. A grain represents a disc of that
+thickness, so its volume in the normalised force is pi D^2/4 times the thickness.
 
 At equilibrium sigma_zz is equal in both strata; the servo controls only the mean of sigma_xx. With a few hundred coarse
 grains, the distribution of sigma_xx between the strata is random and sensitive to rounding: sigma_zz/sigma_xx of the
@@ -35,9 +35,17 @@ STAGES = 3  # stress ratios at which the layer comes to rest, from isotropic to 
 class Layer:
     """How to make the layer: two strata of equal height, the upper one `size_ratio` times as coarse.
 
-    width, height: of the whole layer, in mean coarse diameters; void_ratio: area of voids divided by area of discs;
-    step1_friction: mu during preparation; pressure: sigma_xx, Pa; ratio: sigma_zz/sigma_xx; seed: random seed of the
-    insertion. Raises InputError for values outside their ranges.
+    Raises InputError for values outside their ranges.
+
+    Args:
+        size_ratio: Coarse diameter divided by fine diameter.
+        width: Width of the layer, in mean coarse diameters.
+        height: Height of the layer, in mean coarse diameters.
+        void_ratio: Area of voids divided by area of discs.
+        step1_friction: mu during preparation.
+        pressure: sigma_xx, Pa.
+        ratio: sigma_zz/sigma_xx.
+        seed: Random seed of the insertion.
     """
 
     size_ratio: Number[float] = parameter(2.0, low=1.0, high=5.0, help="coarse diameter divided by fine diameter")
@@ -60,12 +68,12 @@ class Layer:
         check_parameters(self)
 
     def to_json(self) -> str:
-        """The layer as JSON, for files."""
+        """Return the layer as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
 
 
 def insert_layer(layer: Layer, scene: Scene) -> State:
-    """A State of grains inserted at random with overlap in two strata, both at the plane void ratio.
+    """Insert grains at random with overlap in two strata, both at the plane void ratio; returns a State.
 
     Discs lie entirely within their stratum: coarse discs protruding into the fine stratum would make it the denser of
     the two, and the strata would reach equal sigma_zz with unequal sigma_xx.
@@ -87,14 +95,14 @@ def insert_layer(layer: Layer, scene: Scene) -> State:
 
 
 def _draw_discs(diameter: float, spread: float, area: float, rng: np.random.Generator) -> np.ndarray:
-    """Radii of discs uniformly distributed about a mean diameter, scaled to fill an area exactly, m."""
+    """Draw radii of discs uniformly about a mean diameter, scaled to fill an area exactly, m."""
     mean = np.pi / 4.0 * diameter**2 * (1.0 + spread**2 / 3.0)
     radius = 0.5 * diameter * (1.0 + spread * rng.uniform(-1.0, 1.0, round(area / mean)))
     return radius * np.sqrt(area / np.sum(np.pi * radius**2))
 
 
 def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State:
-    """The layer at rest under its stresses, a State. Raises PhysicsError if it does not come to rest."""
+    """Make the layer, at rest under its stresses; returns a State. Raises PhysicsError if it does not come to rest."""
     scene = Scene(planar=True)
     inserted = insert_layer(layer, scene.with_friction(layer.step1_friction, scene.rolling_friction))
     state = relax(inserted, scene, start, lambda f, text: progress(0.6 * f, text))
@@ -112,7 +120,7 @@ def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State
 
 @dataclasses.dataclass(frozen=True)
 class Stratum:
-    """One stratum of the layer; means are over its contact sides, stresses are carried by its grains."""
+    """One stratum of the layer, with means over its contact sides and the stresses of its grains."""
 
     name: str
     grains: int
@@ -140,7 +148,7 @@ def stratum_of(state: State) -> np.ndarray:
 
 
 def strata(state: State) -> list[Stratum]:
-    """The coarse upper stratum and the fine lower stratum, in this order."""
+    """Return the coarse upper stratum and the fine lower stratum, in this order."""
     snapshot, group = state.snapshot(), stratum_of(state)
     contacts, volume = snapshot.contacts, disc_volume(state)
     stresses = group_stresses(snapshot, group, 2)

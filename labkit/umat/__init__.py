@@ -2,7 +2,7 @@
 
     props        the table of PROPS of a model
     library      builds the sources, and calls the compiled law from Python
-    export       what `labkit umat` writes
+    export       the files that `labkit umat` writes
 
 The sources are `labkit_umat.f90` and `labkit_mgis.c`; docs/umat.md explains their use.
 """

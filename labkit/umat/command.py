@@ -15,7 +15,7 @@ from labkit.parameters import UNITS, check_parameters, parameter
 
 @dataclasses.dataclass(frozen=True)
 class PointOptions:
-    """What a point starts from if the finite-element program gives no state, and the accuracy."""
+    """The initial state of points for which the finite-element program gives none, and the accuracy."""
 
     void_ratio: float | None = parameter(None, above=0.0, help="initial void ratio of points without a state")
     pressure: float | None = parameter(
@@ -24,7 +24,7 @@ class PointOptions:
     tolerance: float = parameter(1e-4, low=1e-12, high=1.0, help="relative error allowed in one substep")
 
     def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
+        """Check every parameter. Raises InputError."""
         check_parameters(self)
 
 

@@ -1,4 +1,4 @@
-"""Build the sources of the user material with gfortran and gcc, and call the compiled law from Python."""
+"""Builds the sources of the user material with gfortran and gcc, and calls the compiled law from Python."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parent
 FORTRAN, C = FOLDER / "labkit_umat.f90", FOLDER / "labkit_mgis.c"
 SOURCES = (FORTRAN, C)
 NAME = "liblabkit_umat.so"
-FLAGS = ("-O3", "-finline-limit=2000")  # inlines the small tensor functions: 1.4 times as fast as -O2
+FLAGS = ("-O3", "-finline-limit=2000")  # inlining the small tensor functions makes it 1.4 times as fast as -O2
 NO_START, WRONG_INPUT = 9, 10
 STATUS = REASONS | {
     NO_START: "no initial state: give a state, or the initial void ratio and a compressive stress or a pressure",
@@ -59,7 +59,7 @@ FORMULAS = {
 
 
 def missing_compilers() -> tuple[str, ...]:
-    """Names of the compilers that `build` needs and that are not on the search path."""
+    """Return the names of compilers that `build` needs but that are not on the search path."""
     return tuple(name for name in ("gfortran", "gcc") if shutil.which(name) is None)
 
 
@@ -79,7 +79,7 @@ def build(folder: Path) -> Path:
 
 
 def build_commands() -> tuple[list[str], ...]:
-    """The commands of `build`, to be run in the folder of the sources."""
+    """Return the commands of `build`, to be run in the folder of the sources."""
     return (
         ["gcc", "-O2", "-std=c99", "-fPIC", "-c", C.name],
         ["gfortran", *FLAGS, "-std=f2008", "-shared", "-fPIC", "-o", NAME, FORTRAN.name, "labkit_mgis.o"],
@@ -100,15 +100,19 @@ class Library:
     """The compiled law of one model: the same functions as labkit.model.material_point, called through C."""
 
     def __init__(self, file: Path, model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE) -> None:
-        """Load a library that `build` made."""
+        """Load a library that `build` has compiled."""
         self._library = ctypes.CDLL(str(file))
         self.props = np.array(list(properties(model, start, tolerance).values()))
 
     def update(self, state: np.ndarray, increment: np.ndarray, tangent: bool = True) -> Update:
-        """As labkit.model.material_point.update, but a failed point has finite stress and tangent.
+        """Update points like labkit.model.material_point.update, but with finite stress and tangent if a point fails.
 
-        state (n, 21), increment (n, 6), Mandel notation, compression positive. The stress of a failed point is that
-        before the increment.
+        The stress of a failed point is that before the increment.
+
+        Args:
+            state: (n, 21), Mandel notation, compression positive.
+            increment: Strain increment, (n, 6).
+            tangent: True to compute the tangent.
         """
         new, increment = np.array(state, dtype=float, order="C"), np.ascontiguousarray(increment, dtype=float)
         if new.ndim != 2 or new.shape[1] != STATE or increment.shape != (len(new), 6):
@@ -126,7 +130,10 @@ class Library:
         return Update(new, stress, tangents if tangent else None, status.astype(np.int64), substeps.astype(np.int64))
 
     def initial_state(self, stress: np.ndarray) -> np.ndarray:
-        """State (21,) under the stress (6,), compression positive, with A = F^t = 0. Raises InputError."""
+        """Return the state (21,) under a stress (6,), compression positive, with A = F^t = 0.
+
+        Raises InputError if the law finds no such state.
+        """
         stress, state = np.ascontiguousarray(stress, dtype=float), np.empty(STATE)
         status = self._library.labkit_initial_state(
             ctypes.c_int(len(self.props)), _address(self.props), _address(stress), _address(state)
@@ -136,7 +143,7 @@ class Library:
         return state
 
     def formulas(self, state: np.ndarray, rate: np.ndarray, compressing: bool) -> dict[str, np.ndarray]:
-        """Value of every formula at one state (21,) and strain rate (6,), by the names in FORMULAS."""
+        """Return the value of every formula at one state (21,) and strain rate (6,), by the names in FORMULAS."""
         state, rate = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(rate, dtype=float)
         out = np.empty(sum(FORMULAS.values()))
         self._library.labkit_formulas(

@@ -1,4 +1,4 @@
-"""What the plug-in umat adds to labkit."""
+"""The plug-in umat: registers the command `labkit umat`."""
 
 from __future__ import annotations
 

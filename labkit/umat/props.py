@@ -18,14 +18,14 @@ TOLERANCE = 1e-4  # of a substep, the default of labkit.model.material_point.upd
 class PointStart:
     """Initial state of points for which the finite-element program gives none: void ratio and pressure, Pa.
 
-    Zero stands for `not given`. Where the program gives an initial stress, that stress is used instead of the pressure.
+    Zero means `not given`. If the program gives an initial stress, it is used instead of the pressure.
     """
 
     void_ratio: float = 0.0
     pressure: float = 0.0
 
     def __post_init__(self) -> None:
-        """Raises InputError for a negative value or one that is not finite."""
+        """Raise InputError for a value that is negative or not finite."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if not (np.isfinite(value) and value >= 0.0):
@@ -35,10 +35,15 @@ class PointStart:
 def properties(
     model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
 ) -> dict[str, float]:
-    """PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
+    """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
 
-    `stress_unit`, Pa: the unit of stress of the analysis, e.g. 1e3 for kPa; E and the pressure are divided by it.
     Raises InputError for a tolerance or unit that is not positive.
+
+    Args:
+        model: The model.
+        start: Initial state of points for which the program gives none.
+        tolerance: Relative error of a substep.
+        stress_unit: Unit of stress of the analysis, Pa, e.g. 1e3 for kPa, by which E and the pressure are divided.
     """
     if not 1e-12 <= tolerance <= 1.0:
         raise InputError(field="tolerance", value=tolerance, allowed="a number from 1e-12 to 1")
@@ -47,7 +52,7 @@ def properties(
     start = start or PointStart()
     if model.c_dLam or model.readings.force_rate == "distance" or model.readings.line_void_ratio == "reported":
         raise InputError(
-            "the compiled material law has the equations of the paper only: use c_dLam = 0, force_rate = plain or "
+            "the compiled material law contains only the equations of the paper: use c_dLam = 0, force_rate = plain or "
             "with_force, and line_void_ratio = nominal"
         )
     readings = {
