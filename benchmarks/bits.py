@@ -1,12 +1,12 @@
-"""Bits of short tests: whether two versions of labkit compute the same numbers.
+"""Compares short tests bit by bit: do two versions of labkit compute the same numbers?
 
     python benchmarks/bits.py write before.json            # with the labkit that Python imports
     python benchmarks/bits.py compare before.json after.json
     python benchmarks/bits.py write some.json --only cp cv yade_cv
 
-A case is a few labkit commands, and the hashes of the variables in the file that the last one writes. They depend on
-the processor, Numba and NumPy. The cases yade_* and lammps_* need these programs; `--engines` adds
-them, and the last values of their runs are compared, within a tolerance.
+A case consists of a few labkit commands and the hashes of the variables in the file that the last one writes. The
+hashes depend on the processor, Numba and NumPy. The cases yade_* and lammps_* need these programs; `--engines` adds
+them, and compares the last values of their runs within a tolerance.
 """
 
 from __future__ import annotations
@@ -88,12 +88,12 @@ CP = "cp s.state.nc --pressure 300kPa --strain 0.01 --record-strain 0.001"
 
 
 def run(words: str) -> list[str]:
-    """The command of a test of the specimen s.state.nc at a high rate."""
+    """Return the command of a test of the specimen s.state.nc at a high rate."""
     return [f"run {words} --engine fused --rate 100 -o r.run.nc"]
 
 
 def specimen(words: str = "", void_ratio: float = 0.67) -> str:
-    """The command that makes the specimen s.state.nc."""
+    """Return the command that makes the specimen s.state.nc."""
     return f"specimen --void-ratio {void_ratio} --grains {GRAINS} --engine fused -o s.state.nc {words}"
 
 
@@ -142,7 +142,7 @@ CASES = {
     "mixed_cp": run(f"{CP} --precision mixed"),
     "mixed_undrained_cycles": run("undrained_cycles s.state.nc --pressure 200kPa --cycles 1 --precision mixed"),
     "two_threads": run(f"{CP} --threads 2"),
-    "undisturbed": run(f"{CP} --save-every 1"),  # the two that follow have the bits of this one
+    "undisturbed": run(f"{CP} --save-every 1"),  # the next two cases have the bits of this one
     "killed": ["SIGKILL", *run(f"{CP} --save-every 1")],
     "terminated": ["SIGTERM", *run(f"{CP} --save-every 1")],
     # specimens
@@ -180,7 +180,7 @@ TOLERANCE = 1e-6  # relative difference of these values that `compare` accepts f
 
 
 def write(file: Path, names: Sequence[str]) -> None:
-    """Compute cases and write their hashes, with what they depend on, as JSON."""
+    """Compute cases and write their hashes as JSON, with the versions and the processor that they depend on."""
     with tempfile.TemporaryDirectory() as scratch:
         common = Path(scratch) / "s.state.nc"
         with contextlib.chdir(scratch):
@@ -192,7 +192,7 @@ def write(file: Path, names: Sequence[str]) -> None:
             start = time.perf_counter()
             try:
                 cases[name] = compute(name, folder, common)
-            except Exception as error:  # the other cases are computed all the same
+            except Exception as error:  # the other cases are computed nevertheless
                 print(f"{name}: {type(error).__name__}: {error}", flush=True)
                 continue
             print(f"{name:28} {str(cases[name]['data_sha256'])[:16]} {time.perf_counter() - start:6.1f} s", flush=True)
@@ -200,7 +200,7 @@ def write(file: Path, names: Sequence[str]) -> None:
 
 
 def compute(name: str, folder: Path, common: Path) -> dict[str, object]:
-    """Carry out the commands of a case in a folder; the hashes of the file written last."""
+    """Carry out the commands of a case in a folder; return the hashes of the file written last."""
     shutil.copy(common, folder)
     for file, text in {"phases.yaml": PATH_FILE, "test.inp": DRIVER_TEST, "initial.inp": INITIAL}.items():
         (folder / file).write_text(text)
@@ -215,7 +215,7 @@ def compute(name: str, folder: Path, common: Path) -> dict[str, object]:
 
 
 def command(words: str) -> None:
-    """A labkit command in this process. Raises RuntimeError with its output if it fails."""
+    """Run a labkit command in this process. Raises RuntimeError with its output if it fails."""
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         code = labkit_command(shlex.split(words))
@@ -224,14 +224,14 @@ def command(words: str) -> None:
 
 
 def stop_by(number: signal.Signals) -> None:
-    """Start the run of STOPPED in another process, which sends itself a signal half way."""
+    """Start the run of STOPPED in another process, which sends itself a signal halfway."""
     ended = subprocess.run([sys.executable, "-c", STOPPED.format(signal=number.value)], capture_output=True, text=True)
     if ended.returncode == 0 or not Path("r.run.nc").exists():
         raise RuntimeError(f"the run was not stopped by {number.name}: {ended.stderr}")
 
 
 def hashes(file: Path) -> dict[str, object]:
-    """data_sha256, a hash of each variable, and some values of the last record of a netCDF file."""
+    """Return data_sha256, a hash of each variable, and some values of the last record of a netCDF file."""
     with netCDF4.Dataset(file) as data:
         variables = {}
         for group in (data, *(group for name, group in data.groups.items() if name != "checkpoint")):
@@ -244,7 +244,7 @@ def hashes(file: Path) -> dict[str, object]:
 
 
 def surroundings() -> dict[str, str]:
-    """What bits depend on: versions of labkit, Numba and NumPy, and the processor."""
+    """Return what the bits depend on: versions of labkit, Numba and NumPy, and the processor."""
     source = Path(labkit.__file__).parents[1]
     described = subprocess.run(["git", "-C", source, "rev-parse", "HEAD"], capture_output=True, text=True)
     versions = {"labkit": labkit.__version__, "numba": numba.__version__, "numpy": np.__version__}
@@ -257,7 +257,7 @@ def surroundings() -> dict[str, str]:
 
 
 def compare(before: Path, after: Path) -> int:
-    """Print what differs between two files of `write`; 1 if something does that should not, else 0."""
+    """Print the differences between two files of `write`; return 1 if bits differ that must not, else 0."""
     one, other = (json.loads(file.read_text()) for file in (before, after))
     for name, value in one["made_with"].items():
         if other["made_with"][name] != value:
@@ -277,7 +277,7 @@ def compare(before: Path, after: Path) -> int:
 
 
 def difference(case: dict[str, Any], again: dict[str, Any], tolerant: bool) -> str:
-    """What differs between two results of a case; empty if nothing does that should not."""
+    """Describe the unacceptable differences between two results of a case; empty if none."""
     if case["data_sha256"] == again["data_sha256"]:
         return ""
     old, new = case["variables"], again["variables"]
@@ -298,7 +298,7 @@ def spread(one: list[float], other: list[float] | None) -> float:
 
 
 def main() -> int:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     writing = commands.add_parser("write")

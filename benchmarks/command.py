@@ -111,7 +111,7 @@ def bench_command(
     strain: Annotated[float, Option("axial strain of whole commands", "E", type=fraction)] = 0.1,
     csv: Annotated[str | None, Option("also write the table of `commands`, `gpu` or `sizes` as CSV", "FILE")] = None,
 ) -> None:
-    """Measures the speed of a CV test: of a stock YADE script, labkit's engines and LAMMPS, where installed.
+    """Measures the speed of a CV test with a stock YADE script, labkit's engines and LAMMPS, if installed.
 
     Prints a table.
 
@@ -160,7 +160,7 @@ def umat_speed_command(
 ) -> None:
     """Compiles the material law and measures its updates per second on one core.
 
-    It does so with and without the consistent tangent, beside the law in Python.
+    It does so with and without the consistent tangent, and compares the law in Python.
 
     Example:
         labkit umat-speed -o umat_speed.txt

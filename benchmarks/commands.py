@@ -1,4 +1,4 @@
-"""Speed of whole commands `labkit run cv`, with records, saves and the start of Python, and of others' loops."""
+"""Speed of whole `labkit run cv` commands, with records, saves and the start of Python, and of other programs."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from labkit.runs.run import Run
 from labkit.servo.correction import prescribed_gradient
 
 Measure = Callable[[], tuple[float, float]]  # steps, seconds
-TRIALS = 3  # of each setting of LAMMPS
-YADE_STRAIN = 1e-3  # of the whole command on YADE: one record
+TRIALS = 3  # measurements of each setting of LAMMPS
+YADE_STRAIN = 1e-3  # axial strain of the whole command on YADE: one record
 
 COMMANDS = {
     "labkit run cv, fused": ("--engine", "fused"),
@@ -37,11 +37,17 @@ COMMANDS = {
 
 
 def commands(specimen: str, strain: float, steps: int, rounds: int, progress: Progress) -> pandas.DataFrame:
-    """Speeds of whole commands and of the loops of other programs, all on one thread, measured alternately.
+    """Measure whole commands and the loops of other programs alternately, all on one thread.
 
-    strain: of the whole commands (0.1 % on YADE), which have the standard records and saves and are timed from outside,
-    from the start of Python to its end; steps: of the other programs' loops. One row for each variant and round:
-    `variant`, `round`, `steps`, `seconds`, `steps_per_second`.
+    The commands write the standard records and saves, and are timed from the start of Python to its end. Returns one row
+    for each variant and round: `variant`, `round`, `steps`, `seconds`, `steps_per_second`.
+
+    Args:
+        specimen: State file.
+        strain: Axial strain of each timed command (0.1 % on YADE).
+        steps: Steps of the other programs' loops.
+        rounds: Number of rounds.
+        progress: Called with the progress.
     """
     state = read_state(specimen)
     file = str(Path(specimen).resolve())
@@ -72,7 +78,7 @@ def _loop(speed: float, steps: int) -> tuple[float, float]:
 
 
 def _whole(specimen: str, strain: float, options: tuple[str, ...]) -> tuple[float, float]:
-    """Steps and seconds of a whole command."""
+    """Measure steps and seconds of a whole command."""
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "r.run.nc"
         command = [sys.executable, "-m", "labkit.cli", "run", "cv", specimen, "--strain", str(strain), *options]
@@ -87,7 +93,7 @@ def _whole(specimen: str, strain: float, options: tuple[str, ...]) -> tuple[floa
 
 
 def summary(speeds: pandas.DataFrame, grains: int) -> str:
-    """Medians and ranges of the speeds, and ratios to the other programs within each round, the limits of a core."""
+    """Tabulate medians and ranges of the speeds, ratios to the other programs, and the limits of a core."""
     each = {name: group.set_index("round")["steps_per_second"] for name, group in speeds.groupby("variant", sort=False)}
     others = [name for name in each if "loop" in name]
     lines = [

@@ -32,7 +32,7 @@ Variant = Callable[[str, int], dict[str, float]]
 
 
 def stock_speed(file: str | os.PathLike[str], steps: int) -> dict[str, float]:
-    """Speed of a plain YADE script with the grains of a state file. Raises PhysicsError if it fails."""
+    """Measure a plain YADE script with the grains of a state file. Raises PhysicsError if it fails."""
     state = read_state(file)
     with tempfile.TemporaryDirectory() as folder:
         grains = Path(folder) / "grains.npz"

@@ -1,4 +1,4 @@
-"""Speed of the engine cuda over the size of specimens and the number of them in a batch."""
+"""Speed of the engine cuda as a function of the size of specimens and their number in a batch."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from labkit.servo.plan import Corrections, Planner
 
 
 def bandwidth() -> float:
-    """Peak bandwidth of the memory of the device, bytes per second; NaN if the driver does not say."""
+    """Peak bandwidth of the device's memory, bytes per second; NaN if the driver does not report it."""
     if SIMULATED:
         return math.nan
     device = cuda.get_current_device()
@@ -34,7 +34,7 @@ def bandwidth() -> float:
 
 
 class Case(NamedTuple):
-    """A batch to measure: grains of each specimen, about, number of specimens, and whether stresses are held."""
+    """A batch to measure: approximate grains per specimen, number of specimens, and whether stresses are held."""
 
     grains: int
     states: int
@@ -50,17 +50,22 @@ CASES = (
     Case(1_000_000, 1),
 )
 GRAIN_STEPS = 3e8  # per measurement
-BYTES = {"double": 1_580.0, "mixed": 1_290.0}  # moved per grain and step: an estimate, see docs/gpu.md
-STRAIN = 0.2  # of the tests whose time is estimated
+BYTES = {"double": 1_580.0, "mixed": 1_290.0}  # memory traffic per grain and step, an estimate (docs/gpu.md)
+STRAIN = 0.2  # axial strain of the tests whose time is estimated
 
 
 def gpu(state: State, progress: Progress, cases: Sequence[Case] = CASES, work: float = GRAIN_STEPS) -> pandas.DataFrame:
-    """Speed of batches of a specimen and its copies, a row per batch that fits the GPU and per precision.
+    """Measure batches of a specimen and its copies; one row per precision and batch that fits the GPU.
 
-    work: grain-steps per measurement. Columns: grains (of one specimen), states, servo, precision; step: s per time
-    step; rate: grain-steps per second; share: of the peak bandwidth, estimated; memory: GB, estimated; test: minutes
-    for the whole batch to an axial strain of 20 % at the default rate, without records.
-    Raises InputError without a GPU.
+    The columns are grains (of one specimen), states, servo, precision, step (s per time step), rate (grain-steps per
+    second), share (of the peak bandwidth, estimated), memory (GB, estimated) and test (minutes for the whole batch to
+    an axial strain of 20 % at the default rate, without records). Raises InputError without a GPU.
+
+    Args:
+        state: The specimen.
+        progress: Called with the progress.
+        cases: Batches to measure.
+        work: Grain-steps per measurement.
     """
     rows = []
     plan = [(case, precision) for case in cases for precision in BYTES]
@@ -75,13 +80,13 @@ def gpu(state: State, progress: Progress, cases: Sequence[Case] = CASES, work: f
 
 
 def enlarged(state: State, grains: int) -> State:
-    """Copies of a specimen side by side, with about this number of grains; the specimen itself if it has more."""
+    """Place copies of a specimen side by side to reach about this number of grains; a larger one is returned as is."""
     ratio = max(1.0, (grains / state.number_of_grains) ** (1 / 3))
     return copies(state, [int(ratio) + (ratio % 1 > share) for share in (0.75, 0.5, 0.25)])
 
 
 def _measured(specimen: State, case: Case, precision: str, work: float, memory: float) -> dict[str, float | str | bool]:
-    """A row of the table."""
+    """Measure one row of the table."""
     pressure = float(mean_stress(love_stress(specimen.snapshot())))
     path = ConstantMeanStress(pressure=pressure) if case.servo else ConstantVolume()
     path = on_grains(path, specimen.scene)
@@ -107,7 +112,7 @@ def _measured(specimen: State, case: Case, precision: str, work: float, memory: 
 
 
 def _corrections(specimen: State, path: Path, steps: int) -> list[Corrections]:
-    """What moves the cell over a number of steps, in parts as a run makes them."""
+    """Return the Corrections of a number of steps, divided as in a run."""
     step = next(iter(path.steps_from(Here())))
     stiffness = cell_stiffness(specimen.snapshot(), step.held.components) if step.held else None
     plans = []
@@ -129,7 +134,7 @@ def _advance(batch: Batch, plans: Sequence[Corrections]) -> None:
 
 
 def table(speeds: pandas.DataFrame) -> str:
-    """The table as text."""
+    """Format the table as text."""
     shown = speeds.assign(step=1e3 * speeds["step"], rate=speeds["rate"] / 1e9, share=100.0 * speeds["share"])
     names = {"step": "ms/step", "rate": "1e9 grain-steps/s", "share": "% of bandwidth", "memory": "GB", "test": "min"}
     return shown.rename(columns=names).to_string(index=False, float_format="%.4g")

@@ -1,4 +1,4 @@
-"""Integrators to compare the model's own with: methods of scipy, and explicit and implicit ones with fixed steps."""
+"""Integrators to compare with the model's own: methods of scipy, and explicit and implicit ones with fixed steps."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Scipy(Integrator):
     """A method of scipy.integrate.solve_ivp: RK45, DOP853, LSODA, Radau, BDF."""
 
     def __init__(self, method: str, tolerance: float = 1e-6) -> None:
-        """`method`: name in scipy; `tolerance`: relative tolerance, and absolute tolerance in units of FLOOR."""
+        """Take scipy's name of the method, and the relative tolerance, also the absolute one in units of FLOOR."""
         self.method = method
         self.tolerance = tolerance
 
@@ -76,7 +76,7 @@ class Scipy(Integrator):
 class FixedStep(Integrator):
     """Equal strain steps, each no longer than `length`, that together span a piece of the path.
 
-    `order`: theoretical order of convergence.
+    `order` is the theoretical order of convergence.
     """
 
     length: float
@@ -84,7 +84,7 @@ class FixedStep(Integrator):
     order: ClassVar[int]
 
     def __post_init__(self) -> None:
-        """Raises InputError unless the length is positive."""
+        """Raise InputError unless the length is positive."""
         if not (np.isfinite(self.length) and self.length > 0.0):
             raise InputError(f"step {self.length:g} is not valid: give a positive strain")
 

@@ -1,4 +1,4 @@
-"""Cost of the fused engine: by feature, and relative to the limits of the hardware; copies of a specimen."""
+"""Cost of the fused engine by feature, and relative to the limits of the hardware."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class TimedEngine(FusedEngine):
 
 
 def seconds_per_step(engine: FusedEngine, state: State, steps: int, sampled: bool = False) -> float:
-    """Measure the CPU seconds per step under shear; `sampled`: with the stress sums of a servo.
+    """Measure the CPU seconds per step under shear, with the stress sums of a servo if `sampled`.
 
     The engine uses one thread, whose CPU time other jobs on the computer hardly change.
     """
@@ -119,7 +119,7 @@ def seconds_per_step(engine: FusedEngine, state: State, steps: int, sampled: boo
 
 
 def contact_seconds(engine: TimedEngine, start: State, steps: int, sampled: bool = False) -> float:
-    """CPU seconds per step from a state, without the neighbour searches; arguments as in `seconds_per_step`."""
+    """Measure CPU seconds per step from a state, without neighbour searches; arguments as in `seconds_per_step`."""
     engine.load(start)
     engine.searches.clear()
     return seconds_per_step(engine, start, steps, sampled) - sum(engine.searches) / steps

@@ -29,10 +29,12 @@ from labkit.grains.state import State
 
 @dataclasses.dataclass(frozen=True)
 class Tuning:
-    """What changes the speed of LAMMPS and not its results, apart from rounding.
+    """Settings that change the speed of LAMMPS but not its results, apart from rounding.
 
-    skin: fraction of the mean diameter; newton: `on` to compute a pair across two processes once; sort: steps between
-    two sorts of the grains by place.
+    Args:
+        skin: Skin as a fraction of the mean diameter.
+        newton: "on" to compute a pair across two processes once.
+        sort: Steps between two sorts of the grains by place.
     """
 
     skin: float = 0.05
@@ -82,8 +84,11 @@ run {steps}
 class LammpsRun:
     """Records of LAMMPS while the cell deforms.
 
-    size (record, 3): cell, m; stress (record, 3, 3): sum over all contact forces, Pa, compression positive;
-    seconds: wall time of the loop over `steps` steps.
+    Args:
+        size: Sides of the cell, (record, 3), m.
+        stress: Sum over all contact forces, (record, 3, 3), Pa, compression positive.
+        seconds: Wall time of the loop, s.
+        steps: Number of steps of the loop.
     """
 
     size: np.ndarray
@@ -104,9 +109,17 @@ def write_input(
 ) -> Path:
     """Write the LAMMPS data and input files for a State into a folder; return the input file.
 
-    rates (3,): logarithmic strain rates of the cell, 1/s, expansion positive. settle: number of steps at rest before
-    the deformation. every: number of steps between records. classes: number of grain-size classes. Raises InputError
-    if the cell is not a rectangular box.
+    Raises InputError if the cell is not a rectangular box.
+
+    Args:
+        folder: Folder to write to.
+        state: The specimen.
+        rates: Logarithmic strain rates of the cell, (3,), 1/s, expansion positive.
+        steps: Number of steps.
+        settle: Number of steps at rest before the deformation.
+        every: Number of steps between records.
+        classes: Number of grain-size classes.
+        tuning: Settings that change the speed.
     """
     cell = state.cell
     if np.abs(cell - np.diag(np.diag(cell))).max() > 1e-12 * cell.max():

@@ -103,7 +103,7 @@ def _error(stress: np.ndarray, exact: np.ndarray) -> float | None:
 
 
 def table(results: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
-    """Tabulate time and error of every integrator at every setting. results: title -> label -> Points."""
+    """Tabulate time and error of every integrator at every setting, from title -> label -> Points."""
     lines = [
         f"Relative stress error (maximum over the records) and time (best of {REPEATS}), for each strain step of the "
         "fixed-step integrators and each tolerance of the others."
@@ -133,10 +133,10 @@ def one_path(model: Model) -> str:
 
 
 def work_precision(panels: Mapping[str, Mapping[str, Sequence[tuple[float, float, float | None]]]]) -> Figure:
-    """Computing time against error of integrators; a Figure.
+    """Draw computing time against error of integrators; returns a Figure.
 
-    `panels`: title -> (label -> list of (setting, seconds, error)). Settings at which an integrator failed have no
-    error and are not drawn.
+    `panels` maps a title to (label -> list of (setting, seconds, error)). Settings at which an integrator failed have
+    no error and are not drawn.
     """
     figure = new_figure(WIDTH * 1.3, 4.6)
     grid = figure.panels(1, len(panels), squeeze=False)

@@ -3,8 +3,8 @@
     python benchmarks/options.py write before.json            # of the labkit that Python imports
     python benchmarks/options.py compare before.json after.json
 
-Reads the parsers behind `labkit COMMAND --help`. `compare` prints everything that is gone or different, which ends it
-with exit code 1, and what is new.
+Reads the parsers behind `labkit COMMAND --help`. `compare` prints everything that is missing, different or new; the
+exit code is 1 if anything is missing or different.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ Listed = dict[str, dict[str, object]]  # option -> its properties
 
 
 def listed() -> dict[str, object]:
-    """Names of the front door, and the options of all commands."""
+    """List the names of the front door and the options of all commands."""
     return {"front_door": sorted(labkit.__all__), "commands": command_options()}
 
 
 def command_options() -> dict[str, Listed]:
-    """All commands and their options; the command "" stands for labkit itself."""
+    """Return all commands and their options; the command "" stands for labkit itself."""
     (general,) = parsers("--help")
     found = {"": options_of(general)}
     for name in re.findall(r"^ {2,4}([a-z][a-z-]+)(?: {2}|$)", general.format_help(), re.MULTILINE):
@@ -40,7 +40,7 @@ def command_options() -> dict[str, Listed]:
 
 
 def parsers(*words: str) -> list[argparse.ArgumentParser]:
-    """The parsers that print their help for a command line."""
+    """Return the parsers that print their help for a command line."""
     asked: list[argparse.ArgumentParser] = []
     with (
         mock.patch.object(argparse.ArgumentParser, "print_help", lambda self, file=None: asked.append(self)),
@@ -52,7 +52,7 @@ def parsers(*words: str) -> list[argparse.ArgumentParser]:
 
 
 def options_of(parser: argparse.ArgumentParser) -> Listed:
-    """Options and positional arguments of a parser."""
+    """Return the options and positional arguments of a parser."""
     found: Listed = {}
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
@@ -69,7 +69,7 @@ def options_of(parser: argparse.ArgumentParser) -> Listed:
 
 
 def compare(before: Path, after: Path) -> int:
-    """Print the differences between two files of `write`; 1 if something is gone or different."""
+    """Print the differences between two files of `write`; return 1 if anything is missing or different."""
     one, other = (json.loads(file.read_text()) for file in (before, after))
     gone = [f"labkit.{name}: gone" for name in one["front_door"] if name not in other["front_door"]]
     new = [f"labkit.{name}" for name in other["front_door"] if name not in one["front_door"]]
@@ -90,7 +90,7 @@ def compare(before: Path, after: Path) -> int:
 
 
 def changes(option: str, before: dict[str, object], after: dict[str, object]) -> list[str]:
-    """What differs between two descriptions of an option; choices may be added, and the help may change."""
+    """Describe the differences of an option; choices may be added, and the help may change."""
     old, new = before["choices"], after["choices"]
     less = isinstance(old, list) and not set(old) <= set(new if isinstance(new, list) else old)
     kept = ("takes", "default", "required")
@@ -99,7 +99,7 @@ def changes(option: str, before: dict[str, object], after: dict[str, object]) ->
 
 
 def main() -> int:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("write").add_argument("file", type=Path)

@@ -25,11 +25,11 @@ Law = Callable[[np.ndarray, np.ndarray, bool], Update]
 
 
 def measure(model: Model) -> pandas.DataFrame:
-    """Millions of updates per second of POINTS points at once, without and with the consistent tangent.
+    """Measure millions of updates per second of POINTS points at once, without and with the consistent tangent.
 
-    One row per law and size of the strain increment: law, increment, substeps, stress, tangent. The state is that of a
-    CV path at 5 %, the directions of the increments are random, and the time is the CPU time of the thread, the
-    shortest of REPEATS. The compiled law is left out where a compiler is missing.
+    Returns one row per law and size of the strain increment: law, increment, substeps, stress, tangent. The state is
+    that of a CV path at 5 %, the directions of the increments are random, and the time is the shortest CPU time of the
+    thread in REPEATS measurements. The compiled law is left out if a compiler is missing.
     """
     path = model_path("cv", 0.5e6, strain=0.05)
     y = states(drive(model, path, isotropic_state(model, 0.67, 0.5e6)).state(), POINTS)
@@ -61,7 +61,7 @@ def _speeds(law: Law, y: np.ndarray, increments: np.ndarray) -> dict[str, float]
 
 
 def text_of(speeds: pandas.DataFrame) -> str:
-    """The table as text."""
+    """Format the table as text."""
     lines = [f"updates of {POINTS} material points at once, tolerance 1e-4, one core, in millions per second:"]
     for row in speeds.to_dict("records"):
         lines.append(

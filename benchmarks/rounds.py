@@ -1,4 +1,4 @@
-"""Measurements in alternating rounds, and the ratios between them: speeds vary with a computer's other work."""
+"""Measurements in alternating rounds, and their ratios, because speeds vary with a computer's other work."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def alternate(measures: Mapping[str, Callable[[], T]], rounds: int, progress: Pr
 
 
 def ratio(values: Sequence[float], base: Sequence[float]) -> str:
-    """Median and range of the ratios within each round, as text of three columns."""
+    """Format the median and range of the ratios within each round as three columns."""
     ratios = [a / b for a, b in zip(values, base, strict=True)]
     return f"{statistics.median(ratios):7.2f} {min(ratios):6.2f}-{max(ratios):<6.2f}"

@@ -1,4 +1,4 @@
-"""Time per grain and step and memory of specimens of about 1,000 to 1,000,000 grains, beside LAMMPS."""
+"""Memory, and time per grain and step, of specimens of about 1,000 to 1,000,000 grains, compared with LAMMPS."""
 
 from __future__ import annotations
 
@@ -19,16 +19,22 @@ from labkit.paths.standard import ConstantVolume
 from labkit.servo.correction import prescribed_gradient
 
 SIZES = (1_000, 14_000, 110_000, 1_000_000)  # approximate numbers of grains, reached by copying the specimen
-TUNING = lammps.Tuning(0.1, "on", 200)  # of LAMMPS: the fastest with 14,331 grains, see results/bench
+TUNING = lammps.Tuning(0.1, "on", 200)  # the fastest for LAMMPS with 14,331 grains, see results/bench
 ROUNDS = 3
 
 
 def sizes(state: State, steps: int, progress: Progress, grains: Sequence[int] = SIZES) -> pandas.DataFrame:
-    """Nanoseconds per grain and step on one thread, without records and searches of neighbours, a row per size.
+    """Measure nanoseconds per grain and step on one thread, without records and neighbour searches; one row per size.
 
-    steps: with 10,000 grains; there are fewer with more grains, but at least 20. Columns: grains; double, mixed (the
-    fused engine, CPU time), lammps (its loop; NaN if it is not installed or lacks the contact law): medians of
-    alternating rounds; memory: peak so far of this process, bytes per grain.
+    The columns are grains, medians of alternating rounds, and memory, the peak of this process so far, bytes per grain.
+    The medians are double and mixed (CPU time of the fused engine) and lammps (its loop; NaN if LAMMPS is not installed
+    or lacks the contact law).
+
+    Args:
+        state: The specimen.
+        steps: Number of steps with 10,000 grains; larger specimens take fewer, but at least 20.
+        progress: Called with the progress.
+        grains: Approximate numbers of grains.
     """
     program = shutil.which("lmp") if state.scene.law in HOOKEAN else None
     rows = []
@@ -43,7 +49,7 @@ def sizes(state: State, steps: int, progress: Progress, grains: Sequence[int] = 
 
 
 def _measured(state: State, steps: int, program: str | None) -> dict[str, float]:
-    """A row of the table."""
+    """Measure one row of the table."""
     n = state.number_of_grains
     rates = prescribed_gradient(on_grains(ConstantVolume(), state.scene), state.time_step).diagonal()
     engines = {precision: FusedEngine(state, precision=precision) for precision in ("double", "mixed")}

@@ -5,8 +5,8 @@
 
 BEFORE and AFTER are folders that contain labkit/. Each command starts a new Python. In each round it runs once in each
 checkout, in alternating order; the first run of each, which compiles, is not counted. Modules are compiled once, as in
-an installation, also where PYTHONDONTWRITEBYTECODE is set. Ratios are those of AFTER to
-BEFORE in the same round: below 1, AFTER is faster.
+an installation, even if PYTHONDONTWRITEBYTECODE is set. Ratios are those of AFTER to BEFORE in the same round: below 1,
+AFTER is faster.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLD = "first run, no compiled code"
 
 
 def timed(checkout: Path, words: str, folder: Path, environment: Mapping[str, str] | None = None) -> Times:
-    """Wall and CPU time of a labkit command in a checkout, s. Raises RuntimeError if it fails."""
+    """Measure wall and CPU time of a labkit command in a checkout, s. Raises RuntimeError if it fails."""
     own = {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(folder / "compiled"), **(environment or {})}
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     start = time.perf_counter()
@@ -48,7 +48,7 @@ def timed(checkout: Path, words: str, folder: Path, environment: Mapping[str, st
 
 
 def loading(folder: Path, path: str, grains: int, strain: float, engine: str) -> Callable[[Path], Times]:
-    """A test of a specimen, as a function of the checkout; engine: its name and options."""
+    """Return a test of a specimen as a function of the checkout; `engine` is its name and options."""
     output = folder / "r.run.nc"
     words = f"run {path} {grains}.state.nc --strain {strain} -o {output} --engine {engine}"
 
@@ -60,7 +60,7 @@ def loading(folder: Path, path: str, grains: int, strain: float, engine: str) ->
 
 
 def first_run(folder: Path, grains: int) -> Callable[[Path], Times]:
-    """A short test that compiles all it needs."""
+    """Return a short test that compiles everything it needs."""
     output = folder / "r.run.nc"
     words = f"run cv {grains}.state.nc --engine fused --strain 0.001 -o {output}"
 
@@ -73,7 +73,7 @@ def first_run(folder: Path, grains: int) -> Callable[[Path], Times]:
 
 
 def variants(folder: Path, options: argparse.Namespace) -> dict[str, Callable[[Path], Times]]:
-    """What is measured, by name."""
+    """Return the measurements by name."""
     found: dict[str, Callable[[Path], Times]] = {"help": lambda checkout: timed(checkout, "--help", folder)}
     for grains in options.grains:
         for path, engine in itertools.product(("cv", "cp"), ENGINES):
@@ -83,7 +83,7 @@ def variants(folder: Path, options: argparse.Namespace) -> dict[str, Callable[[P
 
 
 def report(name: str, before: list[Times], after: list[Times]) -> str:
-    """One line: medians, and the median and range of the ratios of the rounds."""
+    """Return one line with medians, and the median and range of the ratios of the rounds."""
     line = f"{name:42}"
     for kind, label in enumerate(("wall", "cpu")):
         one, other = ([times[kind] for times in measured] for measured in (before, after))
@@ -94,14 +94,14 @@ def report(name: str, before: list[Times], after: list[Times]) -> str:
 
 
 def main() -> None:
-    """The command line."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkouts", nargs=2, type=Path, metavar=("BEFORE", "AFTER"))
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--strain", type=float, default=0.02, help="axial strain of each test")
     parser.add_argument("--yade-strain", type=float, default=0.002, help="the same on YADE, which is slower")
     parser.add_argument("--grains", type=int, nargs="+", default=[1000, 14331])
-    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="begin of the names of what to measure")
+    parser.add_argument("--only", nargs="+", default=[""], metavar="NAME", help="start of the names of what to measure")
     options = parser.parse_args()
     before, after = map(Path.resolve, options.checkouts)
     with tempfile.TemporaryDirectory() as scratch:

@@ -1,7 +1,4 @@
-"""Speed and memory of computing the statistics of a run.
-
-For one snapshot in memory, and for the whole file, reopened each time.
-"""
+"""Speed and memory of computing the statistics of a run, for one snapshot in memory and for the whole file."""
 
 from __future__ import annotations
 

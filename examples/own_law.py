@@ -1,4 +1,4 @@
-"""A user-defined contact law: linear springs with Coulomb friction, no rolling resistance; a sum of labkit's parts.
+"""A user-defined contact law made of labkit's parts: linear springs with Coulomb friction, no rolling resistance.
 
 labkit specimen --void-ratio 0.6 --grains 500 --law linear --engine fused --use examples/own_law.py -o s.state.nc
 """

@@ -22,7 +22,7 @@ BEADS = lk.Scene(
 
 
 def results(scene):
-    """Results of the preparation and of a test at constant mean stress."""
+    """Return results of the preparation and of a test at constant mean stress."""
     state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=500), scene)
     run = lk.run(state, lk.paths.ConstantMeanStress(pressure="300 kPa", strain=0.03)).data
     return {

@@ -1,4 +1,4 @@
-"""A packing of YADE, saved as SpherePack text: 1,000 grains from 0.58 to 1.62 times the mean diameter.
+"""A packing saved by YADE as SpherePack text: 1,000 grains from 0.58 to 1.62 times the mean diameter.
 
     python examples/own_packing.py [fused or yade]
 
@@ -18,12 +18,12 @@ PRESSURE = "100 kPa"
 
 
 def packing():
-    """The grains at rest; the time step follows the smallest of them."""
+    """Return the grains at rest; the smallest grain determines the time step."""
     return lk.import_state(FILE, lk.Scene(friction=0.5), length_unit="mm")
 
 
 def test(state, strain, engine):
-    """A drained triaxial test."""
+    """Run a drained triaxial test."""
     path = lk.paths.ConstantRadialStress(pressure=PRESSURE, strain=strain, rate="7 1/s")
     return lk.run(lk.consolidate(state, PRESSURE, engine=engine), path, engine=engine)
 

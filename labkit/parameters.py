@@ -111,7 +111,7 @@ class Parameter:
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
 
     def read(self, value: object, unit_needed: bool = False) -> Any:
-        """Check a value, convert it to SI units and return it; text needs a unit if `unit_needed`. Raises InputError."""
+        """Check a value and return it in SI units; text needs a unit if `unit_needed`. Raises InputError."""
         if value is None and self.optional:
             return None
         if self.kind is bool:

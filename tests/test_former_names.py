@@ -16,9 +16,9 @@ FORMER = {
 def test_former_names_warn_and_are_those_of_the_new_room(package):
     module = importlib.import_module(f"labkit.{package}")
     for name in FORMER[package].split():
-        with pytest.warns(FutureWarning, match=rf"labkit\.{package}\.{name} is labkit\.\w+\.{name} now") as warned:
+        with pytest.warns(FutureWarning, match=rf"labkit\.{package}\.{name} is now labkit\.\w+\.{name};") as warned:
             former = getattr(module, name)
-        room = str(warned[0].message).split()[2].rpartition(".")[0]
+        room = str(warned[0].message).split()[3].rpartition(".")[0]
         assert former is getattr(importlib.import_module(room), name)
     with pytest.raises(AttributeError, match=f"module 'labkit.{package}' has no attribute 'cv'"):
         module.cv  # noqa: B018

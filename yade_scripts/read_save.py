@@ -1,4 +1,4 @@
-"""Reads a save of a YADE simulation for `labkit import`, which starts this script.
+"""Reads a saved YADE simulation for `labkit import`, which starts this script.
 
 yade -n -x yade_scripts/read_save.py SAVE OUTPUT.npz
 """

@@ -1,9 +1,9 @@
 """labkit's server inside YADE: holds the grains of one State, moves them, and answers with their stress or State.
 
-    yade -n -x -j2 yade_scripts/server.py FD     serves the open socket with this number; labkit starts it so
+    yade -n -x -j2 yade_scripts/server.py FD     serves the open socket with this number; labkit starts it this way
 
-The other scripts of this folder start labkit themselves and serve it. Only numpy and YADE are needed here: the laws of
-labkit arrive as names of YADE's classes with their arguments. A message, in both directions, is
+The other scripts of this folder start labkit themselves and serve it. Only numpy and YADE are needed here: labkit's
+laws arrive as names of YADE's classes with their arguments. A message, in either direction, consists of
 
     4 bytes    length of the header, little-endian
     header     JSON {"name": "advance", "values": {"steps": 10}, "arrays": [["velocity_gradient", "<f8", [3, 3]]]}
@@ -12,7 +12,7 @@ labkit arrive as names of YADE's classes with their arguments. A message, in bot
 The server starts with `hello` (protocol, version, threads), and then answers each message with one of the same name:
 
     load           a State, its law and time step   -> stress, cell
-    advance        steps; velocity_gradient         -> stress, cell; `alive` before that if it takes long
+    advance        steps; velocity_gradient         -> stress, cell; preceded by `alive` if it takes long
     stress                                          -> stress, cell
     state                                           -> grains and contacts; time, work on the cell and losses since load
     stop_grains                                     -> kinetic energy lost, J
@@ -40,7 +40,7 @@ import numpy as np
 from yade import Matrix3, Vector3, config, utils, wrapper
 
 PROTOCOL = 1
-SILENCE = 10.0  # s, after which a long `advance` says that it is alive
+SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0])))
 
@@ -54,7 +54,7 @@ def send(peer, name, values=None, **arrays):
 
 
 def receive(peer):
-    """The next message: name, values, arrays. Raises EOFError at the end of the socket."""
+    """Return the next message: name, values, arrays. Raises EOFError at the end of the socket."""
     header = json.loads(_read(peer, struct.unpack("<I", _read(peer, 4))[0]).decode())
     arrays = {}
     for name, kind, shape in header["arrays"]:
@@ -76,7 +76,7 @@ def _read(peer, size):
 
 
 def build(call):
-    """The object of YADE that a pair [class name, {argument: value}] describes; values may be such pairs."""
+    """Build the YADE object that a pair [class name, {argument: value}] describes; values may be such pairs."""
     name, arguments = call
     given = {key: build(value) if isinstance(value, list) else value for key, value in arguments.items()}
     return getattr(wrapper, name)(**given)
@@ -96,7 +96,7 @@ class Server:
     """YADE with the grains of one State. Each public method answers the message of its name."""
 
     def __init__(self, peer):
-        """peer: the socket to labkit."""
+        """Take the socket to labkit."""
         self._peer, self._omega = peer, wrapper.Omega()
 
     def load(self, values, arrays):
@@ -182,7 +182,7 @@ class Server:
         return -np.array(utils.getStress(), dtype=float).reshape(3, 3).T
 
     def stress(self, values=None, arrays=None):
-        """Summed at the end of the last `load` or `advance`."""
+        """Return the stress summed at the end of the last `load` or `advance`."""
         return {}, {"stress": self._stress, "cell": self._cell()}
 
     def _cell(self):
@@ -214,7 +214,7 @@ class Server:
             gc.enable()
 
     def _losses(self):
-        """Friction, rolling and damping losses since `load`, J: from YADE's energy tracker and from the functor."""
+        """Return friction, rolling and damping losses since `load`, J, from YADE's energy tracker and the functor."""
         tracked = dict(self._omega.energy.items())
         return [
             tracked.get(name, 0.0) + sum(getattr(self._functor, one) for one in attributes)
@@ -222,7 +222,7 @@ class Server:
         ]
 
     def serve(self):
-        """Answer until labkit ends, or says that it will."""
+        """Answer until labkit ends, or announces that it will."""
         values = {"protocol": PROTOCOL, "version": config.version, "threads": self._omega.numThreads}
         try:
             send(self._peer, "hello", values)
@@ -242,7 +242,7 @@ class Server:
 
 
 def labkit_program():
-    """The command that starts labkit. Exits with one line if there is none."""
+    """Return the command that starts labkit. Exits with one line if none is found."""
     python = os.environ.get("LABKIT_PYTHON")
     if python:
         return [python, "-m", "labkit.cli"]
@@ -250,7 +250,7 @@ def labkit_program():
     program = own if os.path.exists(own) else shutil.which("labkit")
     if not program:
         print(
-            "labkit: no Python with labkit is found: run ./lab once, put `labkit` on the PATH, or name the Python in "
+            "labkit: found no Python with labkit: run ./lab once, put `labkit` on the PATH, or name the Python in "
             "LABKIT_PYTHON",
             file=sys.stderr,
         )
@@ -259,7 +259,7 @@ def labkit_program():
 
 
 def words(positional):
-    """The command line: that of the script, or a row of the table of yade-batch.
+    """Return the command line, either the script's own or a row of the table of yade-batch.
 
     A column has the name of an option with `_` for `-`; strings are quoted, and `*` stands for the default.
     """
@@ -274,9 +274,9 @@ def words(positional):
 
 
 def run_labkit(command, positional=()):
-    """Run a command of labkit in its own Python, serve it, and exit with its code.
+    """Run a labkit command in its own Python, serve it, and exit with its code.
 
-    positional: the arguments of the command that are not options, in their order.
+    `positional` names the arguments of the command that are not options, in order.
     """
     mine, its = socket.socketpair()
     line = [*labkit_program(), command, *words(positional)]

@@ -86,7 +86,7 @@ def test_a_labkit_that_cannot_be_found_is_one_line(tmp_path, monkeypatch):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 2
     assert (
-        done.stderr.splitlines()[-1].startswith("labkit: no Python with labkit is found")
+        done.stderr.splitlines()[-1].startswith("labkit: found no Python with labkit")
         and "Traceback" not in done.stderr
     )
 
