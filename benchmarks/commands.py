@@ -39,8 +39,8 @@ COMMANDS = {
 def commands(specimen: str, strain: float, steps: int, rounds: int, progress: Progress) -> pandas.DataFrame:
     """Measure whole commands and the loops of other programs alternately, all on one thread.
 
-    The commands write the standard records and saves, and are timed from the start of Python to its end. Returns one row
-    for each variant and round: `variant`, `round`, `steps`, `seconds`, `steps_per_second`.
+    The commands write the standard records and saves, and are timed from the start of Python to its end. Returns one
+    row for each variant and round: `variant`, `round`, `steps`, `seconds`, `steps_per_second`.
 
     Args:
         specimen: State file.
