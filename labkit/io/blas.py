@@ -8,23 +8,38 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 NAMES = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "openblas_{}_num_threads")
 
 
+_LOCK = threading.Lock()
+_restore = contextlib.ExitStack()  # what the last task that ends calls
+_tasks = 0  # that run now, in any thread
+
+
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Context in which OpenBLAS uses one thread; no effect with another library or another system than Linux."""
-    switches = [(change, count()) for count, change in _switches()]
+    """Context in which OpenBLAS uses one thread, until the last of several threads leaves it.
+
+    It has no effect with another library or another system than Linux.
+    """
+    global _tasks
+    with _LOCK:
+        if _tasks == 0:
+            for count, change in _switches():
+                _restore.callback(change, count())
+                change(1)
+        _tasks += 1
     try:
-        for change, _ in switches:
-            change(1)
         yield
     finally:
-        for change, before in switches:
-            change(before)
+        with _LOCK:
+            _tasks -= 1
+            if _tasks == 0:
+                _restore.close()
 
 
 def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:

@@ -24,6 +24,7 @@ from labkit.errors import InputError
 from labkit.io.atomic import whole_file
 from labkit.io.conventions import TIME
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, ends, parts_of, seal, seal_is_right
+from labkit.io.library import netcdf_library
 from labkit.io.schema import SIZES, Variable, require_schema
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
     require_name(path)
     _require_seal(path)
     try:
-        with netCDF4.Dataset(path) as dataset:
+        with netcdf_library(), netCDF4.Dataset(path) as dataset:
             return _text(dataset, "labkit_file")
     except (OSError, RuntimeError, UnicodeError):
         return None
@@ -118,22 +119,24 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
     require_name(path)
-    try:
-        _require_seal(path)
-        dataset = netCDF4.Dataset(path)
-    except PermissionError:
-        raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
-    except (OSError, RuntimeError, UnicodeError):
-        raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
-    with contextlib.closing(dataset), damage_named(path):
-        yield dataset
+    with netcdf_library():
+        try:
+            _require_seal(path)
+            dataset = netCDF4.Dataset(path)
+        except PermissionError:
+            raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
+        except (OSError, RuntimeError, UnicodeError):
+            raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
+        with contextlib.closing(dataset), damage_named(path):
+            yield dataset
 
 
 @contextlib.contextmanager
 def damage_named(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Context in which an error of the netCDF library becomes an InputError with the file."""
+    """Context for one thread at a time, in which an error of the netCDF library becomes an InputError with the file."""
     try:
-        yield
+        with netcdf_library():
+            yield
     except (OSError, RuntimeError, AttributeError) as error:
         if not _is_of_library(error):
             raise
@@ -232,7 +235,7 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
 
 def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
     """Write an xarray.Dataset as a netCDF file with its hashes, whole or not at all. Raises OSError as new_netcdf."""
-    with whole_file(path) as temporary, failure_named(path):
+    with whole_file(path) as temporary, failure_named(path), netcdf_library():
         data.to_netcdf(temporary, engine="netcdf4", **encoding)
         finish(temporary)
 
@@ -248,7 +251,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
     with open(file, "ab") as handle:
         if size:
             os.posix_fallocate(handle.fileno(), 0, size)
-        with netCDF4.Dataset(file, mode) as dataset:
+        with netcdf_library(), netCDF4.Dataset(file, mode) as dataset:
             yield dataset
             dataset.sync()
             os.fsync(handle.fileno())
@@ -257,7 +260,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
 
 def finish(file: Path) -> None:
     """Give its hashes to a complete netCDF file that was just written."""
-    with netCDF4.Dataset(file, "a") as dataset:
+    with netcdf_library(), netCDF4.Dataset(file, "a") as dataset:
         set_hashes(dataset)
     close_with_seal(file)
 
@@ -273,7 +276,7 @@ def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
 
 def close_with_seal(file: Path) -> None:
     """Append its seal to a file that was just closed. Raises OSError if its end is missing."""
-    with netCDF4.Dataset(file):  # HDF5 refuses a file of which the end is missing
+    with netcdf_library(), netCDF4.Dataset(file):  # HDF5 refuses a file of which the end is missing
         pass
     seal(file)
 

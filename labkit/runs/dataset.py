@@ -6,8 +6,11 @@ import contextlib
 import os
 from collections.abc import Iterator, Sequence
 
+import netCDF4
 import numpy as np
 import xarray as xr
+from xarray.backends import CachingFileManager, NetCDF4DataStore
+from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
@@ -31,9 +34,11 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
     with damage_named(path):
-        parts = [xr.open_dataset(path, group=group, decode_times=False) for group in (None, "contacts", "grains")]
-        run = _joined(parts)
+        file = CachingFileManager(netCDF4.Dataset, str(path), mode="r", lock=NETCDF4_PYTHON_LOCK)
+        stores = [NetCDF4DataStore(file, group=group, mode="r") for group in (None, "contacts", "grains")]
+        run = _joined([xr.open_dataset(store, decode_times=False) for store in stores])
     run.encoding["source"] = str(path)
+    run.set_close(file.close)
     return run
 
 

@@ -1,6 +1,5 @@
 """The thread that writes a file beside the computation."""
 
-import gc
 import threading
 
 import pytest
@@ -49,16 +48,3 @@ def test_the_pause_between_two_writes_grows_with_their_duration(monkeypatch):
         now[0] = moment
         assert beside.is_due() == due
     beside.close()
-
-
-def test_no_garbage_is_collected_during_a_write():
-    """It may contain open netCDF files, which must not be closed by one thread while another one uses the library."""
-    beside, found = Writer(), []
-    beside.start(lambda: found.append(gc.isenabled()))
-    assert not gc.isenabled()
-    beside.wait()
-    assert found == [False] and gc.isenabled()
-    beside.start(lambda: 1 / 0)
-    with pytest.raises(ZeroDivisionError):
-        beside.close()
-    assert gc.isenabled()
