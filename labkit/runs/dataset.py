@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import BinaryIO, cast
 
 import netCDF4
 import numpy as np
@@ -34,7 +35,8 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
     with damage_named(path):
-        file = CachingFileManager(netCDF4.Dataset, str(path), mode="r", lock=NETCDF4_PYTHON_LOCK)
+        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # its `close` also returns something
+        file = CachingFileManager(open_file, str(path), mode="r", lock=NETCDF4_PYTHON_LOCK)
         stores = [NetCDF4DataStore(file, group=group, mode="r") for group in (None, "contacts", "grains")]
         run = _joined([xr.open_dataset(store, decode_times=False) for store in stores])
     run.encoding["source"] = str(path)
