@@ -71,21 +71,21 @@ def gpu(state: State, progress: Progress, cases: Sequence[Case] = CASES, work: f
     plan = [(case, precision) for case in cases for precision in BYTES]
     for number, (case, precision) in enumerate(plan):
         progress(number / len(plan), f"{case.states} x {case.grains} grains, {precision}")
-        specimen = enlarged(state, case.grains)
+        specimen = enlarge(state, case.grains)
         needed = case.states * memory_of(specimen.number_of_grains, precision)
         if needed < room():
-            rows.append(_measured(specimen, case, precision, work, needed))
+            rows.append(_measure(specimen, case, precision, work, needed))
     progress(1.0, "done")
     return pandas.DataFrame(rows)
 
 
-def enlarged(state: State, grains: int) -> State:
+def enlarge(state: State, grains: int) -> State:
     """Place copies of a specimen side by side to reach about this number of grains; a larger one is returned as is."""
     ratio = max(1.0, (grains / state.number_of_grains) ** (1 / 3))
     return copies(state, [int(ratio) + (ratio % 1 > share) for share in (0.75, 0.5, 0.25)])
 
 
-def _measured(specimen: State, case: Case, precision: str, work: float, memory: float) -> dict[str, float | str | bool]:
+def _measure(specimen: State, case: Case, precision: str, work: float, memory: float) -> dict[str, float | str | bool]:
     """Measure one row of the table."""
     pressure = float(mean_stress(love_stress(specimen.snapshot())))
     path = ConstantMeanStress(pressure=pressure) if case.servo else ConstantVolume()

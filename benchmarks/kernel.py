@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
 from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.compiling import compiled
+from labkit.engines.kernel.compiling import compile_plain
 from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH, Arrays
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
@@ -171,7 +171,7 @@ def bandwidth_of_cache() -> float:
     return 3 * a.nbytes / best
 
 
-@compiled
+@compile_plain
 def _multiply_add(x: np.ndarray, n: int) -> float:
     for _ in range(n):
         for i in range(64):

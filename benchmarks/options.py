@@ -24,7 +24,7 @@ from labkit.cli import main as labkit_command
 Listed = dict[str, dict[str, object]]  # option -> its properties
 
 
-def listed() -> dict[str, object]:
+def list_names() -> dict[str, object]:
     """List the names of the front door and the options of all commands."""
     return {"front_door": sorted(labkit.__all__), "commands": command_options()}
 
@@ -109,7 +109,7 @@ def main() -> int:
     options = parser.parse_args()
     if options.command == "compare":
         return compare(options.before, options.after)
-    options.file.write_text(json.dumps(listed(), indent=1) + "\n")
+    options.file.write_text(json.dumps(list_names(), indent=1) + "\n")
     return 0
 
 

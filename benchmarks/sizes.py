@@ -43,12 +43,12 @@ def sizes(state: State, steps: int, progress: Progress, grains: Sequence[int] = 
         ratio = max(1.0, (wanted / state.number_of_grains) ** (1 / 3))
         many = copies(state, [int(ratio) + (ratio % 1 > share) for share in (0.75, 0.5, 0.25)])
         count = max(20, round(steps * 10_000 / many.number_of_grains))
-        rows.append(_measured(many, count, program))
+        rows.append(_measure(many, count, program))
     progress(1.0, "done")
     return pandas.DataFrame(rows)
 
 
-def _measured(state: State, steps: int, program: str | None) -> dict[str, float]:
+def _measure(state: State, steps: int, program: str | None) -> dict[str, float]:
     """Measure one row of the table."""
     n = state.number_of_grains
     rates = prescribed_gradient(on_grains(ConstantVolume(), state.scene), state.time_step).diagonal()

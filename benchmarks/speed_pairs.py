@@ -28,7 +28,7 @@ ENGINES = ("fused", "fused --precision mixed", "yade")
 COLD = "first run, no compiled code"
 
 
-def timed(checkout: Path, words: str, folder: Path, environment: Mapping[str, str] | None = None) -> Times:
+def time_command(checkout: Path, words: str, folder: Path, environment: Mapping[str, str] | None = None) -> Times:
     """Measure wall and CPU time of a labkit command in a checkout, s. Raises RuntimeError if it fails."""
     own = {"PYTHONPATH": str(checkout), "NUMBA_CACHE_DIR": str(folder / "compiled"), **(environment or {})}
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
@@ -54,7 +54,7 @@ def loading(folder: Path, path: str, grains: int, strain: float, engine: str) ->
 
     def measure(checkout: Path) -> Times:
         output.unlink(missing_ok=True)
-        return timed(checkout, words, folder)
+        return time_command(checkout, words, folder)
 
     return measure
 
@@ -67,14 +67,14 @@ def first_run(folder: Path, grains: int) -> Callable[[Path], Times]:
     def measure(checkout: Path) -> Times:
         output.unlink(missing_ok=True)
         with tempfile.TemporaryDirectory() as empty:
-            return timed(checkout, words, folder, {"NUMBA_CACHE_DIR": empty})
+            return time_command(checkout, words, folder, {"NUMBA_CACHE_DIR": empty})
 
     return measure
 
 
 def variants(folder: Path, options: argparse.Namespace) -> dict[str, Callable[[Path], Times]]:
     """Return the measurements by name."""
-    found: dict[str, Callable[[Path], Times]] = {"help": lambda checkout: timed(checkout, "--help", folder)}
+    found: dict[str, Callable[[Path], Times]] = {"help": lambda checkout: time_command(checkout, "--help", folder)}
     for grains in options.grains:
         for path, engine in itertools.product(("cv", "cp"), ENGINES):
             strain = options.yade_strain if engine == "yade" else options.strain
@@ -107,7 +107,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         for grains in options.grains:
-            timed(before, f"specimen --void-ratio 0.67 --grains {grains} --engine fused -o {grains}.state.nc", folder)
+            time_command(
+                before, f"specimen --void-ratio 0.67 --grains {grains} --engine fused -o {grains}.state.nc", folder
+            )
         for name, measure in variants(folder, options).items():
             if not name.startswith(tuple(options.only)):
                 continue

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from labkit.former import moved
+from labkit.former import redirect
 
-__getattr__ = moved(__name__, "campaigns")
+__getattr__ = redirect(__name__, "campaigns")

@@ -37,7 +37,7 @@ class InputError(ValueError):
         """Compose the message, in which the field appears as `name(field)`."""
         if self.field is None:
             return self.problem
-        value = "" if self.value is None else f" {repr(self.value) if self.quoted else shown(self.value)}"
+        value = "" if self.value is None else f" {repr(self.value) if self.quoted else as_typed(self.value)}"
         advice = "" if self.allowed is None else f": give {self.allowed}"
         return f"{name(self.field)}{value} {self.problem}{advice}"
 
@@ -59,12 +59,12 @@ def instead_of(known: Iterable[str], name: object = None) -> str:
     return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"
 
 
-def shown(value: object) -> str:
+def as_typed(value: object) -> str:
     """Format a value as a user would type it."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, tuple):
-        return ",".join(shown(item) for item in value)
+        return ",".join(as_typed(item) for item in value)
     return str(value)
 
 

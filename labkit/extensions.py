@@ -154,12 +154,12 @@ def use(file: str | os.PathLike[str]) -> None:
         allowed = "a Python file that registers extensions"
         raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
     _load(str(path))
-    files = used()
+    files = files_in_use()
     if str(path) not in files:
         os.environ[VARIABLE] = os.pathsep.join([*files, str(path)])
 
 
-def used() -> list[str]:
+def files_in_use() -> list[str]:
     """Return the absolute paths of the extension files in use."""
     return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
 
@@ -169,7 +169,7 @@ def load_extensions() -> None:
     """Load the plug-ins, the files of LABKIT_USE and the installed extensions, once per process."""
     load_plugins()
     load_plugins("engines")
-    for file in used():
+    for file in files_in_use():
         _load(file)
     from importlib.metadata import entry_points
 
@@ -200,20 +200,20 @@ def _load(file: str) -> None:
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, (SystemExit, Exception)):
-            said = blamed(error, [file]) or f"{type(error).__name__}: {error}"
+            said = blame(error, [file]) or f"{type(error).__name__}: {error}"
             problem = f"cannot be loaded ({said})"
             raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error
         raise
 
 
-def blamed(error: BaseException, files: Sequence[str] = ()) -> str | None:
+def blame(error: BaseException, files: Sequence[str] = ()) -> str | None:
     """Return file, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere.
 
     Args:
         error: The error, with its traceback.
         files: Paths of the user's files; by default those in use.
     """
-    files, line = files or used(), None
+    files, line = files or files_in_use(), None
     for frame in traceback.extract_tb(error.__traceback__):
         if str(Path(frame.filename)) in files:
             line = f"{Path(frame.filename).name} line {frame.lineno}"

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 
 
-def moved(package: str, *rooms: str) -> Callable[[str], object]:
+def redirect(package: str, *rooms: str) -> Callable[[str], object]:
     """Return `__getattr__` for a package whose public names have moved to others.
 
     Args:

@@ -16,7 +16,7 @@ import re
 from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
-from labkit.errors import InputError, instead_of, shown
+from labkit.errors import InputError, as_typed, instead_of
 
 Given = TypeVar("Given")
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Parameter:
     def allowed(self) -> str:
         """The allowed values, worded for an error message."""
         if self.choices is not None:
-            return self._named_like(None)
+            return self._choices_like(None)
         unit = "" if self.unit == "1" else f" {self.unit}"
         if self.kind is bool:
             return "true or false"
@@ -158,14 +158,14 @@ class Parameter:
             raise self.error(value, allowed="True or False")
         return value
 
-    def _named_like(self, value: object) -> str:
+    def _choices_like(self, value: object) -> str:
         """List the choices, the most similar one first, for an error message."""
         worded = getattr(self.choices, "instead_of", None)  # a Registry mentions --use
         return worded(value) if worded else instead_of(self.choices, value)
 
     def _choice(self, value: object) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
-            raise self.error(value, "is unknown", self._named_like(value), quoted=True)
+            raise self.error(value, "is unknown", self._choices_like(value), quoted=True)
         current_name = getattr(self.choices, "name", str)  # a Registry also accepts former names
         return current_name(value)
 
@@ -273,7 +273,7 @@ def check_parameters(value: object) -> None:
         object.__setattr__(value, name, definition.read(getattr(value, name)))
 
 
-def restored(kind: type, values: Mapping[str, Any]) -> Any:
+def restore(kind: type, values: Mapping[str, Any]) -> Any:
     """Return an instance of a dataclass from values in SI units that were checked earlier, e.g. when written to a file.
 
     Raises TypeError for a name that the class does not have.
@@ -302,6 +302,6 @@ def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
     """Return the help text of an option, with its unit and default."""
     default = known.default if default is dataclasses.MISSING else default
     unit = f" in {known.unit}" if known.unit != "1" else ""
-    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {shown(default)})"
+    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
     text, bracket, rest = known.help.partition(" (default: ")  # a default that is not a value is in the text
     return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")

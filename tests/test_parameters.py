@@ -14,7 +14,7 @@ from labkit.cli.arguments import ParameterTexts, PathOptions
 from labkit.cli.parser import Parser, named
 from labkit.errors import InputError, option_name
 from labkit.grains.scene import Scene
-from labkit.parameters import check_parameters, parameter, parameters_of, restored, with_unit
+from labkit.parameters import check_parameters, parameter, parameters_of, restore, with_unit
 from labkit.paths.registry import PATHS, make_path, path_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicConstantMeanStress
 from labkit.paths.variables import increments
@@ -239,7 +239,7 @@ def test_a_path_is_restored_from_its_file_to_the_last_bit(name):
 
 def test_a_value_that_was_checked_is_restored_without_another_check_of_its_unit():
     scene = Scene(young_modulus=1.0, friction=1 / 3)
-    assert restored(Scene, dataclasses.asdict(scene)) == scene
+    assert restore(Scene, dataclasses.asdict(scene)) == scene
     assert make_path("cp", {"pressure": with_unit(0.1, "Pa")}).pressure == 0.1
     assert with_unit(0.1, "1") == "0.1"
 

@@ -15,7 +15,7 @@ def _number(match):
     return f":ref:`{text} <eq-{text.lower()}>`" if text in NUMBERS else text
 
 
-def _linked(text):
+def _link(text):
     def equation(match):
         return (
             NUMBER.sub(_number, match[3])
@@ -26,17 +26,17 @@ def _linked(text):
     return EQUATION.sub(equation, text)
 
 
-def _escaped(text):
+def _escape(text):
     return re.sub(r"([\\*|]|_(?=\W|$))", r"\\\1", text)
 
 
 def plain(line):
     """One line of a docstring as reStructuredText that shows the same text."""
     parts = CODE.split(line)
-    return "".join(f"``{part.strip('`')}``" if part[:1] == "`" else _linked(_escaped(part)) for part in parts)
+    return "".join(f"``{part.strip('`')}``" if part[:1] == "`" else _link(_escape(part)) for part in parts)
 
 
-def converted(lines):
+def convert(lines):
     """A docstring as reStructuredText: paragraphs of text, and indented blocks as code."""
     result, code = [], False
     for line in lines:
@@ -52,7 +52,7 @@ def converted(lines):
 
 def process(app, what, name, obj, options, lines):
     """Convert the docstring of an object in place."""
-    lines[:] = converted(lines)
+    lines[:] = convert(lines)
 
 
 def setup(app):

@@ -63,7 +63,7 @@ def mend_sources(folder: Path) -> None:
     anchors_of = functools.cache(lambda file: Page(file).anchors)
     for file in (folder / "_modules").rglob("*.html"):
 
-        def mended(match, file=file):
+        def mend(match, file=file):
             anchors, parts = anchors_of((file.parent / match[2]).resolve()), match[3].split(".")
             ends = (".".join(parts[k:]) for k in range(len(parts)))
             known = (anchor for end in ends for anchor in anchors if f".{anchor}".endswith(f".{end}"))
@@ -71,7 +71,7 @@ def mend_sources(folder: Path) -> None:
 
         text = file.read_text(encoding="utf-8")
         if BACK.search(text):
-            file.write_text(BACK.sub(mended, text), encoding="utf-8")
+            file.write_text(BACK.sub(mend, text), encoding="utf-8")
 
 
 def setup(app):

@@ -13,11 +13,11 @@ def setup(app):
             return
         folder, draw = name.rpartition("/")[0], context["toctree"]
 
-        def drawn_once(**options):
+        def draw_once(**options):
             if folder not in drawn:
                 drawn[folder] = draw(**options)
             return drawn[folder]
 
-        context["toctree"] = drawn_once
+        context["toctree"] = draw_once
 
     app.connect("html-page-context", share, priority=100)  # before the theme asks for it

@@ -11,7 +11,7 @@ from labkit.campaigns import keys
 from labkit.cli.dispatch import parser_for
 from labkit.cli.parser import summary_of
 from labkit.cli.registry import find_command, summaries
-from labkit.errors import shown
+from labkit.errors import as_typed
 from labkit.exchange.formats import FORMATS
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
@@ -79,7 +79,7 @@ def _parameters(known) -> str:
 
 
 def _default(value) -> str:
-    return "required" if value is dataclasses.MISSING else "" if value is None else f"`{shown(value)}`"
+    return "required" if value is dataclasses.MISSING else "" if value is None else f"`{as_typed(value)}`"
 
 
 def _plain(text) -> str:
@@ -109,7 +109,7 @@ def parameters() -> str:
 
 
 def _fields(value) -> str:
-    rows = [(f"`{field.name}`", f"`{shown(getattr(value, field.name))}`") for field in dataclasses.fields(value)]
+    rows = [(f"`{field.name}`", f"`{as_typed(getattr(value, field.name))}`") for field in dataclasses.fields(value)]
     return _table(("name", "default"), rows)
 
 

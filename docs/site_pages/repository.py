@@ -90,19 +90,19 @@ class Collection:
             return "---\norphan: true\n---\n\n" + self.rewritten(path.read_text(), path.parent, page)
         if path.is_dir():
             listing = self.rewritten(
-                "\n".join(_listed(file) for file in sorted(path.iterdir()) if _shown(file)), path, page
+                "\n".join(_list_files(file) for file in sorted(path.iterdir()) if _show_file(file)), path, page
             )
             return f"---\norphan: true\n---\n\n# {name}\n\n{listing}"
         code = f"```{{literalinclude}} {_relative(path, page)}\n:language: {LANGUAGES[path.suffix]}\n:linenos:\n```"
         return f"---\norphan: true\n---\n\n# {name}\n\n{code}\n"
 
 
-def _listed(file):
+def _list_files(file):
     """A line for a file, with a link, or for a folder, without: the site need not have every file of it."""
     return f"- {file.name}/" if file.is_dir() else f"- [{file.name}]({file.name})"
 
 
-def _shown(file):
+def _show_file(file):
     return not file.name.startswith((".", "__")) and (file.is_dir() or file.suffix in {*LANGUAGES, ".md", ".txt"})
 
 

@@ -81,7 +81,7 @@ def _campaign(root: Block, stem: str, errors: Errors) -> Campaign:
     specimen_entries, run_entries = (_section(root, section, errors) for section in SECTIONS)
     specimens = read_specimens(specimen_entries, top.values, errors)
     runs = read_runs(run_entries, top.values, specimens, errors)
-    used = tuple(map(Path, extensions.used()))
+    used = tuple(map(Path, extensions.files_in_use()))
     campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used, memory)
     for run, fields in runs:
         check_run(campaign, run, fields)

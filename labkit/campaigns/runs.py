@@ -14,7 +14,7 @@ from labkit.campaigns.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, chan
 from labkit.campaigns.path_file import STEPS, read_steps
 from labkit.campaigns.specimens import Specimens, chosen_settings, require_unique, worked
 from labkit.engines import require_engine
-from labkit.parameters import restored
+from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.rates import at_rate, default_rate
 from labkit.paths.registry import PATHS
@@ -66,7 +66,7 @@ def _runs(
         return []
     paths = list(itertools.islice(_paths(kind, fields, top), MOST_RUNS + 1))
     names = [item for one in fields.listed(SPECIMEN.name) for item in specimens.groups.get(one, ())]
-    options = restored(Options, {**given(top, Options), **given(fields.values, Options)})
+    options = restore(Options, {**given(top, Options), **given(fields.values, Options)})
     changes = _changes(fields, top)
     runs = []
     factor = chosen_settings(fields.values, top).rate_factor
@@ -97,7 +97,7 @@ def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Itera
     several = isinstance(values.get(EXPANDED), list)
     for one in values[EXPANDED] if several else [None]:
         chosen = {**values, EXPANDED: one} if several else values
-        path = fields.attempt(functools.partial(restored, kind, chosen))
+        path = fields.attempt(functools.partial(restore, kind, chosen))
         if path is not None:
             yield one, path
         else:

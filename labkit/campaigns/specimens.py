@@ -21,7 +21,7 @@ from labkit.campaigns.keys import (
 )
 from labkit.engines import ENGINES, require_engine
 from labkit.grains.scene import Scene
-from labkit.parameters import restored
+from labkit.parameters import restore
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
 from labkit.specimens.settings import SETTINGS, Settings
@@ -97,8 +97,8 @@ def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains
-    scene = restored(Scene, {"time_step_factor": chosen.time_step_factor, **material})
-    recipe = fields.attempt(lambda: restored(Recipe, size)) if "void_ratio" in size else None
+    scene = restore(Scene, {"time_step_factor": chosen.time_step_factor, **material})
+    recipe = fields.attempt(lambda: restore(Recipe, size)) if "void_ratio" in size else None
     if recipe is None or fields.broken:
         return []
     specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
@@ -138,7 +138,7 @@ def _all_consolidated(
             item = Consolidated(made, one, pressure, **worked(fields.values, top))
             origins[made] = origin = origins[one]
             fields.attempt(functools.partial(require_engine, item.engine, origin.scene, item.precision))
-            path = restored(Consolidation, {"pressure": item.pressure})
+            path = restore(Consolidation, {"pressure": item.pressure})
             fields.attempt(functools.partial(require_pressure, path, origin.scene))
             groups[name].append(item.name)
             consolidated.append(item)

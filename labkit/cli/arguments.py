@@ -26,7 +26,7 @@ from typing import Annotated, Any, Literal, Protocol, TypeVar, runtime_checkable
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Start, start_of
 from labkit.engines.base import PRECISIONS
-from labkit.errors import InputError, instead_of, option_name, shown
+from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.parameters import Parameter, help_of, parameters_of
 from labkit.paths.path import Path
@@ -82,7 +82,7 @@ class Single:
         read, metavar, several = _value(self.kind)
         help = option.help.replace("%", "%%")
         if not (required or default in (None, False, ()) or "(default" in help):
-            help += f" (default: {shown(default)})"
+            help += f" (default: {as_typed(default)})"
         names = ["-o"] * (name == "output") + [option_name(name)]
         given: dict[str, Any] = {
             "type": option.type or read,

@@ -61,7 +61,7 @@ def _reported(argv: list[str]) -> int:
     except KeyboardInterrupt:
         return fail("interrupted", 130)
     except Exception as error:  # from a user-defined path, law, statistic, engine, figure or command
-        blamed = extensions.blamed(error)
+        blamed = extensions.blame(error)
         if blamed is None:
             raise
         return fail(blamed, 2)

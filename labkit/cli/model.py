@@ -28,7 +28,7 @@ from labkit.cli.verify import open_runs
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
-from labkit.parameters import check_parameters, parameter, restored
+from labkit.parameters import check_parameters, parameter, restore
 from labkit.paths.registry import PATHS
 
 OEDOMETER = {"oedometer": "Axial compression without radial strain"}  # of the model, which has no plane
@@ -123,7 +123,7 @@ def model_command(
     file_pressure = written.pop("pressure", None)
     if file_pressure is not None and stops_at_pressure(kind):
         start = {"stop_pressure": str(file_pressure), **start}
-    at = restored(InitialState, start)
+    at = restore(InitialState, start)
     model = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax)
     test = model_path(kind.name, at.pressure, at.stop_pressure, **{**written, **loading})
     state = isotropic_state(model, at.void_ratio, at.pressure, at.coordination_number, at.mean_normalised_force)

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path as File
 
 from labkit.cli.arguments import Texts
-from labkit.errors import shown
+from labkit.errors import as_typed
 from labkit.grains.scene import Scene
 from labkit.parameters import parameters_of
 from labkit.paths.path import Path
@@ -75,7 +75,7 @@ def _part(name: str, value: object) -> str:
         return f"{text.split()[0]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
     if name == "pressure" and isinstance(value, int | float):
         return f"p{value / 1e3:g}kPa"
-    return SHORT.get(name, name) + (shown(value).replace(",", "_") if isinstance(value, tuple) else shown(value))
+    return SHORT.get(name, name) + (as_typed(value).replace(",", "_") if isinstance(value, tuple) else as_typed(value))
 
 
 def consolidated_name(specimen: str, pressure: float) -> str:

@@ -32,7 +32,7 @@ from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
-from labkit.parameters import restored
+from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
@@ -65,8 +65,8 @@ def specimen_task(
     size: dict[str, object] = {**recipe}
     if "side" not in size and "grains" not in size and chosen.grains is not None:
         size["grains"] = chosen.grains
-    scene = restored(Scene, {"time_step_factor": chosen.time_step_factor, **material})
-    made = restored(Recipe, size)
+    scene = restore(Scene, {"time_step_factor": chosen.time_step_factor, **material})
+    made = restore(Recipe, size)
     require_engine(computation.name, scene, computation.precision)
     made.side_of(scene)
     output = output or specimen_name(made, scene)
@@ -97,7 +97,7 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
 def _holds(state: State, task: SpecimenTask) -> bool:
     """True if a state is the specimen of the task. Version 0.1.0 stored the side, not the number of grains."""
     try:
-        recipe = restored(Recipe, json.loads(state.recipe))
+        recipe = restore(Recipe, json.loads(state.recipe))
         size = dataclasses.replace(recipe, side=recipe.side_of(state.scene), grains=None)
     except (TypeError, ValueError):  # a layer, or imported grains
         return False
@@ -162,7 +162,7 @@ def run_task(
     source = require(specimen, "specimen", "a state file")
     state = read_state(source)
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
-    scene = restored(Scene, {**vars(state.scene), **factor, **material})
+    scene = restore(Scene, {**vars(state.scene), **factor, **material})
     require_engine(computation.name, scene, computation.precision)
     values = {**written, **loading}
     if settings is not None and "rate" not in values and recording.inertial_number is None:

@@ -16,7 +16,7 @@ from labkit.engines.base import IN_ENGINE, Abilities, Engine
 from labkit.engines.contacts import sort_contacts
 from labkit.engines.kernel.arranging import touching
 from labkit.engines.kernel.build import explain_refusal, kernel_of
-from labkit.engines.kernel.compiling import CONFIG, rounded
+from labkit.engines.kernel.compiling import CONFIG, to_single
 from labkit.engines.kernel.layout import (
     CELL_WORK,
     CONTACT_SUMS,
@@ -86,7 +86,10 @@ class FusedEngine(Engine):
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
         features = scene.contact_law.features(scene)
-        self._law, self._damping = rounded(features, self._kind is np.float32), scene.contact_law.local_damping(scene)
+        self._law, self._damping = (
+            to_single(features, self._kind is np.float32),
+            scene.contact_law.local_damping(scene),
+        )
         rows = [
             values
             for values, kept in (

@@ -102,7 +102,7 @@ class Server:
         self.program, self._peer, self._process, self._output = program, peer, process, output
         self._owner = os.getpid()
         peer.settimeout(SILENCE)
-        hello = self._guarded("start", lambda: receive(self._peer))
+        hello = self._guard("start", lambda: receive(self._peer))
         spoken = hello.values.get("protocol")
         if hello.name != "hello" or spoken != PROTOCOL:
             self.close()
@@ -114,7 +114,7 @@ class Server:
 
     def ask(self, name: str, values: Values | None = None, **arrays: np.ndarray) -> Message:
         """Return the answer to a message. Raises PhysicsError if the server reports an error, dies or hangs."""
-        return self._guarded(name, lambda: self._exchange(Message(name, values or {}, arrays)))
+        return self._guard(name, lambda: self._exchange(Message(name, values or {}, arrays)))
 
     def _exchange(self, message: Message) -> Message:
         send(self._peer, message)
@@ -124,7 +124,7 @@ class Server:
             raise PhysicsError(answer.values["text"])
         return answer
 
-    def _guarded(self, doing: str, work: Callable[[], Message]) -> Message:
+    def _guard(self, doing: str, work: Callable[[], Message]) -> Message:
         """Return the result of an exchange; if it is cut short, the server cannot be used again."""
         try:
             return work()

@@ -12,7 +12,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
-from labkit.parameters import Named, Number, check_parameters, parameter, restored
+from labkit.parameters import Named, Number, check_parameters, parameter, restore
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,7 +225,7 @@ class Scene(Named):
             values = json.loads(text)
             if not isinstance(values, dict):
                 raise TypeError(f"{text} has no fields")
-            return restored(cls, values)
+            return restore(cls, values)
         except InputError:  # a value out of range, or a user-defined law that is not loaded
             raise
         except (TypeError, ValueError) as error:

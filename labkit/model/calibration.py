@@ -224,7 +224,7 @@ def _judge(
         warnings.append(f"the fit stopped before it converged ({solved.message})")
     rms = pandas.DataFrame(problem.misfit(x), columns=SHORT)
     rms.insert(0, "run", [o.name for o in problem.observations])
-    predicted = {o.name: problem.predicted(x, k) for k, o in enumerate(problem.observations)}
+    predicted = {o.name: problem.predictions(x, k) for k, o in enumerate(problem.observations)}
     amended: dict[str, Any] = {name: values.pop(name) for name in AMENDMENT}
     fitted = dataclasses.replace(problem.model, parameters=Parameters(**values), **amended)
     return Fit(fitted, table, correlation, rms, warnings, predicted)

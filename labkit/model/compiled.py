@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from labkit.engines.kernel.compiling import cached, stamp_of
+from labkit.engines.kernel.compiling import cache_on_disk, stamp_of
 from labkit.sff import c0
 
 _STAMP = stamp_of([*Path(__file__).parent.glob("*.py"), Path(c0.__file__)])
@@ -18,4 +18,4 @@ _STAMP = stamp_of([*Path(__file__).parent.glob("*.py"), Path(c0.__file__)])
 
 def jit(function: Callable[..., object]) -> Any:
     """Return the function, compiled at its first call or loaded from the cache on disk."""
-    return cached(function, _STAMP, error_model="numpy", nogil=True)
+    return cache_on_disk(function, _STAMP, error_model="numpy", nogil=True)

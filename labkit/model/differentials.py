@@ -19,14 +19,14 @@ ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction i
 
 
 @jit
-def _divided(a, b):
+def _divide(a, b):
     return a / b if b > 0.0 else 0.0
 
 
 @jit
 def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
     """d(g rate X) of C1 and C3, with X = f A^c - A, |X| = size, g = f^e |X|^gamma and loss = -d(ln f^e)."""
-    dg = g * (gamma * _divided(contract(X, dX), size * size) - loss)
+    dg = g * (gamma * _divide(contract(X, dX), size * size) - loss)
     return add(multiply(dg * rate + g * drate, X), multiply(g * rate, dX))
 
 
@@ -113,7 +113,7 @@ def rates_differentials(
         dev, dvol = deviatoric_part(dDk), trace(dDk)
         along = 0.0 if isotropic else contract(n, dev)
         dn = multiply(0.0 if isotropic else 1.0 / size, subtract(dev, multiply(along, n)))
-        drate = _divided(contract(D, dDk), norm(D)) if c.total_rate else along
+        drate = _divide(contract(D, dDk), norm(D)) if c.total_rate else along
         dLamc, dZc = Lam_c_slope * de, Z_c_slope * de
         dfd = c.beta_dA * fd * (dLamc - dLam)
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
@@ -130,7 +130,7 @@ def rates_differentials(
         dfvZ = _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c)
         dfvLam = fvLam / (1.0 + e) * de
         # C2
-        dA_size = _divided(contract(A_rate, dA_rate), A_size)
+        dA_size = _divide(contract(A_rate, dA_rate), A_size)
         dZ_rate = (
             dfeZ * ((Zc - Z) * rate - c.c_Z * A_size)
             + feZ * ((dZc - dZ) * rate + (Zc - Z) * drate - c.c_Z * dA_size)

@@ -9,7 +9,7 @@ from labkit.micro.tensors import to_six
 from labkit.model.driver import drive
 from labkit.model.parameters import TABLE_2, Model
 from labkit.model.state import ModelState
-from labkit.parameters import restored
+from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.runs.probe_set import Probes, dataset_of
@@ -55,11 +55,11 @@ def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarr
     """The path of a probe in a direction, a unit tensor (6,)."""
     size = probing.size(elastic=False)
     if probing.kind == "strain":
-        return restored(StrainProbe, {"increment": size * direction, "strain": size / LOADING})
+        return restore(StrainProbe, {"increment": size * direction, "strain": size / LOADING})
     stress = state.stress(model)
     pressure = float(mean_stress(stress))
     start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
-    return restored(StressProbe, {**start, "increment": size * direction, "strain": size * TYPICAL / LOADING})
+    return restore(StressProbe, {**start, "increment": size * direction, "strain": size * TYPICAL / LOADING})
 
 
 def _row(state: ModelState, model: Model, path: Path) -> dict[str, object]:

@@ -63,7 +63,7 @@ class Residuals:
         values: dict[str, Any] = self.values(x)
         return self.model.constants._replace(**values)
 
-    def predicted(self, x: np.ndarray, k: int, constants: Constants | None = None) -> np.ndarray:
+    def predictions(self, x: np.ndarray, k: int, constants: Constants | None = None) -> np.ndarray:
         """Return the prediction (n, 5) for run k; pass the `constants` at x if they are already computed."""
         o, n = self.observations[k], len(self.names)
         offset = x[n + 5 * k : n + 5 * (k + 1)] * NATURAL
@@ -75,14 +75,14 @@ class Residuals:
         """Return the misfits of all runs divided by `weight` (5,), followed by those of the prior."""
         constants = self.constants(x)
         blocks = [
-            ((self.predicted(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)
+            ((self.predictions(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)
         ]
         return np.concatenate([*blocks, x[: len(self.names)] / PRIOR])
 
     def jacobian(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """Derivative of `residuals` by forward differences; the initial state of a run affects only that run."""
         n, step = len(self.names), 1e-4
-        base = [self.predicted(x, k) for k in range(len(self.observations))]
+        base = [self.predictions(x, k) for k in range(len(self.observations))]
         sizes = [b.size for b in base]
         rows = np.concatenate([[0], np.cumsum(sizes)])
         J = np.zeros((rows[-1] + n, x.size))
@@ -93,7 +93,7 @@ class Residuals:
             constants = self.constants(moved)
             runs: Sequence[int] = range(len(base)) if j < n else [(j - n) // 5]
             for k in runs:
-                change = (self.predicted(moved, k, constants) - base[k]) / (step * weight)
+                change = (self.predictions(moved, k, constants) - base[k]) / (step * weight)
                 J[rows[k] : rows[k + 1], j] = change.ravel()
         return J
 
@@ -114,7 +114,10 @@ class Residuals:
     def misfit(self, x: np.ndarray) -> np.ndarray:
         """RMS difference between prediction and observation (runs, 5)."""
         return np.array(
-            [np.sqrt(np.mean((self.predicted(x, k) - o.values) ** 2, axis=0)) for k, o in enumerate(self.observations)]
+            [
+                np.sqrt(np.mean((self.predictions(x, k) - o.values) ** 2, axis=0))
+                for k, o in enumerate(self.observations)
+            ]
         )
 
     def sensitive(self) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
-from labkit.parameters import Named, Number, check_parameters, parameter, restored
+from labkit.parameters import Named, Number, check_parameters, parameter, restore
 from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Record, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
@@ -251,4 +251,4 @@ class StressPath(Path):
         return self.pressure
 
     def starting_at(self, pressure: float) -> StressPath:
-        return self if self.pressure is not None else restored(type(self), {**arguments_of(self), "pressure": pressure})
+        return self if self.pressure is not None else restore(type(self), {**arguments_of(self), "pressure": pressure})

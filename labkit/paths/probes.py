@@ -45,7 +45,7 @@ class _Probe(Path):
         super().__post_init__()
         _six_numbers("increment", self.increment)
 
-    def applied(self, travelled: float) -> float:
+    def applied_share(self, travelled: float) -> float:
         """Share of the increment that is applied at the accumulated strain `travelled`: s - sin(2 pi s)/(2 pi)."""
         s = min(travelled / (LOADING * self.strain), 1.0)
         return s - math.sin(2.0 * math.pi * s) / (2.0 * math.pi)
@@ -97,5 +97,5 @@ class StressProbe(_Probe, StressPath):
         basis = to_tensor(np.eye(6))
         start, increment = np.array(self.start_stress), np.array(self.increment)
         return Control(
-            basis, basis, lambda travelled: self.held_pressure * (start + self.applied(travelled) * increment)
+            basis, basis, lambda travelled: self.held_pressure * (start + self.applied_share(travelled) * increment)
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.parameters import parameters_of, restored
+from labkit.parameters import parameters_of, restore
 from labkit.paths.path import Path, require_direction
 
 _TESTS, _RELOADING, _CYCLES = (f"labkit.paths.{name}:" for name in ("element_tests", "stress_reversals", "cycles"))
@@ -76,7 +76,7 @@ def path_of(name: str, values: Mapping[str, object]) -> Path | None:
     if name not in PATHS:
         return None
     kind = PATHS[name]
-    return restored(kind, {key: value for key, value in values.items() if key in parameters_of(kind)})
+    return restore(kind, {key: value for key, value in values.items() if key in parameters_of(kind)})
 
 
 def travelled(axial_strain: np.ndarray) -> np.ndarray:

@@ -73,7 +73,7 @@ class StressReached(Until):
     level: float
     falling: bool = False
 
-    def met(self, stress: np.ndarray) -> bool:
+    def is_met(self, stress: np.ndarray) -> bool:
         """True if the scalar of a stress (3, 3), Pa, is at the level or beyond it."""
         sign = -1.0 if self.falling else 1.0
         return bool(sign * (self.measured(stress) - self.level) >= 0.0)
@@ -170,14 +170,14 @@ class Step:
 
     def ends_at(self, stress: np.ndarray) -> bool:
         """True if the step ends at this stress (3, 3), Pa."""
-        return any(end.met(stress) for end in self.stress_ends)
+        return any(end.is_met(stress) for end in self.stress_ends)
 
     def ends_path(self, record: Record) -> StrainExceeds | None:
         """Return the strain limit that ends the path at a record, if any does."""
         limits = (one for one in self.until.each if isinstance(one, StrainExceeds) and one.beyond(record))
         return next(limits, None)
 
-    def settled(self, stress: np.ndarray, accumulated: float) -> np.ndarray:
+    def settled_stress(self, stress: np.ndarray, accumulated: float) -> np.ndarray:
         """Return the stress (3, 3), Pa, at which the next step starts, given the one measured at the end of this step.
 
         The held stresses of a phase are passed on at their target values, not as measured, so that errors of the servo
@@ -186,10 +186,10 @@ class Step:
         if self.phase is None or self.held is None:
             return stress
         six = to_six(symmetric(stress))
-        return to_tensor(corrected(six, self.held.measure, self.held.at(accumulated) - self.held.measure @ six))
+        return to_tensor(correct_stress(six, self.held.measure, self.held.at(accumulated) - self.held.measure @ six))
 
 
-def corrected(six: np.ndarray, measure: np.ndarray, missing: np.ndarray) -> np.ndarray:
+def correct_stress(six: np.ndarray, measure: np.ndarray, missing: np.ndarray) -> np.ndarray:
     """Return the stress nearest to `six` (6,) whose combinations `measure` (k, 6) are larger by `missing` (k,)."""
     return six + np.linalg.lstsq(measure, missing, rcond=None)[0]
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six, to_tensor
-from labkit.parameters import Number, parameter, restored
+from labkit.parameters import Number, parameter, restore
 from labkit.paths.path import Path, arguments_of, rate_parameter
 from labkit.paths.phase import Phase
 from labkit.paths.programme import LOST, PROGRESS, step_of_phase
-from labkit.paths.step import Here, Step, corrected
+from labkit.paths.step import Here, Step, correct_stress
 from labkit.quantities.scalars import Record
 
 TYPICAL_PRESSURE = 0.1e6  # Pa, assumed while the mean stress of the specimen is unknown
@@ -65,7 +65,7 @@ class Steps(Path):
     def starting_at(self, pressure: float) -> Path:
         if self.mean_stress is not None or pressure <= 0.0:
             return self
-        return restored(Steps, {**arguments_of(self), "mean_stress": self.pressure or pressure})
+        return restore(Steps, {**arguments_of(self), "mean_stress": self.pressure or pressure})
 
     def start_pressure(self) -> float | None:
         return self.pressure
@@ -125,6 +125,6 @@ def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
             found = stress[at] @ phase.measure.T - phase.target_at(progress[at], phase.measure @ to_six(here.stress))
             for name, values in zip(phase.names, found.T, strict=True):
                 errors.setdefault(name, np.full(len(stress), np.nan))[at] = values
-            last = corrected(last, phase.measure, -found[-1])
+            last = correct_stress(last, phase.measure, -found[-1])
         here.stress = to_tensor(last)
     return errors

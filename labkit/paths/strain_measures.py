@@ -28,7 +28,7 @@ class StrainMeasure:
     at: Callable[[np.ndarray], np.ndarray]
     signed: bool = True
 
-    def accumulated(self, strain: np.ndarray) -> np.ndarray:
+    def accumulate(self, strain: np.ndarray) -> np.ndarray:
         """Return the strain (n,) accumulated up to each record, which grows through reversals; strain (n, 3, 3)."""
         steps = np.diff(strain, axis=0)
         travelled = np.abs(np.diff(self.at(strain))) if self.signed else self.at(steps)

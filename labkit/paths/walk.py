@@ -91,4 +91,4 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
             yield from material.arrive(stop, over, last, reason)
             if last:
                 return
-        material.here.stress = step.settled(record["stress"], material.accumulated)
+        material.here.stress = step.settled_stress(record["stress"], material.accumulated)

@@ -20,7 +20,7 @@ from typing import Any, cast
 import netCDF4
 import numpy as np
 
-from labkit.errors import InputError, PhysicsError, shown
+from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.laws import LAWS
 from labkit.grains.state import State, write_attributes
@@ -288,5 +288,5 @@ def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
 def _both(name: str, *runs: dict[str, object]) -> list[str]:
     """The value of a parameter in two runs as text, with all digits if fewer do not distinguish them."""
     values = [run.get(name, "not set") for run in runs]
-    short = [shown(tuple(value) if isinstance(value, list) else value) for value in values]
+    short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
     return short if short[0] != short[1] else [repr(value) for value in values]

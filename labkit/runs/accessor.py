@@ -287,7 +287,7 @@ class Lab(OfRecords):
 
     def _travelled(self) -> np.ndarray:
         """Strain of the path accumulated up to each snapshot, regardless of its sign."""
-        return self.strain_measure.accumulated(self._run["strain"].values)[self._run["record"].values]
+        return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
 
     def _snapshot_coordinates(self) -> dict[str, object]:
         return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}

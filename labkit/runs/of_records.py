@@ -67,7 +67,7 @@ class OfRecords:
 
     def accumulated_strain(self) -> xr.DataArray:
         """The strain that suits the path, accumulated through its reversals, DataArray (time)."""
-        values = self.strain_measure.accumulated(self._run["strain"].values)
+        values = self.strain_measure.accumulate(self._run["strain"].values)
         return self._scalar(values, "1", f"accumulated {self.strain_measure.name}").rename("strain")
 
     def abscissa(self) -> xr.DataArray:

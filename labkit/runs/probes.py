@@ -30,7 +30,7 @@ from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
-from labkit.parameters import restored
+from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.records.limits import INERTIAL_LIMIT
@@ -144,9 +144,9 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
         time *= max(1.0, number / QUASI_STATIC)
     clock = {"rate": strain / time, "strain": strain / LOADING}
     if probing.kind == "strain":
-        return lambda six: restored(StrainProbe, {**clock, "increment": size * six})
+        return lambda six: restore(StrainProbe, {**clock, "increment": size * six})
     start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
-    return lambda six: restored(StressProbe, {**clock, **start, "increment": size * six})
+    return lambda six: restore(StressProbe, {**clock, **start, "increment": size * six})
 
 
 def _row(file: File) -> dict[str, Any]:

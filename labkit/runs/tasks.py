@@ -11,7 +11,7 @@ from typing import ClassVar
 from labkit.engines import Fused, require_engine
 from labkit.engines.base import Engine, Progress, Request, Start, drive_engine, silent
 from labkit.errors import InputError
-from labkit.extensions import used
+from labkit.extensions import files_in_use
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, write_state
 from labkit.io.blas import one_blas_thread
@@ -52,7 +52,7 @@ class Task(abc.ABC):
     def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
         """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        made = provenance_json(self.history or None, (*inputs, *used()), self.output, state.seed)
+        made = provenance_json(self.history or None, (*inputs, *files_in_use()), self.output, state.seed)
         return state.replace(history=history, provenance=made)
 
     def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:

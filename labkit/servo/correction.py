@@ -120,13 +120,13 @@ def velocity_gradient(
     if stress is None or stiffness is None or before is None:
         raise InputError("the step controls a stress: give `stress`, `stiffness` and `before`")
     limit = step.rate_limit * rate
-    servoed = _servoed(step.held, limit, given, time_step, stress, stiffness, before, servo, accumulated)
+    servoed = _servo_gradient(step.held, limit, given, time_step, stress, stiffness, before, servo, accumulated)
     if step.held.isochoric and np.trace(given) == 0.0:
         return exact_gradient(given - servoed, time_step)
     return exact_gradient(given, time_step) + servoed
 
 
-def _servoed(
+def _servo_gradient(
     control: Control,
     limit: float,
     given: np.ndarray,

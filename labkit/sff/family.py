@@ -90,7 +90,7 @@ def _scale(snapshot):
     return snapshot.young_modulus * Z / (1.0 + void_ratio_nominal(snapshot))
 
 
-def _normalised(order, tangential, grain_volume=lambda snapshot: None):
+def _normalised_form(order, tangential, grain_volume=lambda snapshot: None):
     """Equation of the type of C0, E Z/(1 + e) Lambda [...], for the given orders; f~ contains `grain_volume`."""
 
     def stress_of(snapshot):
@@ -156,12 +156,12 @@ FORMS: dict[str, Callable[..., np.ndarray]] = {
     "classical": _classical_whole,
     "classical_groups": _classical_groups,
     "linear": _linear,
-    "c0": _normalised(2, 0),
-    "c0_tangential": _normalised(2, 2),
-    "c0_volume": _normalised(2, 0, mean_volume),
+    "c0": _normalised_form(2, 0),
+    "c0_tangential": _normalised_form(2, 2),
+    "c0_volume": _normalised_form(2, 0, mean_volume),
     "c0_groups": _c0_groups,
-    "c0_fourth": _normalised(4, 0),
-    "fourth": _normalised(4, 2, mean_volume),
+    "c0_fourth": _normalised_form(4, 0),
+    "fourth": _normalised_form(4, 2, mean_volume),
 }
 
 

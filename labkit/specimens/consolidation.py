@@ -84,7 +84,7 @@ def approach(
     if control is None:
         raise InputError(f"path {path.name} holds no stress: choose a path that does")
     kept = Interim(interim, specimen, path, engine)
-    state = kept.resumed()
+    state = kept.resume()
     begin = state.step if state else 0
     yield Load(state or opened((yield from ready(specimen))))
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
@@ -136,7 +136,7 @@ class Interim:
         self._specimen = specimen
         self._saved, self._took = time.monotonic(), 0.0
 
-    def resumed(self) -> State | None:
+    def resume(self) -> State | None:
         """Return the last saved state of the same consolidation, or None."""
         if self.file is None or not self.file.exists():
             return None

@@ -111,10 +111,10 @@ def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State
         ratio = 1.0 + (layer.ratio - 1.0) * stage / (STAGES - 1)
         path = Biaxial(stress_x=layer.pressure, stress_z=ratio * layer.pressure)
 
-        def staged(fraction: float, text: str, stage: int = stage) -> None:
+        def report_stage(fraction: float, text: str, stage: int = stage) -> None:
             progress(0.6 + 0.4 * (stage + fraction) / STAGES, text)
 
-        state = bring_to(state, path, start, staged)
+        state = bring_to(state, path, start, report_stage)
     return state.replace(recipe=layer.to_json())
 
 

@@ -13,7 +13,7 @@ from labkit.campaigns.plan import plan_of
 from labkit.engines import starter
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.compiling import rounded
+from labkit.engines.kernel.compiling import to_single
 from labkit.errors import InputError
 from labkit.grains.laws.vectors import inverse_root_single
 from labkit.grains.scene import Scene
@@ -154,7 +154,7 @@ def test_constants_of_laws_are_rounded():
     scene = Scene(law="spring_dashpot")
     features = scene.contact_law.features(scene)
     values = [features.shear, *features.rolling, *features.dashpots]
-    small = [rounded(features.shear), *rounded(features.rolling), *rounded(features.dashpots)]
+    small = [to_single(features.shear), *to_single(features.rolling), *to_single(features.dashpots)]
     assert {type(value) for value in small} == {np.float32}
     assert np.allclose(values, small, rtol=1e-7)
-    assert rounded(None) is None and dataclasses.is_dataclass(rounded(scene))
+    assert to_single(None) is None and dataclasses.is_dataclass(to_single(scene))

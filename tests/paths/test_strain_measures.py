@@ -29,8 +29,8 @@ def test_axial_volumetric_and_norm():
     strain = np.array([np.diag([0.1, 0.2, k]) for k in (0.0, 0.02, 0.01)])
     np.testing.assert_allclose(AXIAL.at(strain), [0.0, 0.02, 0.01])
     np.testing.assert_allclose(VOLUMETRIC.at(strain), [0.3, 0.32, 0.31])
-    np.testing.assert_allclose(AXIAL.accumulated(strain), [0.0, 0.02, 0.03])
-    np.testing.assert_allclose(NORM.accumulated(strain), [0.0, 0.02, 0.03])
+    np.testing.assert_allclose(AXIAL.accumulate(strain), [0.0, 0.02, 0.03])
+    np.testing.assert_allclose(NORM.accumulate(strain), [0.0, 0.02, 0.03])
     assert list(AXIAL.reversals(strain)) == [1] and len(NORM.reversals(strain)) == 0
 
 

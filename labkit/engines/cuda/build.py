@@ -16,7 +16,7 @@ import numpy as np
 from labkit.engines.cuda import contacts, motion, search, servo
 from labkit.engines.cuda.arrays import DeviceArray
 from labkit.engines.cuda.device import DeviceKernel, kernel, on_device
-from labkit.engines.kernel.compiling import Function, Version, compiled_with_callees
+from labkit.engines.kernel.compiling import Function, Version, compile_with_callees
 from labkit.errors import InputError
 from labkit.grains.laws import vectors
 from labkit.grains.laws.law import ContactLaw
@@ -82,10 +82,14 @@ def kernels_of(law: type[ContactLaw], shape: Shape, single: bool) -> Kernels:
     names |= {"pair": law.pair, "spring": law.normal.force, "stiffness_of": law.normal.stiffness}
     if single:
         known: dict[Function, Function] = {}
-        known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, known, SINGLE, on_device)
+        known[vectors.inverse_root] = compile_with_callees(vectors.inverse_root_single, known, SINGLE, on_device)
         for name, function in (("pair", law.pair), ("length_and_inverse", vectors.length_and_inverse)):
-            names[name] = compiled_with_callees(function, known, SINGLE, on_device)
-        names |= {"overlap_of": contacts.overlap_single, "rounded": contacts.rounded_single, "KIND": np.float32}
+            names[name] = compile_with_callees(function, known, SINGLE, on_device)
+        names |= {
+            "overlap_of": contacts.overlap_single,
+            "as_contact": contacts.as_single,
+            "KIND": np.float32,
+        }
     modules = {"start_step": motion, "move": motion, "forces": contacts}
     modules |= {"correct": servo, "stress_of_blocks": contacts, "stress_of_states": contacts}
     return Kernels(*(kernel(getattr(modules.get(n, search), n), names, VERSION) for n in Kernels._fields))

@@ -37,12 +37,12 @@ KIND: Untyped = np.float64  # type of the numbers of a contact; in mixed precisi
 STRESSES = 9  # components of the stress
 
 
-def rounded(v: Vector) -> Vector:
+def as_contact(v: Vector) -> Vector:
     """Round a vector to the precision of contacts, here double."""
     return v
 
 
-def rounded_single(v: Vector) -> Vector:
+def as_single(v: Vector) -> Vector:
     """Round a vector to single precision."""
     return Vector(SINGLE(v.x), SINGLE(v.y), SINGLE(v.z))
 
@@ -90,7 +90,7 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
         one, two = (g, b) if is_first else (~b, g)
         periods = Vector(sign * lists.shift[0, at], sign * lists.shift[1, at], sign * lists.shift[2, at])
         d = vector(grains.position, two) + transform(states.cell[s], periods) - vector(grains.position, one)
-        near = rounded(d)
+        near = as_contact(d)
         distance, inverse = length_and_inverse(dot(near, near))
         overlap = overlap_of(grains.radius[one] + grains.radius[two], dot(d, d), distance)
         t = vector(lists.history, at)
@@ -106,9 +106,9 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
             inverse,
             near,
             inverse * near,
-            rounded(vector(grains.velocity, two) + drift - vector(grains.velocity, one)),
-            rounded(vector(grains.spin, one)),
-            rounded(vector(grains.spin, two)),
+            as_contact(vector(grains.velocity, two) + drift - vector(grains.velocity, one)),
+            as_contact(vector(grains.spin, one)),
+            as_contact(vector(grains.spin, two)),
         )
         response = pair(contact, t, m, KIND(dt), True, shear, friction, rolling, twisting, dashpots, whole)
         push = double(response.force)

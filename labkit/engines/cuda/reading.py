@@ -31,19 +31,19 @@ class Reader:
 
         No kernel may be writing to these arrays.
         """
-        needed = sum(_aligned(len(of_name) * of_name[0].nbytes) for of_name in rows.values())
+        needed = sum(_align(len(of_name) * of_name[0].nbytes) for of_name in rows.values())
         if needed > len(self._memory):
             self._memory = cuda.pinned_array(int(SPARE * needed), np.uint8)
         views, at = {}, 0
         for name, of_name in rows.items():
             views[name] = np.ndarray((len(of_name), *of_name[0].shape), of_name[0].dtype, self._memory, at)
-            at += _aligned(views[name].nbytes)
+            at += _align(views[name].nbytes)
             for row, view in zip(of_name, views[name], strict=True):
                 row.copy_to_host(view, stream=self._stream)
         self._stream.synchronize()
         return {name: view.copy() for name, view in views.items()}
 
 
-def _aligned(size: int) -> int:
+def _align(size: int) -> int:
     """Round a number of bytes up so that the next array is aligned."""
     return -(-size // ALIGNED) * ALIGNED

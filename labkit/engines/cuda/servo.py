@@ -93,11 +93,11 @@ def put_plan(plans: Plans, i: int, plan: Corrections) -> None:
     _put(plans.both[i, :rows], both)
     _put(plans.shared[i, :rows], to_six(symmetric(plan.given)) * both[:, None])
     _put(plans.target[i, :rows], np.pad(plan.target, ((0, 0), (0, 6 - plan.target.shape[1]))))
-    for name, value in _padded(servo).items():
+    for name, value in _pad(servo).items():
         _put(getattr(plans, name)[i : i + 1], value[None])
 
 
-def _padded(servo: Correcting) -> dict[str, np.ndarray]:
+def _pad(servo: Correcting) -> dict[str, np.ndarray]:
     """Return the arrays of a Correcting, filled up to six held stresses."""
     missing = 6 - len(servo.measure)
     return {
@@ -139,8 +139,8 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
             states.wanted[s, i, j] = plans.gradient[s, row, i, j]
     if plans.controlled[s] == 1:
         rates, servoed = cuda.local.array(6, np.float64), cuda.local.array((3, 3), np.float64)
-        wanted_rates(states, plans, totals, s, row, rates)
-        filtered(states, plans, s, row, rates)
+        find_rates(states, plans, totals, s, row, rates)
+        filter_rates(states, plans, s, row, rates)
         tensor_of(rates, servoed)
         if plans.exponential[s, row] == 1:
             exponential(plans, s, row, servoed, states.time_step[s], states.wanted)
@@ -150,7 +150,7 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
                     states.wanted[s, i, j] += servoed[i, j]
 
 
-def wanted_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
+def find_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
     """Set rates (6,) to limited rates that bring the stresses to their targets, before the low-pass filter, 1/s."""
     stress, missing = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     per_volume = -1.0 / determinant(states.cell[s])
@@ -175,7 +175,7 @@ def wanted_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row:
             rates[j] = -min(max(rates[j], -plans.limit[s]), plans.limit[s])
 
 
-def filtered(states: States, plans: Plans, s: int, row: int, rates: DeviceArray) -> None:
+def filter_rates(states: States, plans: Plans, s: int, row: int, rates: DeviceArray) -> None:
     """Replace rates (6,) by the servo's rates after the low-pass filter, 1/s."""
     before, kept = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     so_far = 0.0 if plans.anew[s] == 1 and row == 0 else 1.0

@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import compiled, kept
+from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
 from labkit.engines.kernel.layout import WIDTH
 
 LOST = 1000  # periods: a grain farther away is considered lost
 
 
-@kept
+@compile_and_keep
 def by_number(numbers: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Sort integers (n,) from 0 to most - 1 by counting; equal integers keep their order.
 
@@ -57,7 +57,7 @@ def find_images(
     return site, key[0, first], shift[needed[first]].astype(float)
 
 
-@compiled
+@compile_plain
 def reversal(first: int, second: int, x: int, y: int, z: int) -> int:
     """Return -1 if a pair must be reversed so that its smaller index comes first, else 1.
 
@@ -68,7 +68,7 @@ def reversal(first: int, second: int, x: int, y: int, z: int) -> int:
     return -1 if 9 * np.sign(x) + 3 * np.sign(y) + np.sign(z) < 0 else 1
 
 
-@kept
+@compile_and_keep
 def carry(
     pairs: np.ndarray,
     shift: np.ndarray,
@@ -124,7 +124,7 @@ def carry(
             next_one = found + 1
 
 
-@kept
+@compile_and_keep
 def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
     """Return the values (n, k) at the places slot (n,) of the k rows of blocks (block, ...) from offset `first` on."""
     rows = np.empty((len(slot), (blocks.shape[1] - first) // WIDTH), blocks.dtype)
@@ -135,7 +135,7 @@ def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
     return rows
 
 
-@kept
+@compile_and_keep
 def touching(
     pair: np.ndarray, shift: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
 ) -> np.ndarray:

@@ -15,9 +15,9 @@ from labkit.engines.kernel.compiling import (
     OPTIONS,
     Function,
     Version,
-    cached,
-    compiled,
-    compiled_with_callees,
+    cache_on_disk,
+    compile_plain,
+    compile_with_callees,
     names_of,
     stamp_of,
     with_globals,
@@ -62,24 +62,24 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     double = Version(version.name)
     known: dict[Function, Function] = {}
     if single:
-        known[vectors.inverse_root] = compiled_with_callees(vectors.inverse_root_single, {}, version)
+        known[vectors.inverse_root] = compile_with_callees(vectors.inverse_root_single, {}, version)
     names = {
         "pair": law.pair,
         "spring": law.normal.force,
         "overlap": contact.overlap_single if single else contact.overlap,
         **{name: getattr(contact, name) for name in ("load", "store", "transform", "dot", "length_and_inverse")},
     }
-    names = {name: compiled_with_callees(function, known, version) for name, function in names.items()}
-    block_forces = compiled(with_globals(contact.block_forces, names, version))
-    block_stress = compiled(with_globals(contact.block_stress, names, version))
+    names = {name: compile_with_callees(function, known, version) for name, function in names.items()}
+    block_forces = compile_plain(with_globals(contact.block_forces, names, version))
+    block_stress = compile_plain(with_globals(contact.block_stress, names, version))
     contacts = {"block_forces": block_forces, "SINGLE": single}
-    domain_contacts = compiled(with_globals(steps.domain_contacts, contacts, double))
+    domain_contacts = compile_plain(with_globals(steps.domain_contacts, contacts, double))
     stamp = _stamp(law, known)
 
     def loop(function: Function, name: str, names: dict[str, Function], **options: bool) -> Function:
         fresh = with_globals(function, names, double)
         fresh.__qualname__ = f"{name}_{version.name}"  # Numba's cache distinguishes functions by name
-        return cached(fresh, stamp, **OPTIONS, **options)
+        return cache_on_disk(fresh, stamp, **OPTIONS, **options)
 
     return Kernel(
         loop(steps.advance, "advance", {"domain_contacts": domain_contacts}),

@@ -49,20 +49,20 @@ def stamp_of(files: Iterable[Path]) -> str:
 KERNEL = stamp_of([*Path(__file__).parent.glob("*.py"), Path(vectors.__file__)])
 
 
-def compiled(function: Plain) -> Plain:
+def compile_plain(function: Plain) -> Plain:
     """Compile with Numba and the options of the kernel; a decorator."""
     return cast(Plain, numba.njit(**OPTIONS)(function))
 
 
-def kept(function: Plain) -> Plain:
+def compile_and_keep(function: Plain) -> Plain:
     """Compile with the same options and cache the result on disk.
 
     A decorator for functions of this package that Python code calls.
     """
-    return cast(Plain, cached(function, KERNEL, **OPTIONS))
+    return cast(Plain, cache_on_disk(function, KERNEL, **OPTIONS))
 
 
-def cached(function: Function, stamp: str | None, **options: Untyped) -> Function:
+def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> Function:
     """Return a function that is compiled at its first call, or read from disk if compiled from sources of this stamp.
 
     Without a stamp it is recompiled in each process.
@@ -119,16 +119,16 @@ class Version(NamedTuple):
     single: bool = False
 
 
-def inlined(function: Function) -> Function:
+def inline(function: Function) -> Function:
     """Compile a function that is inlined wherever compiled code calls it."""
     return numba.njit(forceinline=True, **OPTIONS)(function)
 
 
-def compiled_with_callees(
+def compile_with_callees(
     function: Function,
     known: dict[Function, Function],
     version: Version,
-    compiler: Callable[[Function], Function] = inlined,
+    compiler: Callable[[Function], Function] = inline,
 ) -> Function:
     """Compile a plain Python function together with the plain Python functions that it calls.
 
@@ -150,7 +150,7 @@ def callees(
 ) -> dict[str, object]:
     """Return new values for names in a function: the plain Python functions it calls, compiled, and np for numbers."""
     used = {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
-    compiled = {name: compiled_with_callees(value, known, version, compiler) for name, value in used.items()}
+    compiled = {name: compile_with_callees(value, known, version, compiler) for name, value in used.items()}
     return numpy_for_numbers(function) | compiled
 
 
@@ -177,22 +177,22 @@ def with_globals(function: Function, names: dict[str, Untyped], version: Version
     the module of every compiled function, and a contact law may come from a file that another process cannot import.
     """
     code, used = function.__code__, names_of(function)
-    values = {name: rounded(value, version.single) for name, value in used.items()} | names
+    values = {name: to_single(value, version.single) for name, value in used.items()} | names
     if version.single:
-        code = code.replace(co_consts=tuple(rounded(value) for value in code.co_consts))
+        code = code.replace(co_consts=tuple(to_single(value) for value in code.co_consts))
     fresh = types.FunctionType(
         code,
         {**function.__globals__, **values, "__name__": __name__},
         function.__name__,
-        rounded(function.__defaults__, version.single),
+        to_single(function.__defaults__, version.single),
         tuple(types.CellType(values[name]) for name in code.co_freevars),
     )
     fresh.__qualname__ = f"{function.__qualname__}_{version.name}"
     return fresh
 
 
-def rounded(value: Untyped, single: bool = True) -> Untyped:
+def to_single(value: Untyped, single: bool = True) -> Untyped:
     """Round a float, or the floats in a tuple, to single precision; other values are returned as they are."""
     if single and isinstance(value, tuple):
-        return type(value)(*map(rounded, value)) if hasattr(value, "_fields") else tuple(map(rounded, value))
+        return type(value)(*map(to_single, value)) if hasattr(value, "_fields") else tuple(map(to_single, value))
     return np.float32(value) if single and isinstance(value, float) else value

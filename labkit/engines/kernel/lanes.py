@@ -65,7 +65,7 @@ class Code:
         mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), list(lanes))
         return self.builder.shuffle_vector(a, b, mask)
 
-    def joined(self, parts: Sequence[Value]) -> Value:
+    def join(self, parts: Sequence[Value]) -> Value:
         """Join vectors, whose number is a power of two."""
         while len(parts) > 1:
             lanes = range(2 * parts[0].type.count)
@@ -94,12 +94,12 @@ class Code:
         function = cgutils.get_or_insert_function(self.builder.module, kind, f"llvm.fma.v{a.type.count}f64")
         return self.builder.call(function, [a, b, c])
 
-    def rounded(self, doubles: Sequence[Value]) -> Value:
+    def to_single(self, doubles: Sequence[Value]) -> Value:
         """Round two registers of doubles to one register of single numbers."""
         kind = ir.VectorType(SINGLE, doubles[0].type.count)
-        return self.joined([self.builder.fptrunc(value, kind) for value in doubles])
+        return self.join([self.builder.fptrunc(value, kind) for value in doubles])
 
-    def exchanged(self, four: Sequence[Value]) -> list[Value]:
+    def exchange(self, four: Sequence[Value]) -> list[Value]:
         """Exchange rows and columns in each group of COLUMNS numbers of four registers."""
         first, last, front, back, order = EXCHANGE[four[0].type.element]
         halves = [[self.shuffle(four[k], four[k + 1], lanes) for k in (0, 2)] for lanes in (first, last)]
@@ -108,11 +108,11 @@ class Code:
 
     def to_rows(self, records: Sequence[Value]) -> list[Value]:
         """Four rows of as many records of COLUMNS numbers as a register has numbers."""
-        return self.exchanged([self.joined(records[k::COLUMNS]) for k in range(COLUMNS)])
+        return self.exchange([self.join(records[k::COLUMNS]) for k in range(COLUMNS)])
 
     def to_registers(self, rows: Sequence[Value]) -> list[Value]:
         """Four registers of records from four rows; three rows give records that end with 0."""
-        return self.exchanged([*rows, *[ir.Constant(rows[0].type, None)] * (COLUMNS - len(rows))])
+        return self.exchange([*rows, *[ir.Constant(rows[0].type, None)] * (COLUMNS - len(rows))])
 
     def to_records(self, rows: Sequence[Value]) -> list[Value]:
         """The inverse of to_rows; three rows give records that end with 0."""

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import Version, compiled, compiled_with_callees
+from labkit.engines.kernel.compiling import Version, compile_plain, compile_with_callees
 from labkit.engines.kernel.layout import (
     DAMPING_LOSS,
     GRAIN_FORCE,
@@ -143,10 +143,10 @@ def move_rows(
         store(work, W, i, w)
 
 
-move_block = compiled_with_callees(move_rows, {}, Version("motion"))
+move_block = compile_with_callees(move_rows, {}, Version("motion"))
 
 
-@compiled
+@compile_plain
 def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
     """Set H to H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
     for j in range(3):
@@ -155,7 +155,7 @@ def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
             cell[i, j] += dt * (L[i, 0] * a + L[i, 1] * b + L[i, 2] * c)
 
 
-@compiled
+@compile_plain
 def largest_speed(doubles: np.ndarray) -> float:
     """Return the largest |c| of the last motion, m/s, and reset it."""
     largest = 0.0

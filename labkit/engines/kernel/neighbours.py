@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 
 from labkit.engines.kernel.arranging import LOST, by_number
-from labkit.engines.kernel.compiling import compiled, kept
+from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
 from labkit.errors import PhysicsError
 from labkit.micro.cells import widths
 
@@ -28,7 +28,7 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
     return shape, np.ceil(reach * shape / across * (1.0 - 1e-12)).astype(np.int64)
 
 
-@kept
+@compile_and_keep
 def place(
     position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray, period: np.ndarray, grid_cell: np.ndarray
 ) -> bool:
@@ -51,7 +51,7 @@ def place(
     return True
 
 
-@compiled
+@compile_plain
 def runs_around(c: int, shape: np.ndarray, span: np.ndarray, runs: np.ndarray) -> int:
     """Write the grid cells that follow cell c within `span` (3,), in order; return the number of rows written.
 
@@ -77,7 +77,7 @@ def runs_around(c: int, shape: np.ndarray, span: np.ndarray, runs: np.ndarray) -
     return number
 
 
-@kept
+@compile_and_keep
 def find(
     grains: np.ndarray,
     cell: np.ndarray,

@@ -126,12 +126,15 @@ def pack(
     unused = first_image + len(owner)
     placed = np.full((2, blocks * WIDTH), unused, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
-    laid = aligned((blocks, 1 + history.rows.shape[1], WIDTH), kind)
+    laid = allocate((blocks, 1 + history.rows.shape[1], WIDTH), kind)
     old = history.pairs, history.shift, history.rows.astype(kind, copy=False), history.number[order]
     carry(*old, pairs, shift, slot, scene.normal_stiffness(radius[pairs[0]], radius[pairs[1]]), laid)
     grain_blocks = -(-number // WIDTH)
-    velocities, masses = aligned((grain_blocks, GRAIN_ROWS * WIDTH)), aligned((grain_blocks, MASS_ROWS * WIDTH), kind)
-    places, motions = aligned((unused + 1, PLACE_COLUMNS)), aligned((unused + 1, SITE_COLUMNS), kind)
+    velocities, masses = (
+        allocate((grain_blocks, GRAIN_ROWS * WIDTH)),
+        allocate((grain_blocks, MASS_ROWS * WIDTH), kind),
+    )
+    places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
     put_rows(velocities, velocity)
     put_rows(masses, 1.0 / np.stack([scene.mass(radius), scene.moment_of_inertia(radius)], axis=1))
     places[:number, :3], motions[:number, SITE_V : SITE_V + 3] = position, velocity
@@ -145,7 +148,7 @@ def pack(
         contact_last=contact_first + counts,
         places=places,
         motions=motions,
-        forces=aligned((unused + 1, FORCE_COLUMNS), kind),
+        forces=allocate((unused + 1, FORCE_COLUMNS), kind),
         grains=velocities,
         masses=masses,
         image_first=np.searchsorted(owner, grain_first),
@@ -153,8 +156,8 @@ def pack(
         shift=image_shift,
         pairs=placed,
         blocks=laid.reshape(blocks, -1),
-        work=aligned((domains, WORK_ROWS * WIDTH), kind),
-        doubles=aligned((domains, DOUBLE_ROWS * WIDTH)),
+        work=allocate((domains, WORK_ROWS * WIDTH), kind),
+        doubles=allocate((domains, DOUBLE_ROWS * WIDTH)),
         start=position,
     )
     return PackedArrays(arrays, order, slot, pairs, shift)
@@ -167,7 +170,7 @@ def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
     blocks[:] = whole.reshape(len(blocks), WIDTH, -1).transpose(0, 2, 1).reshape(blocks.shape)
 
 
-def aligned(shape: tuple[int, ...], kind: type = float) -> np.ndarray:
+def allocate(shape: tuple[int, ...], kind: type = float) -> np.ndarray:
     """Return an array of zeros that is aligned to a cache line."""
     memory = np.zeros(int(np.prod(shape)) * np.dtype(kind).itemsize + LINE, np.uint8)
     first = -memory.ctypes.data % LINE

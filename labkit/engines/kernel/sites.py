@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
-from labkit.engines.kernel.compiling import compiled, kept
+from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
 from labkit.engines.kernel.layout import (
     FORCE,
     LANES,
@@ -35,14 +35,14 @@ from labkit.engines.kernel.transfers import (
 )
 
 
-@kept
+@compile_and_keep
 def read_places(places: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray) -> None:
     """Fill the rows D to SQUARES of contacts from the places of their grains."""
     for i in range(0, len(first), LANES):
         read_branches(places, first, second, i, work, D + i)
 
 
-@kept
+@compile_and_keep
 def read_sites(
     places: np.ndarray,
     motions: np.ndarray,
@@ -60,7 +60,7 @@ def read_sites(
         read_spins(motions, second, i, work, WB + i)
 
 
-@kept
+@compile_and_keep
 def add_to_sites(
     forces: np.ndarray, first: np.ndarray, second: np.ndarray, work: np.ndarray, turning: bool | None
 ) -> None:
@@ -72,13 +72,13 @@ def add_to_sites(
             add_forces(forces, first, second, i, work, FORCE + i)
 
 
-@compiled
+@compile_plain
 def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
     """Index of the first image among the sites: whole blocks of grains precede the images."""
     return len(sites) - 1 - len(owner)
 
 
-@kept
+@compile_and_keep
 def collect_images(arrays: Arrays, d: int) -> None:
     """Add the forces on the images of the domain d to the grains that they copy, and reset them."""
     images = first_image(arrays.forces, arrays.owner)
@@ -86,7 +86,7 @@ def collect_images(arrays: Arrays, d: int) -> None:
         collect_image(arrays.forces, arrays.owner[uint(image)], images + image)
 
 
-@kept
+@compile_and_keep
 def image_sites(arrays: Arrays, d: int, offset: np.ndarray, drift: np.ndarray) -> None:
     """Write the sites of the images of the domain d, which are periods away from the grains that they copy.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from labkit.engines.kernel.compiling import compiled, kept
+from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
 from labkit.engines.kernel.contact import block_forces, block_stress
 from labkit.engines.kernel.layout import (
     CELL_WORK,
@@ -59,7 +59,7 @@ class Motion(NamedTuple):
     skin: float
 
 
-@compiled
+@compile_plain
 def whole_lanes(n: int) -> int:
     """Round n up to a multiple of LANES."""
     return (n + LANES - 1) // LANES * LANES
@@ -86,7 +86,7 @@ def domain_contacts(arrays: Arrays, d: int, dt: float, law: Features, gradient: 
             work[CELL_WORK + k] = 0.0
 
 
-@kept
+@compile_and_keep
 def domain_grains(
     arrays: Arrays,
     d: int,
@@ -112,7 +112,7 @@ def domain_grains(
             put_motions(motions, start + i, block, V + i, work, W + i)
 
 
-@compiled
+@compile_plain
 def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
     """Largest distance of a grain from its position at the last search, in the cell at that time, m.
 
@@ -131,13 +131,13 @@ def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
     return math.sqrt(largest)
 
 
-@kept
+@compile_and_keep
 def drift_of(cell: np.ndarray, L: np.ndarray) -> np.ndarray:
     """Velocity that a period adds (3, 3), L times the cell before the motion, m/s."""
     return L @ cell
 
 
-@kept
+@compile_and_keep
 def search_is_due(
     motion: Motion, L: np.ndarray, dt: float, speed: np.ndarray, places: np.ndarray, start: np.ndarray
 ) -> bool:

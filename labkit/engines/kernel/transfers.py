@@ -68,7 +68,7 @@ def read_branches(
         for component in four[:3]:
             squares = code.fma(code.builder.fneg(component), component, squares)
         four.append(squares)
-    work.put_rows([code.rounded(halves) for halves in zip(*rows, strict=True)], row, 0)
+    work.put_rows([code.to_single(halves) for halves in zip(*rows, strict=True)], row, 0)
 
 
 @intrinsic
@@ -176,10 +176,10 @@ def put_motions(
     """
     for chunk in motions.chunks:
         parts = [grains.get_rows(velocity, start) for start in range(chunk.start, chunk.stop, grains.size)]
-        rows = parts[0] if motions.kind == DOUBLE else [code.rounded(pair) for pair in zip(*parts, strict=True)]
+        rows = parts[0] if motions.kind == DOUBLE else [code.to_single(pair) for pair in zip(*parts, strict=True)]
         velocities, turns = code.to_records(rows), code.to_records(work.get_rows(spin, chunk.start, COLUMNS))
         for k, v, w in zip(chunk, velocities, turns, strict=True):
-            code.store(code.joined([v, w]), motions.part(code.plus(first, k), 0, 2 * COLUMNS))
+            code.store(code.join([v, w]), motions.part(code.plus(first, k), 0, 2 * COLUMNS))
 
 
 @intrinsic

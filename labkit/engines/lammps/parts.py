@@ -75,7 +75,7 @@ def _slip(
     return relative - np.cross(turning, n)
 
 
-def gathered(parts: Sequence[Part], cell: np.ndarray) -> dict[str, np.ndarray]:
+def gather_parts(parts: Sequence[Part], cell: np.ndarray) -> dict[str, np.ndarray]:
     """Return the arrays of a State from all parts; cell (3, 3), m."""
     values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order, pair = np.argsort(values["number"]), values["pair"]

@@ -64,10 +64,10 @@ def start_ranks(ranks: int) -> Server:
             stderr=subprocess.STDOUT,
             start_new_session=True,  # otherwise a signal from the terminal would make mpiexec end the ranks
         )
-        return Server("LAMMPS", _accepted(listener, process), process, output)
+        return Server("LAMMPS", _accept(listener, process), process, output)
 
 
-def _accepted(listener: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket:
+def _accept(listener: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket:
     """Return the socket of rank 0, closed if the process ended before it connected."""
     listener.settimeout(0.1)
     while process.poll() is None:

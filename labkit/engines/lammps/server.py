@@ -17,7 +17,7 @@ import numpy as np
 from mpi4py import MPI
 
 from labkit.engines.lammps.domain import Domain
-from labkit.engines.lammps.parts import gathered
+from labkit.engines.lammps.parts import gather_parts
 from labkit.engines.server import PROTOCOL, Message, Values, receive, send
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
@@ -118,7 +118,7 @@ class Ranks:
     def _now(self) -> State:
         cell, gradient = self._domain.cell.copy(), self._domain.gradient.copy()
         parts = self._all("all_parts")
-        return self._start.replace(cell=cell, velocity_gradient=gradient, **gathered(parts, cell))
+        return self._start.replace(cell=cell, velocity_gradient=gradient, **gather_parts(parts, cell))
 
     def serve(self) -> None:
         """Answer until labkit ends, or announces that it will."""
