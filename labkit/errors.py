@@ -5,6 +5,10 @@ from __future__ import annotations
 import difflib
 import sys
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from labkit.runs.run import Run
 
 
 class InputError(ValueError):
@@ -69,7 +73,12 @@ def as_typed(value: object) -> str:
 
 
 class PhysicsError(RuntimeError):
-    """The simulation, or a check of its results, failed: exit code 1."""
+    """The simulation, or a check of its results, failed: exit code 1.
+
+    run: the Run up to where it failed, if labkit.run raises the error and a record was saved.
+    """
+
+    run: Run | None = None
 
 
 class Interrupted(Exception):

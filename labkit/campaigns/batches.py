@@ -49,8 +49,8 @@ class RunBatch:
 
 
 def batched(job: Job) -> bool:
-    """True if a job is a run on an engine that advances runs together."""
-    return job.kind == "run" and on_gpu(job)
+    """True if a job is a run of a specimen on an engine that advances runs together."""
+    return job.kind == "run" and on_gpu(job) and str(job.source).endswith(".state.nc")
 
 
 def on_gpu(job: Job) -> bool:

@@ -34,7 +34,7 @@ from labkit.specimens.specimen import Recipe
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
     "path": "loading path",
     "engine": "engine",
-    "specimen": "state file from which the run started",
+    "specimen": "state or run file from which the run started",
     "seed": "seed of the specimen",
     "grains": "number of grains",
     "records": "number of records; later elements of the arrays are NaN",
@@ -117,7 +117,7 @@ def _read(file: Path) -> _File:
         of_file = {
             "path": name,
             "engine": str(run.engine),
-            "specimen": next((Path(file).name for file in inputs if str(file).endswith(".state.nc")), ""),
+            "specimen": next((Path(file).name for file in inputs if str(file).endswith((".state.nc", ".run.nc"))), ""),
             "seed": int(getattr(run, "seed", 0)),
             "grains": len(run["grains"].dimensions["grain"]),
             "records": records,

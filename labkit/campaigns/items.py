@@ -49,7 +49,7 @@ class Consolidated(_Work):
 
 @dataclasses.dataclass(frozen=True)
 class PlannedRun(_Work):
-    """A loading path applied to a specimen.
+    """A loading path applied to a specimen, or to the grains at the end of another run.
 
     changes: (parameter, value) pairs of the Scene that may differ from the specimen's.
     """
@@ -90,10 +90,17 @@ class Campaign:
     gpu_memory: float | None = None
 
     def origin(self, name: str) -> Specimen:
-        """The Specimen from which the named specimen is derived, or that specimen itself."""
+        """The Specimen from which the named specimen or run is derived, or that specimen itself.
+
+        That of a run has the Scene of the run, which the next run takes over.
+        """
         while name in self._sources:
             name = self._sources[name]
-        return self._made[name]
+        if name in self._made:
+            return self._made[name]
+        before = self._runs[name]
+        origin = self.origin(before.specimen)
+        return dataclasses.replace(origin, scene=before.scene(origin))
 
     @functools.cached_property
     def _sources(self) -> dict[str, str]:
@@ -103,11 +110,18 @@ class Campaign:
     def _made(self) -> dict[str, Specimen]:
         return {item.name: item for item in self.specimens}
 
+    @functools.cached_property
+    def _runs(self) -> dict[str, PlannedRun]:
+        return {item.name: item for item in self.runs}
+
     def consolidation(self, run: PlannedRun) -> str | None:
         """Name of the consolidation that labkit inserts before a run, or None.
 
-        It is inserted if the run holds a stress to which its specimen was not consolidated.
+        It is inserted if the run holds a stress to which its specimen was not consolidated. A run that goes on from
+        another one does so by itself if its stress is another.
         """
+        if run.specimen not in self._made and run.specimen not in self._sources:
+            return None
         at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
         pressure = run.path.start_pressure()
         return None if pressure is None or pressure == at else consolidation_name(run, pressure)

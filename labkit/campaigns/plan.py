@@ -39,8 +39,8 @@ FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 class Job:
     """One command of labkit; its files are relative to the campaign folder.
 
-    kind: specimen, consolidation or run; arguments: those of the command, without its files; source: the state file
-    that it starts from; extensions: hashes of the user-supplied files that its result depends on; digest: hash of
+    kind: specimen, consolidation or run; arguments: those of the command, without its files; source: the state or run
+    file that it starts from; extensions: hashes of the user-supplied files that its result depends on; digest: hash of
     everything that determines its result, including the jobs that it depends on.
     """
 
@@ -116,17 +116,17 @@ def plan_of(campaign: Campaign) -> Plan:
     for item in campaign.consolidated:
         scene = campaign.origin(item.source).scene
         consolidated[item.name] = _consolidation_job(item, {**made, **consolidated}[item.source], scene, hashes)
-    runs = []
+    runs: dict[str, Job] = {}
     for run in campaign.runs:
-        start, origin = {**made, **consolidated}[run.specimen], campaign.origin(run.specimen)
+        start, origin = {**runs, **made, **consolidated}[run.specimen], campaign.origin(run.specimen)
         name, pressure = campaign.consolidation(run), run.path.start_pressure()
         if name is not None and pressure is not None:
             item = Consolidated(
                 name, run.specimen, pressure, engine=run.engine, threads=run.threads, precision=run.precision
             )
             start = consolidated.setdefault(name, _consolidation_job(item, start, origin.scene, hashes))
-        runs.append(_run_job(run, start, origin, hashes))
-    return Plan(campaign, tuple(made.values()), tuple(consolidated.values()), tuple(runs))
+        runs[run.name] = _run_job(run, start, origin, hashes)
+    return Plan(campaign, tuple(made.values()), tuple(consolidated.values()), tuple(runs.values()))
 
 
 def _specimen_job(item: Specimen, hashes: tuple[str, ...]) -> Job:

@@ -38,7 +38,9 @@ def read_runs(
         fields = read_fields(node, run_keys(kind), where, errors, MULTIPLIED["runs"], sections, line)
         if kind is Steps:
             read_steps(node, fields, f"{where}: {STEPS}")
-        runs += [(run, fields) for run in _runs(name, kind, fields, top, specimens)]
+        added = _runs(name, kind, fields, top, specimens)
+        runs += [(run, fields) for run in added]
+        specimens = specimens.with_runs(name, added)
         if len(runs) > MOST_RUNS:
             errors.add(line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them")
             return []
@@ -60,7 +62,7 @@ def _runs(
     fields.require([SPECIMEN], example=next(iter(specimens.groups), "dense"))
     for one in fields.listed(SPECIMEN.name):
         if one not in specimens.groups:
-            problem = f"there is no specimen {one!r}{similar(one, tuple(specimens.groups))}"
+            problem = f"there is no specimen or earlier run {one!r}{similar(one, tuple(specimens.groups))}"
             fields.error(problem, SPECIMEN.name)
     if kind is None:
         return []

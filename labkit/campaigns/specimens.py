@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from labkit.campaigns.document import Block, Entry, Errors, Fields, read_fields, similar
-from labkit.campaigns.items import Consolidated, Specimen
+from labkit.campaigns.items import Consolidated, PlannedRun, Specimen
 from labkit.campaigns.keys import (
     FROM,
     MOST_GRAINS,
@@ -42,6 +42,18 @@ class Specimens:
     consolidated: tuple[Consolidated, ...]
     groups: Mapping[str, Sequence[str]]
     origins: Mapping[str, Specimen]
+
+    def with_runs(self, name: str, runs: Sequence[PlannedRun]) -> Specimens:
+        """The same with the runs of an entry, from whose ends later runs go on; a specimen of the same name wins."""
+        if name in self.groups:
+            return self
+        origins = {run.name: self.origins[run.specimen] for run in runs}
+        scenes = {
+            one: dataclasses.replace(at, scene=run.scene(at))
+            for (one, at), run in zip(origins.items(), runs, strict=True)
+        }
+        groups = {**self.groups, name: [run.name for run in runs]}
+        return dataclasses.replace(self, groups=groups, origins={**scenes, **self.origins})
 
 
 def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: Errors) -> Specimens:

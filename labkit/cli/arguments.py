@@ -317,6 +317,10 @@ def start_of_options(
 
 PRECISION = "double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision"
 
+FROM = "state file, or run file, whose end is taken"
+FromSnapshot = Annotated[
+    int | None, Option("take this snapshot of a run file, at rest; a negative number counts from the end", type=int)
+]
 Csv = Annotated[str | None, Option("also write the table as CSV, to this file", "FILE")]
 Working = Annotated[Start, Made(start_of_options)]
 History = Annotated[str, CommandLine()]

@@ -103,9 +103,8 @@ def grading_command(
     """
     from labkit.figures import grading_figure
     from labkit.grains.state import read_state
-    from labkit.records.checkpoint import read_checkpoint
 
-    state = (read_checkpoint if labkit_kind(file) == "run" else read_state)(file)
+    state = read_state(file)
     output = output or figure_name(file, "grading")
     require_outputs(output, csv)
     table = grading_figure.grading_table(state)

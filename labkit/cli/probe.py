@@ -5,17 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import History, Instance, Option, Working
+from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Option, Working
 from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.naming import stem
 from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
 from labkit.engines import Start, require_engine
-from labkit.errors import InputError
 from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
-from labkit.io.netcdf import labkit_kind, open_netcdf
-from labkit.records.checkpoint import read_checkpoint
 from labkit.runs.probing import Probing
 
 if TYPE_CHECKING:
@@ -25,8 +22,9 @@ if TYPE_CHECKING:
 
 @command("probe")
 def probe_command(
-    file: Annotated[str, Option("state file, or run file, whose checkpoint is probed")],
+    file: Annotated[str, Option(FROM)],
     *,
+    from_snapshot: FromSnapshot = None,
     probing: Annotated[Probing, Instance(Probing, "probes")],
     elastic: Annotated[
         bool,
@@ -58,7 +56,7 @@ def probe_command(
     """
     from labkit.model.run_file import read_model
 
-    state = state_in(file)
+    state = read_state(file, snapshot=from_snapshot)
     require_engine(computation.name, state.scene, computation.precision)
     output = output or str(Path(file).with_name(f"{stem(file)}.probes.nc"))
     as_table = output.lower().endswith(".csv")
@@ -97,13 +95,3 @@ def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool
     if elastic:
         found += probes_of(start, probing, True, computation, reporter("elastic probes"))
     return found if predicted is None else found + predicted
-
-
-def state_in(file: str) -> State:
-    """The State in a state file, or in the last checkpoint of a run file. Raises InputError."""
-    if labkit_kind(file) != "run":
-        return read_state(file)
-    with open_netcdf(file, "run") as dataset:
-        if "checkpoint" not in dataset.groups:
-            raise InputError(f"{file} has no checkpoint: give a state file, or the run file of a simulation")
-    return read_checkpoint(file)

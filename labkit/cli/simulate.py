@@ -9,7 +9,9 @@ from typing import Annotated
 
 from labkit.cli.announce import announcing
 from labkit.cli.arguments import (
+    FROM,
     Csv,
+    FromSnapshot,
     History,
     Instance,
     Made,
@@ -108,8 +110,9 @@ def _holds(state: State, task: SpecimenTask) -> bool:
 
 @command("consolidate")
 def consolidate_command(
-    specimen: Annotated[str | None, Option("state file to start from")] = None,
+    specimen: Annotated[str | None, Option(FROM)] = None,
     *,
+    from_snapshot: FromSnapshot = None,
     pressure: Annotated[str | None, Option("isotropic pressure to reach, e.g. 500kPa; a number is in Pa")] = None,
     computation: Working,
     output: Annotated[
@@ -123,10 +126,11 @@ def consolidate_command(
 
     Example:
         labkit consolidate s.state.nc --pressure 500kPa --engine fused
+        labkit consolidate r.run.nc --pressure 500kPa --engine fused      # the specimen at the end of a run
     """
     path = make_path("cr", {"pressure": require(pressure, "pressure", "one, e.g. 500kPa")})
     source = require(specimen, "specimen", "a state file")
-    start = read_state(source)
+    start = read_state(source, snapshot=from_snapshot)
     require_engine(computation.name, start.scene, computation.precision)
     require_pressure(path, start.scene)
     wanted = path.start_pressure() or 0.0
@@ -144,8 +148,9 @@ def consolidate_command(
 
 def run_task(
     path: Annotated[str | None, Option(f"loading path, one of {', '.join(PATHS)}, or a path file, FILE.yaml")] = None,
-    specimen: Annotated[str | None, Option("state file to start from")] = None,
+    specimen: Annotated[str | None, Option(FROM)] = None,
     *,
+    from_snapshot: FromSnapshot = None,
     loading: Annotated[Texts, PathOptions()],
     recording: Annotated[Options, Instance(Options, "recording")],
     material: Annotated[
@@ -160,7 +165,7 @@ def run_task(
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
     kind, written = named_path(word)
     source = require(specimen, "specimen", "a state file")
-    state = read_state(source)
+    state = read_state(source, snapshot=from_snapshot)
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
     scene = restore(Scene, {**vars(state.scene), **factor, **material})
     require_engine(computation.name, scene, computation.precision)
@@ -185,11 +190,13 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     """Loads a specimen along a path.
 
     Writes a run file with stresses, strains and statistics at each record, and the contacts at some of them. Repeat
-    the same command to resume an interrupted run.
+    the same command to resume an interrupted run. A run goes on from the end of another one if that is the specimen:
+    in motion, at its stress.
 
     Examples:
         labkit run cv s.state.nc --strain 0.1 --engine fused -o r.run.nc
         labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused
+        labkit run cr r.run.nc --strain=-0.02 --engine fused
         labkit run cp --help                  # only the options of this path
     """
     file = str(task.output)

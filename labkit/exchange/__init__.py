@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from labkit.exchange.importing import import_snapshot as import_snapshot
     from labkit.exchange.importing import import_state as import_state
     from labkit.exchange.importing import read as read
-    from labkit.exchange.importing import state_of_snapshot as state_of_snapshot
     from labkit.exchange.packing import ContactList as ContactList
     from labkit.exchange.packing import Packing as Packing
+    from labkit.grains.state import state_of_snapshot as state_of_snapshot
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

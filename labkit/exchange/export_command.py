@@ -106,8 +106,8 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
 def _write_format(run: str, kind: str, number: int | None, format: str | None, output: str | None) -> None:
     """Writes the grains and contacts in the format of another program, or a whole run as Zarr."""
     from labkit.exchange.formats import format_to_write
-    from labkit.exchange.importing import state_of_snapshot
     from labkit.exchange.zarr_store import ZarrStore, write_dataset
+    from labkit.grains.state import read_state
     from labkit.runs.dataset import open_run
 
     if output is None:
@@ -120,12 +120,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
         return
     if not isinstance(found, ZarrStore):
         require_writable(file)
-    if kind == "state":
-        from labkit.grains.state import read_state
-
-        state = read_state(run)
-    else:
-        state = state_of_snapshot(_snapshot(run, kind, number))
+    state = read_state(run, snapshot=(-1 if number is None else number) if kind == "run" else number)
     found.write(state, file)
     write_provenance(file, [run]) if file.is_file() else None
     print(f"{output}: {state.number_of_grains} grains, {len(state.contact_grain)} contacts, format {found.name}")

@@ -18,7 +18,8 @@ from labkit.exchange.formats import FORMATS, format_of
 from labkit.exchange.packing import ContactList, Packing
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
 from labkit.grains.scene import Scene
-from labkit.grains.state import FAR, State, grains_in_cell
+from labkit.grains.state import State, grains_in_cell
+from labkit.grains.valid import FAR
 from labkit.io.provenance import provenance_json
 from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
@@ -271,25 +272,3 @@ def require_accepted(findings: Sequence[Doubt], accept: bool) -> None:
     serious = [str(finding) for finding in findings if finding.serious]
     if serious and not accept:
         raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")
-
-
-def state_of_snapshot(snapshot: Snapshot) -> State:
-    """A State with the grains and contacts of a snapshot, e.g. of a run file; grains at rest if it has no velocities.
-
-    Raises ValueError if the snapshot has no positions.
-    """
-    if snapshot.position is None:
-        raise ValueError("this snapshot has no grain positions")
-    contacts = snapshot.contacts
-    branch = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
-    straight = snapshot.position[contacts.grain[:, 1]] - snapshot.position[contacts.grain[:, 0]]
-    shift = np.rint(np.linalg.solve(snapshot.cell, (branch - straight).T).T).astype(np.int32)
-    state = grains_in_cell(cast(Scene, snapshot.scene), snapshot.radius, snapshot.position, snapshot.cell)
-    return state.replace(
-        contact_grain=contacts.grain.astype(np.int32),
-        contact_shift=shift,
-        tangential_force=contacts.tangential_force,
-        rolling_moment=contacts.rolling_moment,
-        velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
-        time=snapshot.time,
-    )

@@ -12,8 +12,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import netCDF4
 import numpy as np
@@ -21,12 +20,12 @@ import numpy as np
 import labkit
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
+from labkit.grains.valid import checked
 from labkit.io.conventions import describe
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
-from labkit.io.netcdf import create_variables, new_netcdf, open_netcdf
-from labkit.io.schema import LARGEST_RADIUS, SIZES, STATE
-from labkit.micro.cells import widths
+from labkit.io.netcdf import create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
+from labkit.io.schema import STATE
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
@@ -179,9 +178,31 @@ def grains_in_cell(
     )
 
 
-MARGIN = 50_000  # bytes of a state file besides its arrays, about
+def state_of_snapshot(snapshot: Snapshot) -> State:
+    """A State with the grains and contacts of a snapshot, e.g. of a run; grains at rest if it has no velocities.
 
-FAR = 1000  # cells; no grain travels that far
+    Its `step` is not zero if the snapshot is from a run and not its first one: a test then goes on from its stress.
+    Raises ValueError if the snapshot has no positions.
+    """
+    if snapshot.position is None:
+        raise ValueError("this snapshot has no grain positions")
+    contacts = snapshot.contacts
+    branch = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
+    straight = snapshot.position[contacts.grain[:, 1]] - snapshot.position[contacts.grain[:, 0]]
+    shift = np.rint(np.linalg.solve(snapshot.cell, (branch - straight).T).T).astype(np.int32)
+    state = grains_in_cell(cast(Scene, snapshot.scene), snapshot.radius, snapshot.position, snapshot.cell)
+    return state.replace(
+        contact_grain=contacts.grain.astype(np.int32),
+        contact_shift=shift,
+        tangential_force=contacts.tangential_force,
+        rolling_moment=contacts.rolling_moment,
+        velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
+        time=snapshot.time,
+        step=round(snapshot.time / state.time_step),
+    )
+
+
+MARGIN = 50_000  # bytes of a state file besides its arrays, about
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
@@ -208,15 +229,18 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     for name, variable in STATE.items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = values_of(group[name], rows)
+    return State(**values, **_attributes_of(attributes))
+
+
+def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
+    """The fields of a State that are attributes of its file."""
     names = (*ATTRIBUTES, "precision")
-    kept: dict[str, Any] = {name: getattr(attributes, name) for name in names if name in attributes.ncattrs()}
-    for name in ("step", "seed"):
-        kept[name] = int(kept[name])
-    for name in ("time", "time_step"):
-        kept[name] = float(kept[name])
-    if "ledger" in attributes.ncattrs():
-        kept["ledger"] = Ledger(*(float(x) for x in attributes.ledger))
-    return State(scene=Scene.from_json(attributes.scene), **values, **kept)
+    kept: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
+    kept |= {name: int(kept[name]) for name in ("step", "seed") if name in kept}
+    kept |= {name: float(kept[name]) for name in ("time", "time_step") if name in kept}
+    if "ledger" in dataset.ncattrs():
+        kept["ledger"] = Ledger(*(float(x) for x in dataset.ledger))
+    return {"scene": Scene.from_json(dataset.scene), **kept}
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
@@ -228,80 +252,60 @@ def write_state(path: str | os.PathLike, state: State) -> None:
             dataset[name][...] = getattr(state, name)
 
 
-def read_state(path: str | os.PathLike, verify: bool = True) -> State:
-    """Read a state file. Raises InputError if it is missing, damaged or not a state file.
+def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
+    """Read a state file, or the last save of a run file: the end of a run that is finished, with its velocities.
 
-    verify: False to check the hash of its bytes, but not that of its data (labkit.io.netcdf).
+    verify: False to check the hash of its bytes, but not that of its data (labkit.io.netcdf); snapshot: number of a
+    snapshot of a run file, counted from the end if negative. Its grains are at rest, because snapshots have no
+    velocities, unless it is that of the last save. Raises InputError if the file is missing, damaged, of another kind,
+    or without a checkpoint.
     """
+    if labkit_kind(path) == "run":
+        with open_netcdf(path, "run", verify) as dataset:
+            return state_in_run(path, dataset, snapshot)
+    if snapshot is not None:
+        raise InputError(f"is for run files, and {path} is not one: leave it out", field="snapshot", value=snapshot)
     with open_netcdf(path, "state", verify) as dataset:
         return checked(path, lambda: read_group(dataset, dataset))
 
 
-def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
-    """The State that `read` returns from the file `path`. Raises InputError if it cannot be grains in a cell."""
-    try:
-        state = read()
-        require_valid(state)
-        return state
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except (AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is damaged ({error}): create it again") from None
+def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: int | None = None) -> State:
+    """The State of the last save of an open run file, or of one of its snapshots. Raises InputError; see read_state."""
+    if snapshot is not None:
+        sizes = values_of(run["contacts"]["row_size"])
+        if not -len(sizes) <= snapshot < len(sizes):
+            problem, allowed = f"is not in {path}, which has {len(sizes)}", f"a number from 0 to {len(sizes) - 1}"
+            raise InputError(problem, field="snapshot", value=snapshot, allowed=allowed)
+        at, fields = _snapshot_in(run, snapshot % len(sizes), sizes), _attributes_of(run)
+        if at.time != fields.get("time") or "checkpoint" not in run.groups:
+            kept = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}
+            return checked(path, lambda: state_of_snapshot(at).replace(**kept))
+    group = checkpoint_of(path, run)
+    return checked(path, lambda: read_group(group, run, int(group.contacts)))
 
 
-def require_valid(state: State) -> None:
-    """Raise ValueError if the values of a state cannot represent grains in a cell."""
-    grains, contacts = state.number_of_grains, len(state.contact_grain)
-    for name, variable in STATE.items():
-        values = getattr(state, name)
-        sizes = {**SIZES, "grain": grains, "contact": contacts}
-        if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
-            raise ValueError(f"{name} has the wrong shape {values.shape}")
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} contains NaN or infinite values")
-        if np.abs(values).max(initial=0) > LARGEST:
-            raise ValueError(f"{name} contains values above {LARGEST:g}")
-    if not grains:
-        raise ValueError("it has no grains")
-    if not ((state.radius > 0.0) & (state.radius < LARGEST_RADIUS)).all():
-        raise ValueError(f"radius contains values that are not between 0 and {LARGEST_RADIUS:g} m")
-    _require_cell(state)
-    if contacts:
-        _require_contacts(state)
+def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapshot:
+    """A Snapshot of an open run file; sizes: numbers of contacts of all of its snapshots."""
+    group, grains = run["contacts"], run["grains"]
+    record, end = int(values_of(group["record"])[number]), int(sizes[: number + 1].sum())
+    names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+    rows = slice(end - int(sizes[number]), end)
+    contacts = Contacts(values_of(group["contact_grain"], rows), *(_double(group[name], rows) for name in names))
+    cell, position = _double(run["cell"])[record], _double(grains["position"], number)
+    time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
+    return Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)
 
 
-def _require_cell(state: State) -> None:
-    """Raise ValueError for a cell that cannot hold the grains."""
-    if not state.volume > 0.0:
-        raise ValueError("the cell has no volume, or is left-handed")
-    if widths(state.cell).min() < 2.0 * NARROWEST * state.radius.max():
-        raise ValueError("the cell is narrower than its largest grain")
-    if np.abs(np.linalg.solve(state.cell, state.position.T)).max() > FAR:
-        raise ValueError(f"a grain lies more than {FAR} cell lengths from the periodic cell")
+def _double(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:
+    """Values of a variable, of which a reduced file holds single-precision ones, in double precision."""
+    return values_of(variable, rows).astype(float)
 
 
-def _require_contacts(state: State) -> None:
-    """Raise ValueError for contacts that grains cannot have."""
-    grain, shift = state.contact_grain, state.contact_shift
-    if not (grain.min() >= 0 and grain.max() < state.number_of_grains):
-        raise ValueError("contact_grain refers to grains that do not exist")
-    if ((grain[:, 0] == grain[:, 1]) & (shift == 0).all(axis=1)).any():
-        raise ValueError("contact_grain lists a contact of a grain with itself")
-    if np.abs(shift).max() > 2 * FAR:
-        raise ValueError(f"contact_shift contains shifts of more than {2 * FAR} cells")
-    branch = branch_vectors(state.position, state.cell, grain, shift)
-    sum_of_radii = state.radius[grain].sum(axis=1)
-    overlap = 1.0 - np.linalg.norm(branch, axis=1) / sum_of_radii
-    if overlap.mean() > MOST_OVERLAP:
-        raise ValueError(
-            f"its grains overlap by {overlap.mean():.0%} of their diameter on average, too deep for a contact law: "
-            "relax them first, as labkit specimen does"
-        )
-    if overlap.min() < -FARTHEST:
-        raise ValueError("contact_grain lists two grains that are far apart")
-
-
-LARGEST = 1e30  # in SI units; no quantity of a specimen is larger
-MOST_OVERLAP = 0.2  # mean of all contacts, over their mean diameter; the guards of a run judge smaller ones
-NARROWEST = 0.8  # width of the cell over the diameter of its largest grain
-FARTHEST = 0.5  # gap in a contact, over the mean diameter of its grains
+def checkpoint_of(path: str | os.PathLike[str], run: netCDF4.Dataset) -> netCDF4.Group:
+    """The group with the checkpoint of a run file. Raises InputError if it has none, as predictions of the model."""
+    if "checkpoint" not in run.groups:
+        raise InputError(f"{path} has no checkpoint: give a state file, or a run file as `labkit run` wrote it")
+    group = run["checkpoint"]
+    if not 0 <= int(getattr(group, "contacts", -1)) <= len(group.dimensions["contact"]):
+        raise damaged(path, "the number of contacts of its checkpoint is wrong")
+    return group

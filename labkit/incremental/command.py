@@ -21,7 +21,6 @@ from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import help_of, parameters_of
 from labkit.paths.rates import on_grains
 from labkit.paths.steps import Steps
-from labkit.records.checkpoint import read_checkpoint
 from labkit.records.limits import exceeded_in, require_pressure
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.tasks import RunTask, execute
@@ -39,7 +38,7 @@ def driver_command(
     test: Annotated[str | None, Option("test file of the Incremental Driver, e.g. test.inp")] = None,
     *,
     on: Annotated[
-        str | None, Option(f"state file of the grains to test, or `{MODEL}`", "SPECIMEN", group="files")
+        str | None, Option(f"state or run file of the grains to test, or `{MODEL}`", "SPECIMEN", group="files")
     ] = None,
     initial: Annotated[
         str | None,
@@ -156,7 +155,7 @@ def _on_grains(
     if initial is not None and not initial.isotropic:
         before = output.removesuffix(".run.nc") + ".initial.run.nc"
         _run(dataclasses.replace(task, path=way_to(initial.stress), options=Options(snapshots=0), output=before))
-        task = dataclasses.replace(task, state=read_checkpoint(before))
+        task = dataclasses.replace(task, state=read_state(before).at_rest())
     _run(task)
 
 

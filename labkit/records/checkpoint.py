@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 
 import netCDF4
 import numpy as np
 
-from labkit.errors import InputError
-from labkit.grains.state import State, checked, read_group
+from labkit.grains.state import State, read_state
 from labkit.io.hashes import values_of
-from labkit.io.netcdf import create_variables, damaged, open_netcdf
+from labkit.io.netcdf import create_variables
 from labkit.io.schema import STATE
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
@@ -52,26 +50,7 @@ class Checkpoint:
     ratcheting: Ratcheting = dataclasses.field(default_factory=Ratcheting)
 
 
-def read_checkpoint(file: os.PathLike[str] | str) -> State:
-    """The State of the last save of a run file. Raises InputError if the file is damaged or not a run file."""
-    with open_netcdf(file, "run") as dataset:
-        return stored_state(file, dataset)
-
-
-def checkpoint_of(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> netCDF4.Group:
-    """The group with the checkpoint. Raises InputError if a run has none, as reduced files and predictions."""
-    if "checkpoint" not in dataset.groups:
-        raise InputError(f"{file} has no checkpoint: give a run file as `labkit run` wrote it")
-    group = dataset["checkpoint"]
-    if not 0 <= int(getattr(group, "contacts", -1)) <= len(group.dimensions["contact"]):
-        raise damaged(file, "the number of contacts of its checkpoint is wrong")
-    return group
-
-
-def stored_state(file: os.PathLike[str] | str, dataset: netCDF4.Dataset) -> State:
-    """The State of the checkpoint of an open run file. Raises InputError if it is damaged."""
-    group = checkpoint_of(file, dataset)
-    return checked(file, lambda: read_group(group, dataset, int(group.contacts)))
+read_checkpoint = read_state  # its name in version 0.2
 
 
 def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.laws import LAWS
-from labkit.grains.state import State, write_attributes
+from labkit.grains.state import State, checkpoint_of, state_in_run, write_attributes
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
 from labkit.io.schema import CONTACTS, GRAINS, Variable
@@ -36,10 +36,8 @@ from labkit.quantities.recorded import record_table
 from labkit.records.checkpoint import (
     Checkpoint,
     Position,
-    checkpoint_of,
     position_of,
     ratcheting_of,
-    stored_state,
     write_checkpoint,
 )
 from labkit.records.ratcheting import Ratcheting
@@ -270,7 +268,7 @@ class Recorder:
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(self.file, dataset)
             first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
-            position, state = position_of(checkpoint), stored_state(self.file, dataset)
+            position, state = position_of(checkpoint), state_in_run(self.file, dataset)
             self._require_plausible(state, dataset)
             ended = str(getattr(dataset, "ended_because", ""))
             created = ratcheting_of(checkpoint, self.records)

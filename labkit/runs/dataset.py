@@ -15,10 +15,10 @@ from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state import ATTRIBUTES, read_state
 from labkit.io.conventions import EPOCH
 from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
-from labkit.io.schema import RECORD
+from labkit.io.schema import RECORD, STATE
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.accessor import Lab, with_axes
 
@@ -119,8 +119,19 @@ def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequenc
             )
 
 
-def open_state(path: str | os.PathLike) -> xr.Dataset:
-    """Open a state file as one lazy xarray.Dataset with the variables of labkit.io.schema.STATE. Raises InputError."""
+def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.Dataset:
+    """Open a state file as one lazy xarray.Dataset with the variables of labkit.io.schema.STATE.
+
+    Of a run file it has the State that labkit.read_state gives for this `snapshot`. Raises InputError.
+    """
+    if labkit_kind(path) == "run" or snapshot is not None:
+        state = read_state(path, snapshot=snapshot)
+        about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
+        values = {
+            name: (row.dimensions, getattr(state, name), {"units": row.units, "long_name": row.long_name})
+            for name, row in STATE.items()
+        }
+        return with_axes(xr.Dataset(values, attrs=about))
     with open_netcdf(path, "state"):
         pass
     with damage_named(path):

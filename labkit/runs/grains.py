@@ -70,7 +70,8 @@ class Grains(Material):
     def run(self) -> Needs:
         """Carry the grains along the path, from where they are."""
         self.abilities: Abilities = yield Load(self.state)
-        self.instant: Instant | None = Instant((yield reload) if self.fresh else self.state)
+        at_rest = self.fresh and not self.state.velocity_gradient.any()  # else it is as an engine left it
+        self.instant: Instant | None = Instant((yield reload) if at_rest else self.state)
         del self.state
         if self.fresh:
             self.here.stress = yield lambda engine: engine.stress()

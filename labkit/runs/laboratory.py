@@ -9,12 +9,13 @@ Without a file the result is kept in memory.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import inspect
 import os
 import tempfile
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as File
 from typing import Any
 
@@ -22,15 +23,15 @@ from labkit.engines import Start, start_of
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted, PhysicsError, instead_of
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
+from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
-from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
 from labkit.paths.registry import make_path
 from labkit.records.limits import exceeded_by, require_pressure, size_warning
 from labkit.records.schedule import Options, Schedule
+from labkit.runs.continuing import default_pressure
 from labkit.runs.pace import require_one_rate
 from labkit.runs.run import Run
 from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
@@ -81,7 +82,7 @@ def consolidate(
     pressure: Pa, or text with a unit; the others: as for make_specimen. Raises InputError,
     PhysicsError.
     """
-    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
+    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
     path = make_path("cr", {"pressure": pressure})
     reached = path.start_pressure()
     if reached is None:
@@ -106,12 +107,13 @@ def run(
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
-    If the path holds a stress, the specimen is first consolidated to that stress where needed. `file`: a run file; if
-    it holds an unfinished run of the same test, that run is resumed. Without a file the Run is kept in memory.
-    The other arguments are those of make_specimen; recording: fields of labkit.Options (record_strain, snapshots,
-    save_every), which override those of `options`.
-    Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, Interrupted after
-    Ctrl-C or SIGTERM, with a checkpoint in the file.
+    If the path holds a stress, the specimen is first consolidated to that stress where needed. A state of an earlier
+    run, such as `earlier.state`, goes on as it is, in motion; `earlier.state.at_rest()` is an ordinary specimen.
+    `file`: a run file; if it holds an unfinished run of the same test, that run is resumed. Without a file the Run is
+    kept in memory. The other arguments are those of make_specimen; recording: fields of labkit.Options (record_strain,
+    snapshots, save_every), which override those of `options`.
+    Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, with the records
+    up to there in its attribute `run`, Interrupted after Ctrl-C or SIGTERM, with a checkpoint in the file.
     """
     options = recording_options(run, options, recording)
     start = start_of(engine, threads, precision, ranks)
@@ -120,21 +122,40 @@ def run(
     shown = _shown(progress, task.path.name)
     if file is not None:
         require_writable(file, "run")
-        execute(task, shown)
+        with _kept_by_failure(file, Run.open):
+            execute(task, shown)
         return Run.open(file)
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         output = str(File(folder) / "memory.run.nc")
         try:
-            execute(dataclasses.replace(task, output=output), shown)
+            with _kept_by_failure(output, _in_memory):
+                execute(dataclasses.replace(task, output=output), shown)
         except Interrupted as error:
             message = "stopped by a signal; nothing was saved, because the run has no file"
             raise Interrupted(message, error.code) from None
         except PhysicsError as failure:
-            kept = f"the records up to there are in {output} (complete = 0)"
-            raise PhysicsError(str(failure).replace(kept, "give a file to keep the records up to there")) from None
-        with Run.open(output).data as data:
-            data.load().encoding.pop("source", None)  # the temporary file, about to be deleted
-            return Run(data)
+            failure.args = (
+                str(failure).replace(f"in {output} (complete = 0)", "in the attribute `run` of this error"),
+            )
+            raise
+        return _in_memory(output)
+
+
+@contextlib.contextmanager
+def _kept_by_failure(file: str | os.PathLike[str], opened: Callable[[str | os.PathLike[str]], Run]) -> Iterator[None]:
+    """Context in which a PhysicsError gets the records of the run up to there, if any were saved."""
+    try:
+        yield
+    except PhysicsError as failure:
+        failure.run = opened(file) if File(file).exists() else None
+        raise
+
+
+def _in_memory(file: str | os.PathLike[str]) -> Run:
+    """The run in a temporary file, which is about to be deleted."""
+    with Run.open(file).data as data:
+        data.load().encoding.pop("source", None)
+        return Run(data, last=read_state(file))
 
 
 def recording_options(
@@ -152,10 +173,11 @@ def recording_options(
 
 def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
     """The task that loads a specimen along a path; common: further fields of the task. Raises InputError."""
-    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state")
+    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
     _require(path, Path, "path", "labkit.paths.ConstantVolume()")
     require_one_rate(path, options)
-    path = on_grains(path, state.scene).starting_at(float(mean_stress(love_stress(state.snapshot()))))
+    path = on_grains(path, state.scene)
+    path = path.starting_at(default_pressure(path, state))
     require_pressure(path, state.scene)
     Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
     return RunTask(state=state, path=path, options=options, **common)

@@ -178,8 +178,8 @@ def make_twins(
         progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
         held = with_unit(pressure, "Pa")
         path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
-        cycled = _after(specimen, path, engine, precision)
-        second = consolidate(cycled, held, engine=engine, progress=False, precision=precision)
+        cycled = run(specimen, path, engine=engine, progress=False, precision=precision, record_strain=1e-3)
+        second = consolidate(cycled.state, held, engine=engine, progress=False, precision=precision)
         twins = Twins(specimen, second, amplitude)
         e, p, Z = twins.differences()
         if abs(e) >= TOLERANCE:
@@ -190,19 +190,6 @@ def make_twins(
         if abs(Z) >= LEAST_GAP and abs(p) < 0.01:
             return twins
     raise PhysicsError(f"Z changed by only {Z:.2f}: start from a specimen compressed without friction")
-
-
-def _after(specimen: State, path: CyclicConstantMeanStress, engine: str | Start, precision: str) -> State:
-    """The state at the end of a path."""
-    import tempfile
-    from pathlib import Path
-
-    from labkit.records.checkpoint import read_checkpoint
-
-    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
-        file = Path(folder) / "cycle.run.nc"
-        run(specimen, path, engine=engine, file=file, progress=False, precision=precision, record_strain=1e-3)
-        return read_checkpoint(file)
 
 
 def _described(snapshot: Snapshot) -> tuple[float, float, float]:

@@ -142,7 +142,7 @@ def rest(specimen: State, start: Start, progress: Progress = silent) -> State:
     the remaining motion decays exponentially. The forces then return to their friction limits, from which they keep a
     distance of rounding errors, so that the state is the same to the last bit with and without sliding.
     """
-    engine = start(opened(drive_engine(ready(specimen), start)))
+    engine = start(opened(drive_engine(ready(specimen.at_rest()), start)))
     settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
     state = engine.state().at_rest()
     engine.load(opened(state.replace(scene=without_sliding(state.scene))))

@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
+from labkit.errors import InputError
 from labkit.grains.scene import Scene
+from labkit.grains.state import State, read_state
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
@@ -44,11 +46,12 @@ class Run:
     """The results of a test.
 
     data: xarray.Dataset as returned by labkit.open_run, with the accessor `.lab`; file: the run file, None for a run in
-    memory.
+    memory; last: the last State of a run in memory.
     """
 
     data: xarray.Dataset
     file: File | None = None
+    last: State | None = None
 
     @classmethod
     def open(cls, file: str | os.PathLike[str]) -> Run:
@@ -61,6 +64,18 @@ class Run:
     def complete(self) -> bool:
         """True if the loading path was completed."""
         return bool(self.data.attrs["complete"])
+
+    @property
+    def state(self) -> State:
+        """The State at the end of the run, or at the last save of an unfinished one, from which another run can go on.
+
+        Raises InputError if the run has none, as predictions of the model.
+        """
+        if self.last is not None:
+            return self.last
+        if self.file is None:
+            raise InputError("this run in memory has no state: open its file with labkit.Run.open")
+        return read_state(self.file)
 
     @property
     def ended_because(self) -> str:

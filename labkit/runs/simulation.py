@@ -14,6 +14,7 @@ from labkit.paths.rates import on_grains
 from labkit.records.energy import opened
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
+from labkit.runs.continuing import goes_on
 from labkit.runs.endings import unfinished
 from labkit.runs.grains import Grains
 from labkit.runs.pace import TRAVELLED
@@ -63,8 +64,13 @@ def simulation(
 def prepare(
     specimen: State, path: Path, engine: str, progress: Progress, guarded: bool = True, interim: File | None = None
 ) -> Generator[Request, object, State]:
-    """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate)."""
-    specimen = yield from ready(specimen, guarded)
+    """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate).
+
+    A state of a run from which the path goes on stays as it is, and in motion.
+    """
+    if goes_on(path, specimen):
+        return opened((yield from ready(specimen, guarded)))
+    specimen = yield from ready(specimen.at_rest(), guarded)
     pressure = path.start_pressure()
     held = None if pressure is None else path_to(pressure)
     if held is not None and stress_error(specimen.snapshot(), held.control()) > CONSOLIDATED:

@@ -86,7 +86,7 @@ def approach(
     kept = Interim(interim, specimen, path, engine)
     state = kept.resume()
     begin = state.step if state else 0
-    yield Load(state or opened((yield from ready(specimen))))
+    yield Load(state or opened((yield from ready(specimen.at_rest()))))
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
         state = yield from _to_rest(begin, specimen, path, control, progress, kept, signals)
     kept.remove()

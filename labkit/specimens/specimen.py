@@ -266,13 +266,13 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
 
 
 def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, State]:
-    """Return the specimen at rest with the time step of its scene, ready for a test.
+    """Return the specimen with the time step of its scene, ready for a test, which starts at time zero.
 
     A state without contacts, from another program or placed by hand, gets the contacts that the engine detects, so that
     the energy balance and the stability limit include them from the start. Raises InputError if grains overlap too
     deeply, PhysicsError if the test is `guarded` and the time step exceeds its limit.
     """
-    state = specimen.at_rest().replace(time_step=specimen.scene.time_step)
+    state = specimen.replace(time=0.0, step=0, time_step=specimen.scene.time_step)
     if len(state.contact_grain) == 0:
         yield Load(state)
         state = yield lambda engine: engine.state()

@@ -1,7 +1,10 @@
-"""Earlier results after a change of the campaign file."""
+"""Earlier results after a change of the campaign file, and runs that go on from others."""
+
+import pytest
 
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.plan import OUTDATED, plan_of, write_recipes
+from labkit.errors import InputError
 
 TEXT = """\
 engine: fused
@@ -40,3 +43,31 @@ def test_results_of_earlier_parameters_are_set_aside(tmp_path):
         "cv-a.png",
     }
     assert (tmp_path / "figures/cv-b.png").exists()
+
+
+CHAIN = """\
+engine: fused
+specimens:
+  a: {void_ratio: 0.67, grains: 150}
+runs:
+  shear: {path: cr, specimen: a, pressure: [100 kPa, 200 kPa], strain: 0.01, friction: 0.3}
+  unload: {path: cr, specimen: shear, strain: -0.005}
+"""
+
+
+def test_runs_go_on_from_earlier_runs(tmp_path):
+    """From the end of each, in the scene of the run before; a file that names a later run is refused."""
+    file = tmp_path / "c.yaml"
+    file.write_text(CHAIN)
+    campaign = read_campaign(file)
+    plan = plan_of(campaign)
+    commands = {job.name: job.command[:3] for job in plan.runs}
+    assert len(plan.consolidations) == 2
+    assert commands["unload-shear-p100kPa"] == ["run", "cr", "runs/shear-p100kPa.run.nc"]
+    assert commands["unload-shear-p200kPa"] == ["run", "cr", "runs/shear-p200kPa.run.nc"]
+    assert campaign.origin("unload-shear-p100kPa").scene.friction == 0.3
+    assert not [word for job in plan.runs[2:] for word in job.command if word.startswith("--friction")]
+    lines = CHAIN.splitlines()
+    file.write_text("\n".join([*lines[:4], lines[5], lines[4], ""]))
+    with pytest.raises(InputError, match="there is no specimen or earlier run 'shear'"):
+        read_campaign(file)

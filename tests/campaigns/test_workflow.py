@@ -10,8 +10,10 @@ import time
 from pathlib import Path
 
 import netCDF4
+import numpy as np
 import pytest
 
+import labkit
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.plan import plan_of, write_recipes
 from labkit.campaigns.workflow import PROCESS, PROFILES, SNAKEFILE
@@ -119,6 +121,18 @@ def test_changed_parameters_repeat_what_depends_on_them(place, labkit_command):
     assert done.returncode == 0, done.stderr
     after = files(place / "tiny")
     assert {name for name in before if after[name] != before[name]} == {"b.state.nc", "cv.run.nc"}
+
+
+def test_a_run_goes_on_from_another(place, labkit_command):
+    (place / "tiny.yaml").write_text(TINY + "  back: {path: cp, specimen: cp, strain: -0.005}\n")
+    before = files(place / "tiny")
+    done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    runs = labkit.open_campaign(place / "tiny")
+    cp, back = (runs["stress"].sel(run=name).dropna("time", how="all").values for name in ("cp", "back"))
+    np.testing.assert_array_equal(back[0], cp[-1])
+    assert str(runs["specimen"].sel(run="back").item()) == "cp.run.nc"
+    assert {name: files(place / "tiny")[name] for name in before} == before
 
 
 def test_what_fails_is_named_and_does_not_stop_the_others(place, labkit_command):

@@ -8,8 +8,7 @@ import xarray as xr
 
 import labkit as lk
 from labkit.cli.dispatch import main
-from labkit.exchange import FORMATS, import_snapshot, import_state, read
-from labkit.exchange.importing import state_of_snapshot
+from labkit.exchange import FORMATS, import_snapshot, import_state, read, state_of_snapshot
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs, widths
 from labkit.grains.state import read_state, write_state
 
