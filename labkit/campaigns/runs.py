@@ -62,7 +62,7 @@ def _runs(
     fields.require([SPECIMEN], example=next(iter(specimens.groups), "dense"))
     for one in fields.listed(SPECIMEN.name):
         if one not in specimens.groups:
-            problem = f"there is no specimen or earlier run {one!r}{similar(one, tuple(specimens.groups))}"
+            problem = f"there is no specimen {one!r}{similar(one, tuple(specimens.groups))}"
             fields.error(problem, SPECIMEN.name)
     if kind is None:
         return []

@@ -69,5 +69,5 @@ def test_runs_go_on_from_earlier_runs(tmp_path):
     assert not [word for job in plan.runs[2:] for word in job.command if word.startswith("--friction")]
     lines = CHAIN.splitlines()
     file.write_text("\n".join([*lines[:4], lines[5], lines[4], ""]))
-    with pytest.raises(InputError, match="there is no specimen or earlier run 'shear'"):
+    with pytest.raises(InputError, match="there is no specimen 'shear'"):
         read_campaign(file)
