@@ -9,6 +9,7 @@ stresses M_i : sigma follow their targets s_i, which may be constant or function
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -93,7 +94,7 @@ class Control(Named):
                 "give as many independent strain rates as stresses"
             )
 
-    @property
+    @functools.cached_property
     def coaxial(self) -> bool:
         """True if only normal stresses and normal strain rates are involved."""
         return not (self.measure[:, 3:].any() or self.free[3:].any())
@@ -111,7 +112,7 @@ class Control(Named):
         """Number of components that the servo must follow: 3, or 6 with shear."""
         return 3 if self.coaxial else 6
 
-    @property
+    @functools.cached_property
     def isochoric(self) -> bool:
         """True if none of the free strain rates changes the volume."""
         return bool(np.abs(self.free[:3].sum(axis=0)).max() < 1e-12)

@@ -117,7 +117,7 @@ def run(
     """
     options = recording_options(run, options, recording)
     start = start_of(engine, threads, precision, ranks)
-    task = load_task(state, path, start=start, output=str(file), options=options)
+    task = load_task(state, path, start=start, output=None if file is None else str(file), options=options)
     warn(task.warning)
     shown = _shown(progress, task.path.name)
     if file is not None:
