@@ -1,4 +1,4 @@
-"""What is modelled: scene, gradings, contact laws, state, cell and time step."""
+"""The grains to be modelled: scene, gradings, contact laws, state, cell and time step."""
 
 from typing import TYPE_CHECKING
 

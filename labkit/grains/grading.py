@@ -31,9 +31,9 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.parameters import UNITS, Number, Numbers, check_parameters, parameter, parameters_of
 
-MOST_RATIO = 10.0  # of the largest to the smallest diameter
-POINTS = 2001  # of the tabulated distributions
-SCALING = 0.03  # largest change of the drawn diameters that makes their volume exact
+MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter
+POINTS = 2001  # points of the tabulated distributions
+SCALING = 0.03  # largest change of the drawn diameters to make their volume exact
 MEASURES = ("number", "mass")
 
 
@@ -72,11 +72,11 @@ class Grading(abc.ABC):
 
     @abc.abstractmethod
     def untruncated(self, diameter: np.ndarray) -> np.ndarray:
-        """Cumulative distribution before it is cut at both ends; any shape, m."""
+        """Cumulative distribution at diameters of any shape, m, before it is cut at both ends."""
 
     @functools.cached_property
     def table(self) -> Table:
-        """The distributions by number and by mass, cut and tabulated."""
+        """Tabulate the distributions by number and by mass after cutting."""
         diameter = np.union1d(np.geomspace(self.smallest, self.largest, POINTS), self._corners())
         passing = self.untruncated(diameter)
         share = np.diff(passing) / (passing[-1] - passing[0])
@@ -115,7 +115,7 @@ class Grading(abc.ABC):
         return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
 
     def draw(self, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-        """Radii of grains with a total volume of `solid_volume`, m3; (grain,), m, ascending.
+        """Draw ascending radii (grain,), m, of grains with a total volume of `solid_volume`, m3.
 
         Raises InputError if so few grains cannot represent the grading.
         """
@@ -129,7 +129,7 @@ class Grading(abc.ABC):
         return radius * factor
 
     def to_text(self) -> str:
-        """The text that `read_grading` accepts, in SI units."""
+        """Return the text that `read_grading` accepts, in SI units."""
         values = {name: getattr(self, name) for name in parameters_of(type(self))}
         return " ".join([self.name, *(f"{name}={_text(value)}" for name, value in values.items())])
 
@@ -140,7 +140,7 @@ def _text(value: object) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Uniform(Grading):
-    """The same density for all diameters between the smallest and the largest."""
+    """A uniform density of diameters between the smallest and the largest."""
 
     by: str = parameter("number", choices=MEASURES, help="what the distribution counts")
 
@@ -216,7 +216,7 @@ GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Logn
 
 @functools.lru_cache
 def read_grading(text: str) -> Grading:
-    """The Grading described by a text or in a CSV file; see this module. Raises InputError."""
+    """Return the Grading that a text or a CSV file describes, in the format above. Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", text).split()  # `0.1 mm` is `0.1mm`
@@ -246,7 +246,7 @@ def read_grading(text: str) -> Grading:
 
 
 def _read_csv(file: Path) -> dict[str, object]:
-    """Diameters and passing of a sieve curve in a CSV file, ascending."""
+    """Read the ascending diameters and the passing of a sieve curve from a CSV file."""
     try:
         rows = [row for row in csv.reader(file.read_text().splitlines()) if row]
         heading = [name.strip().lower() for name in rows[0]]

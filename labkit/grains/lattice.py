@@ -1,4 +1,4 @@
-"""Equivalent periodic cells: a cell that shear has tilted by more than half a period is replaced by a less tilted one.
+"""Equivalent periodic cells, which replace a cell that shear has tilted by more than half a period.
 
 The cells H and H U describe the same lattice if U has integer components and determinant 1. Grains stay where they are;
 only the periodic shifts between contacting grains change.
@@ -22,12 +22,12 @@ def _along(cell: np.ndarray) -> np.ndarray:
 
 
 def tilt(cell: np.ndarray) -> float:
-    """Largest component of a cell vector along another one, divided by the length of the latter. cell: (3, 3), m."""
+    """Largest component of a vector of the cell (3, 3), m, along another one, divided by the length of the latter."""
     return float(np.abs(_along(cell)).max())
 
 
 def reduction(cell: np.ndarray) -> np.ndarray:
-    """The integer matrix U (3, 3) for which `cell` @ U is tilted by at most one half. cell: (3, 3), m."""
+    """Find the integer matrix U (3, 3) for which cell (3, 3), m, @ U is tilted by at most one half."""
     reduced, U = np.array(cell, dtype=float), np.eye(3)
     for _ in range(100):
         along = _along(reduced)
@@ -41,7 +41,7 @@ def reduction(cell: np.ndarray) -> np.ndarray:
 
 
 def in_cell(state: State, U: np.ndarray) -> State:
-    """The same grains and contacts in the equivalent cell `cell` @ U."""
+    """Return the same grains and contacts in the equivalent cell `cell` @ U."""
     shift = state.contact_shift @ np.round(np.linalg.inv(U)).T
     cell = state.cell.copy()
     for k in range(3):  # one vector after another, so that an unchanged vector keeps its bits

@@ -35,7 +35,7 @@ class Scene(Named):
 
     `law = "spring_dashpot"` is Eqs. 1-3, available only in the `fused` engine: dashpots `beta_n`, `beta_t`,
     kr = kt r*^2, |M| <= mu_r r* fn; no local damping. The limits apply to the springs, with fn = kn delta. The dashpots
-    act in parallel, so that a separating pair may be in tension for an instant. Records and stresses contain the spring
+    act in parallel, so a separating pair may be in tension for an instant. Records and stresses contain the spring
     forces, which follow from a State; the work done on the cell includes the dashpots.
 
     `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available
@@ -128,7 +128,7 @@ class Scene(Named):
 
     @property
     def sizes(self) -> Grading:
-        """The distribution of diameters; for a spread of 0 its width is 1e-9 of the mean."""
+        """The distribution of diameters; a spread of 0 gives it a width of 1e-9 of the mean."""
         if self.grading is not None:
             return read_grading(self.grading)
         low, high = ((1.0 + s * max(self.diameter_spread, 1e-9)) * self.mean_diameter for s in (-1.0, 1.0))
@@ -172,7 +172,7 @@ class Scene(Named):
 
     @property
     def time_unit(self) -> float:
-        """sqrt(m/kn) of two grains of mean diameter, s. Of a nonlinear law, the tangent at REFERENCE_OVERLAP."""
+        """sqrt(m/kn) of two grains of mean diameter, s; a nonlinear law uses the tangent at REFERENCE_OVERLAP."""
         radius = self.mean_diameter / 2
         return self._period(radius, radius)
 
@@ -187,8 +187,8 @@ class Scene(Named):
         """Time step of a test, s: `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
 
         T is sqrt(m/kn) of the mean grain, or, in a grading wider than that of Table 1, sqrt(m/kn)/STIFFEST of the
-        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0
-        without dashpots. With the default factor this is 0.5 to 0.7 of the stability limit of a dense specimen
+        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0 without dashpots.
+        With the default factor the time step is 0.5 to 0.7 of the stability limit of a dense specimen
         (labkit.grains.time_step).
         """
         zeta = self.contact_law.damping_ratio(self)
@@ -206,21 +206,21 @@ class Scene(Named):
         return self.sizes.largest / self.sizes.smallest
 
     def with_friction(self, friction: float, rolling_friction: float) -> Scene:
-        """A copy of the scene with another (mu, mu_r)."""
+        """Return a copy of the scene with other friction coefficients mu and mu_r."""
         return dataclasses.replace(self, friction=friction, rolling_friction=rolling_friction)
 
     def to_json(self) -> str:
-        """The scene as JSON, for files."""
+        """Return the scene as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
 
     def identity(self) -> dict[str, object]:
-        """Values that identify the scene, without later parameters at their defaults, which older files lack."""
+        """Return values that identify the scene, without later parameters at their defaults, which older files lack."""
         values = dataclasses.asdict(self)
         return {name: value for name, value in values.items() if name not in LATER or value != getattr(Scene, name)}
 
     @classmethod
     def from_json(cls, text: str) -> Scene:
-        """The scene from the JSON of a file. Raises InputError if the text is not a scene."""
+        """Return the scene from the JSON of a file. Raises InputError if the text is not a scene."""
         try:
             values = json.loads(text)
             if not isinstance(values, dict):
@@ -243,5 +243,5 @@ _INSTANCES: dict[type, ContactLaw] = {}
 
 
 def _instance(kind: type[ContactLaw]) -> ContactLaw:
-    """The only instance of a law: laws hold no values, so all scenes share it."""
+    """Return the only instance of a law, which all scenes share because laws hold no values."""
     return _INSTANCES.setdefault(kind, kind())

@@ -1,8 +1,8 @@
 """State: grains, periodic cell and contacts with their history; a plain value that can be saved to a file.
 
 A state is taken after the forces and before the motion of a step: positions, cell, overlaps and contact forces belong
-to the same instant, velocities lag by half a step. An engine that loads a state moves the grains first, so that saving
-and loading a state does not change a run.
+to the same instant, velocities lag by half a step. An engine that loads a state moves the grains first, so saving and
+loading a state does not change a run.
 """
 
 from __future__ import annotations
@@ -37,8 +37,12 @@ from labkit.micro.void_ratio import grain_volume
 class Ledger:
     """Energies since the ledger was opened, J (labkit.records.energy).
 
-    start: energy stored at that time; cell_work: work done on the cell; friction_loss, rolling_loss, damping_loss:
-    energy dissipated by friction, rolling and damping (local damping or dashpots).
+    Args:
+        start: Energy stored when the ledger was opened.
+        cell_work: Work done on the cell.
+        friction_loss: Energy dissipated by friction.
+        rolling_loss: Energy dissipated by rolling.
+        damping_loss: Energy dissipated by local damping or dashpots.
     """
 
     start: float = 0.0
@@ -49,11 +53,11 @@ class Ledger:
 
     @property
     def without_losses(self) -> bool:
-        """True if the engine sums the work on the cell and no losses, which are then NaN."""
+        """True if the engine sums the work on the cell but no losses, which are then NaN."""
         return math.isnan(self.friction_loss) and math.isfinite(self.cell_work)
 
     def plus(self, *flows: float) -> Ledger:
-        """A copy with the given work and losses added, in the order of the fields."""
+        """Return a copy with the given work and losses added, in the order of the fields."""
         values = dataclasses.astuple(self)
         return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
 
@@ -94,7 +98,7 @@ class State:
         )
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         scene, engine = self.scene, f"{self.engine} {self.engine_version}".strip()
         friction = f"{scene.friction:g}, rolling {scene.rolling_friction:g}"
         return html_table(
@@ -118,11 +122,11 @@ class State:
         return float(np.linalg.det(self.cell))
 
     def replace(self, **changes: Any) -> State:
-        """A copy of the state with the given fields replaced."""
+        """Return a copy of the state with the given fields replaced."""
         return dataclasses.replace(self, **changes)
 
     def snapshot(self) -> Snapshot:
-        """The Snapshot of this instant, with normal forces from the contact law of the scene."""
+        """Return the Snapshot of this instant, with normal forces from the contact law of the scene."""
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
@@ -139,9 +143,9 @@ class State:
         return Snapshot(self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity)
 
     def digest(self, law: str | None = None) -> str:
-        """SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen.
+        """Return the SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen.
 
-        law: a former name of its contact law, for comparison with files of earlier versions.
+        `law` is a former name of its contact law, for comparison with files of earlier versions.
         """
         scene = self.scene.identity() | ({} if law is None else {"law": law})
         digest = hashlib.sha256(json.dumps(scene).encode())
@@ -150,7 +154,7 @@ class State:
         return digest.hexdigest()
 
     def at_rest(self) -> State:
-        """A copy of the state with all velocities, the velocity gradient, the time and the step number at zero."""
+        """Return a copy of the state with velocities, velocity gradient, time and step number at zero."""
         zero = np.zeros_like(self.velocity)
         return self.replace(velocity=zero, angular_velocity=zero, velocity_gradient=np.zeros((3, 3)), time=0.0, step=0)
 
@@ -158,7 +162,16 @@ class State:
 def grains_in_cell(
     scene: Scene, radius: np.ndarray, position: np.ndarray, cell: np.ndarray, seed: int = 0, history: str = ""
 ) -> State:
-    """A State of grains at rest without contact history. radius (n,), position (n, 3), cell (3, 3), m."""
+    """Return a State of grains at rest without contact history.
+
+    Args:
+        scene: The scene.
+        radius: Radii, (n,), m.
+        position: Grain centres, (n, 3), m.
+        cell: Cell vectors as columns, (3, 3), m.
+        seed: Random seed to record.
+        history: Commands to record.
+    """
     zero = np.zeros((len(radius), 3))
     return State(
         scene=scene,
@@ -208,7 +221,7 @@ ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "
 
 
 def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
-    """Write the attributes common to state and run files. `kind`: state or run."""
+    """Write the attributes common to state and run files; `kind` is state or run."""
     dataset.labkit_file = kind
     dataset.labkit_version = labkit.__version__
     dataset.scene = state.scene.to_json()
@@ -221,9 +234,9 @@ def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
 
 
 def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
-    """The State in a netCDF group, with the attributes of the dataset `attributes`.
+    """Read the State in a netCDF group, with the attributes of the dataset `attributes`.
 
-    `contacts`: number of valid contacts, if the group may have spare capacity.
+    `contacts` is the number of valid contacts if the group may have spare capacity.
     """
     values: dict[str, Any] = {}
     for name, variable in STATE.items():

@@ -20,7 +20,7 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     2/omega (sqrt(1 + zeta^2) - zeta). For all modes, K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and
     likewise for C. K_g (6 x 6) is the stiffness of one grain while all others are fixed: the energy k (u_a - u_b)^2/2
     of a contact is at most k (u_a^2 + u_b^2). K_g includes translation and rotation, tangential and rolling stiffness;
-    C includes the dashpots of the contact law. `snapshot`: the Snapshot of the state, if already computed.
+    C includes the dashpots of the contact law. Pass the Snapshot of the state if it is already computed.
     """
     snapshot = snapshot or state.snapshot()
     contacts = snapshot.contacts
@@ -48,7 +48,7 @@ def largest_eigenvalues(
 ) -> np.ndarray:
     """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,).
 
-    Coefficients of the contacts: normal and tangential in N/m, rolling and twisting in N m; N s/m for dashpots.
+    The coefficients of the contacts are in N/m (normal, tangential) and N m (rolling, twisting), or N s/m for dashpots.
     """
     scene, contacts = cast(Scene, snapshot.scene), snapshot.contacts
     radius, grains = snapshot.radius, snapshot.number_of_grains
@@ -97,7 +97,7 @@ def _add_contacts(
 def require_stable(state: State, snapshot: Snapshot | None = None) -> None:
     """Raise PhysicsError if the time step exceeds the stability limit.
 
-    `snapshot`: the Snapshot of the state, if already computed.
+    Pass the Snapshot of the state if it is already computed.
     """
     limit = critical_time_step(state, snapshot)
     if state.time_step > limit:

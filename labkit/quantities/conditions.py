@@ -47,7 +47,7 @@ Value = Callable[[Record, Record], Any]
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """A condition on a record. text: as the user wrote it; needs: the recorded variables that it reads."""
+    """A condition on a record: `text` is as the user wrote it, `needs` lists the recorded variables that it reads."""
 
     text: str
     needs: frozenset[str]
@@ -56,17 +56,21 @@ class Condition:
     def holds(self, record: Record, first: Record) -> bool:
         """True if the condition is met at a record; a comparison with NaN is never met.
 
-        first: the first record of the run. Raises KeyError if a record lacks a variable.
+        `first` is the first record of the run. Raises KeyError if a record lacks a variable.
         """
         with np.errstate(all="ignore"):
             return bool(self.value(record, first))
 
 
 def condition(text: str, field: str = "stop_when", recorded: Collection[str] | None = None) -> Condition:
-    """The Condition that a text describes.
+    """Return the Condition that a text describes.
 
-    field: name of the text in messages; recorded: variables of the records, if not those of a simulation. Raises
-    InputError for a text that is not a condition, and for a quantity that is unknown or not recorded.
+    Raises InputError for a text that is not a condition, and for a quantity that is unknown or not recorded.
+
+    Args:
+        text: Text of the condition.
+        field: Name of the text in messages.
+        recorded: Variables of the records, if not those of a simulation.
     """
     if len(text) > LONGEST:
         problem = f"is longer than {LONGEST} characters"
@@ -87,7 +91,7 @@ def _parsed(text: str) -> Condition:
     numbers: list[_Part] = []
 
     def named(match: re.Match[str]) -> str:
-        """The name that stands for a number with a unit."""
+        """Return the name that stands for a number with a unit."""
         unit, factor = _UNITS[match[2]]
         numbers.append(_number(float(match[1]) * factor, unit))
         return f"_{len(numbers) - 1} "
@@ -103,7 +107,7 @@ def _parsed(text: str) -> Condition:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of an expression: its value, its unit if known, and the number if it is one without a unit."""
+    """Part of an expression: its value, its unit if known, and, for a number without a unit, that number."""
 
     value: Value
     unit: str | None = None
@@ -183,7 +187,7 @@ def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
 
 
 def _require_same_unit(left: _Part, right: _Part) -> None:
-    """Raises InputError if a sum or a comparison mixes units, or has a number that was probably meant in kPa or MPa."""
+    """Raise InputError if a sum or comparison mixes units, or has a number that was probably meant in kPa or MPa."""
     units = {left.unit, right.unit} - {None}
     if len(units) > 1:
         raise InputError(f"a quantity in {left.unit} cannot be compared with or added to one in {right.unit}")

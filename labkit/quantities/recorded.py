@@ -22,7 +22,7 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Statistic:
-    """A number or tensor recorded at each record. dimensions: in addition to `time`, from labkit.io.schema.SIZES."""
+    """A number or tensor of each record; its `dimensions`, from labkit.io.schema.SIZES, are in addition to `time`."""
 
     name: str
     dimensions: tuple[str, ...]
@@ -32,11 +32,11 @@ class Statistic:
 
     @property
     def variable(self) -> Variable:
-        """The netCDF variable that stores it in a run file."""
+        """Return the netCDF variable that stores the statistic in a run file."""
         return Variable(self.name, ("time", *self.dimensions), "f8", self.units, self.long_name)
 
     def __call__(self, snapshot: Snapshot) -> np.ndarray:
-        """Value for a Snapshot. Raises InputError if its shape does not match `dimensions`."""
+        """Compute the value for a Snapshot. Raises InputError if its shape does not match `dimensions`."""
         result = self.function(snapshot)
         shape = tuple(SIZES[dimension] for dimension in self.dimensions)
         value = None if result is None else np.asarray(result, dtype=float)
@@ -76,10 +76,10 @@ def register_statistic(
 
 
 def recorded() -> tuple[Statistic, ...]:
-    """The registered statistics, recorded in addition to labkit.io.schema.RECORD."""
+    """Return the registered statistics, which runs record in addition to labkit.io.schema.RECORD."""
     return tuple(STATISTICS.values())
 
 
 def record_table() -> dict[str, Variable]:
-    """The variables of a record, name -> Variable: those of labkit and the registered statistics."""
+    """Return the variables of a record, name -> Variable: those of labkit and the registered statistics."""
     return {**RECORD, **{statistic.name: statistic.variable for statistic in recorded()}}

@@ -25,8 +25,8 @@ Record = Mapping[str, Any]
 class Quantity:
     """A scalar of a record.
 
-    symbol: for axes and legends; unit: SI, `1` if dimensionless; function: of (record, first), where `first` is the
-    first record of the run; needs: the variables that it reads.
+    Its `symbol` is for axes and legends, its `unit` is SI, or `1` if dimensionless. The `function` takes (record,
+    first), where `first` is the first record of the run; `needs` lists the variables that it reads.
     """
 
     name: str
@@ -37,10 +37,11 @@ class Quantity:
     needs: tuple[str, ...]
 
     def __call__(self, record: Record, first: Record | None = None) -> np.ndarray:
-        """The value, shape () or (time,).
+        """Compute the value, shape () or (time,). Raises KeyError if the record lacks a variable.
 
-        first: the first record of the run; default `record`, or its first row if it has the dimension time. Raises
-        KeyError if the record lacks a variable.
+        Args:
+            record: One record, or all records of a run.
+            first: First record of the run (default: `record`, or its first row if it has the dimension time).
         """
         values = {name: np.asarray(record[name], dtype=float) for name in self.needs}
         if first is None:
@@ -51,7 +52,7 @@ class Quantity:
 
 
 def _first(value: np.ndarray, variable: Variable | None) -> np.ndarray:
-    """The first record of an array that has the dimension time; the array of a single record is returned unchanged."""
+    """Return the first row of an array with the dimension time; the value of a single record is returned unchanged."""
     dimensions = len(variable.dimensions) if variable is not None else 1
     return value[0] if value.ndim == dimensions else value
 
@@ -195,7 +196,7 @@ SYMBOLS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force
 
 
 def quantity(name: str) -> Quantity:
-    """The Quantity of that name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
+    """Return a Quantity by name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
 
     Raises InputError for an unknown name.
     """
@@ -210,7 +211,7 @@ def quantity(name: str) -> Quantity:
 
 
 def _recorded(variable: str, axes: str) -> Quantity | None:
-    """A recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor; None if there is none."""
+    """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
     if variable in QUANTITIES:
         return None if axes else QUANTITIES[variable]
     known = record_table().get(variable)
@@ -229,7 +230,7 @@ def _recorded(variable: str, axes: str) -> Quantity | None:
 
 
 def _suggestion(name: str) -> str:
-    """Names to use instead of an unknown one."""
+    """List names to use instead of an unknown one."""
     scalars = [v.name for v in record_table().values() if len(v.dimensions) == 1]
     every = [*QUANTITIES, *(alias for alias in ALIASES if alias not in ("A", "F", "Ft", "sigma", "eps")), *scalars]
     close = nearest(name, every)

@@ -2,7 +2,7 @@
 
 vectors      three-component vectors with operators
 contact      a contact, its motion in a time step and its response
-parts        what a part is, and sums of parts
+parts        the interface of a part, and sums of parts
 kinematics   how a contact and its history move in a time step
 normal, tangential, rolling, damping: the parts
 pair         the force of a contact in a time step, composed of parts

@@ -1,4 +1,4 @@
-"""One contact at one instant, its motion in a time step, and its response: what the parts of a law compute with."""
+"""One contact at one instant, its motion in a time step, and its response: input and output of a law's parts."""
 
 from __future__ import annotations
 
@@ -12,8 +12,17 @@ from labkit.grains.laws.vectors import Vector
 class Contact(NamedTuple):
     """One contact at one instant. Vectors point from the first grain (a) to the second (b).
 
-    stiffness: the coefficient of the normal part; radius_a, radius_b, overlap: m; inverse: 1/distance, 1/m;
-    branch: b - a, m; normal: branch/distance; velocity: of b relative to a (centres), m/s; spin_a, spin_b: rad/s.
+    Args:
+        stiffness: Coefficient of the normal part.
+        radius_a: Radius of a, m.
+        radius_b: Radius of b, m.
+        overlap: Overlap, m.
+        inverse: 1/distance, 1/m.
+        branch: b - a, m.
+        normal: branch/distance.
+        velocity: Velocity of the centre of b relative to that of a, m/s.
+        spin_a: Angular velocity of a, rad/s.
+        spin_b: Angular velocity of b, rad/s.
     """
 
     stiffness: float
@@ -31,8 +40,10 @@ class Contact(NamedTuple):
 class ContactMotion(NamedTuple):
     """How a contact moves in a time step.
 
-    before: its normal at the start of the step; turn: mean rotation of the grains about it, rad, as the kinematics
-    needs it; slip: relative velocity of the grains at the contact point, normal to the contact normal, m/s.
+    Args:
+        before: Contact normal at the start of the step.
+        turn: Mean rotation of the grains about the normal, rad, in the form that the kinematics needs.
+        slip: Relative velocity of the grains at the contact point, normal to the contact normal, m/s.
     """
 
     before: Vector
@@ -43,8 +54,15 @@ class ContactMotion(NamedTuple):
 class Response(NamedTuple):
     """Forces and losses of a contact in one step.
 
-    force: on a, N (the force on b is opposite); torque_a, torque_b: N m; tangential_force, rolling_moment: the history,
-    acting on a; friction_loss, rolling_loss, dashpot_loss: energy dissipated in this step, J.
+    Args:
+        force: Force on a, N; the force on b is opposite.
+        torque_a: Torque on a, N m.
+        torque_b: Torque on b, N m.
+        tangential_force: History: tangential force on a, N.
+        rolling_moment: History: rolling moment on a, N m.
+        friction_loss: Energy dissipated by friction in this step, J.
+        rolling_loss: Energy dissipated by rolling in this step, J.
+        dashpot_loss: Energy dissipated by the dashpots in this step, J.
     """
 
     force: Vector
@@ -58,11 +76,16 @@ class Response(NamedTuple):
 
 
 class Features(NamedTuple):
-    """Numbers of the parts of a law for a scene. The kernel is compiled without the parts that are None.
+    """Numerical parameters of a law's parts for a scene. The kernel is compiled without the parts that are None.
 
-    shear: stiffness of the tangential part, over the coefficient of the normal part; friction: mu; rolling, twisting,
-    dashpots: numbers that these parts need; whole: True if the limits apply to the forces with their dashpots;
-    turning: True if the law needs velocities and produces torques.
+    Args:
+        shear: Stiffness of the tangential part divided by the coefficient of the normal part.
+        friction: mu.
+        rolling: Parameters of the rolling part.
+        twisting: Parameters of the twisting part.
+        dashpots: Parameters of the dashpots.
+        whole: True if the limits apply to the forces including their dashpots.
+        turning: True if the law needs velocities and produces torques.
     """
 
     shear: float

@@ -1,4 +1,4 @@
-"""Damping parts: what dissipates energy besides sliding."""
+"""Damping parts, which dissipate energy in addition to sliding."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STIFFEST = 3.4  # damping ratio of the stiffest mode divided by that of one cont
 
 
 class Dashpots(LawPart):
-    """c = 2 beta sqrt(m* k) beside the normal and the tangential spring, m* = ma mb/(ma + mb) (Eqs. 1, 2).
+    """c = 2 beta sqrt(m* k) in parallel with the normal and the tangential spring, m* = ma mb/(ma + mb) (Eqs. 1, 2).
 
     They act as long as the grains overlap: a head-on pair separates at exp(-pi beta/sqrt(1 - beta^2)) times its
     approach speed, and the normal force may become slightly tensile just before separation. The limits of Eqs. 2 and 3
@@ -25,7 +25,7 @@ class Dashpots(LawPart):
     has_limits = True
 
     def local(self, scene: Scene) -> float | None:
-        """Coefficient of local damping; None without."""
+        """Coefficient of local damping, or None."""
         return None
 
     def numbers(self, scene: Scene) -> Numbers | None:
@@ -42,13 +42,21 @@ class Dashpots(LawPart):
     def coefficients(
         numbers: Numbers, share: float, normal: float, tangential: float, overlap: float
     ) -> tuple[float, float]:
-        """(cn, ct), N s/m; share: kt/kn; normal, tangential: m* kn and m* kt, kg N/m; overlap: m, < 0 if apart."""
+        """Return (cn, ct), N s/m.
+
+        Args:
+            numbers: See the method `numbers`.
+            share: kt/kn.
+            normal: m* kn, kg N/m.
+            tangential: m* kt, kg N/m.
+            overlap: Overlap, m, negative for grains that are apart.
+        """
         root = (1.0 if overlap >= 0.0 else 0.0) * math.sqrt(normal)
         return numbers[0] * root, numbers[1] * math.sqrt(share) * root
 
     @staticmethod
     def push(elastic: float, viscous: float) -> float:
-        """Normal force, N, from those of spring and dashpot."""
+        """Normal force, N, from the forces of spring and dashpot."""
         return elastic + viscous
 
     @staticmethod
@@ -58,12 +66,12 @@ class Dashpots(LawPart):
 
     @staticmethod
     def drag(ct: float, scale: float) -> float:
-        """Coefficient of the tangential dashpot, N s/m; scale: 1 for a contact that sticks, else less."""
+        """Coefficient of the tangential dashpot, N s/m; `scale` is 1 for a contact that sticks, otherwise less."""
         return ct
 
     @staticmethod
     def loss(elastic: float, total: float, cn: float, ct: float, approach: float, squared: float, dt: float) -> float:
-        """Energy lost in a step, J; approach: m/s; squared: square of the slip velocity, m2/s2."""
+        """Energy lost in a step, J, from the approach velocity, m/s, and the square of the slip velocity, m2/s2."""
         return dt * (cn * approach * approach + ct * squared)
 
 

@@ -13,7 +13,7 @@ def along_branch(contact: Contact, dt: float) -> Vector:
 
 
 class FirstOrder:
-    """As in YADE: the history is rotated with the contact to first order; velocities are those of the contact point."""
+    """YADE's kinematics: the history rotates with the contact to first order; velocities are of the contact point."""
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
@@ -26,7 +26,7 @@ class FirstOrder:
 
     @staticmethod
     def carry(x: Vector, n: Vector, motion: ContactMotion) -> Vector:
-        """A vector of the history, rotated with the contact."""
+        """Rotate a vector of the history with the contact."""
         x -= cross(x, cross(motion.before, n))
         return x - cross(x, motion.turn * motion.before)
 
@@ -45,15 +45,15 @@ class WithoutRatcheting(FirstOrder):
 
 
 class Midpoint:
-    """Second order in dt: increments at mid-step, and the history is rotated exactly.
+    """Kinematics of second order in dt: increments at mid-step, and exact rotation of the history.
 
-    First by the smallest rotation from the previous normal to the current one, then about the normal with the mean spin
-    of the two grains; the length of the history is preserved.
+    The history is rotated first by the smallest rotation from the previous normal to the current one, then about the
+    normal with the mean spin of the two grains. Its length is preserved.
     """
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
-        """The motion of a contact in the step that ends now; turn: half of the rotation about the normal."""
+        """The motion of a contact in the step that ends now; `turn` is half of the rotation about the normal."""
         n, v, a, b = contact.normal, contact.velocity, contact.spin_a, contact.spin_b
         halfway = along_branch(contact, 0.5 * dt)
         half = 0.5 * (contact.overlap + 0.5 * dt * dot(n, v))
@@ -63,7 +63,7 @@ class Midpoint:
 
     @staticmethod
     def carry(x: Vector, n: Vector, motion: ContactMotion) -> Vector:
-        """A vector normal to the previous normal, rotated with the contact."""
+        """Rotate a vector perpendicular to the previous normal with the contact."""
         x -= dot(x, n) / (1.0 + dot(motion.before, n)) * (motion.before + n)
         square = motion.turn * motion.turn
         cosine, sine = (1.0 - square) / (1.0 + square), 2.0 * motion.turn / (1.0 + square)

@@ -1,4 +1,4 @@
-"""A contact law: a sum of parts, and what engines, statistics and the energy balance need of it."""
+"""A contact law: a sum of parts, and its interface to engines, statistics and the energy balance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class YadeClass(NamedTuple):
-    """An object of YADE: the name of its class and its arguments, which may be such objects again."""
+    """A YADE object: the name of its class and its arguments, which may be such objects themselves."""
 
     name: str
     arguments: Mapping[str, float | str | YadeClass] = {}
@@ -32,10 +32,16 @@ class YadeClass(NamedTuple):
 class YadeLaw(NamedTuple):
     """A contact law in YADE, as data.
 
-    material: function of a radius in m; geometry, physics, law: functors of an InteractionLoop; tangential_force,
-    rolling_moment: names of the history variables in the interaction physics; losses: for friction, rolling and damping
-    the name in YADE's energy tracker and those attributes of the law that are added to it, J; loading_step: time step
-    in s of the two steps that find the contacts of a loaded state.
+    Args:
+        material: Function of a radius, m.
+        geometry: Geometry functor of an InteractionLoop.
+        physics: Physics functor.
+        law: Law functor.
+        tangential_force: Name of this history variable in the interaction physics.
+        rolling_moment: Name of this history variable in the interaction physics.
+        losses: For friction, rolling and damping, the name in YADE's energy tracker and those attributes of the law
+            that are added to it, J.
+        loading_step: Time step of the two steps that find the contacts of a loaded state, s.
     """
 
     material: Callable[[float], YadeClass]
@@ -49,12 +55,11 @@ class YadeLaw(NamedTuple):
 
 
 class ContactLaw:
-    """A contact law.
+    """A contact law. Arrays of radii and overlaps may have any shape; units are SI.
 
-    name: used for the law in scenes, files and on the command line; parts: their sum, one of each kind; kinematics: how
-    a contact moves in a time step; avoids_ratcheting: True if its slip contains YADE's factor (Ra + Rb)/|d|
-    (labkit.records.ratcheting).
-    Arrays of radii and overlaps may have any shape; SI units.
+    A law has a `name`, used in scenes, files and on the command line; `parts`, the sum of one part of each kind; and
+    `kinematics`, which say how a contact moves in a time step. `avoids_ratcheting` is True if its slip contains YADE's
+    factor (Ra + Rb)/|d| (labkit.records.ratcheting).
     """
 
     name: ClassVar[str]
@@ -71,7 +76,7 @@ class ContactLaw:
     pair: ClassVar[Callable[..., Response]]
 
     def __init_subclass__(cls) -> None:
-        """Take the parts, and make `pair` of them."""
+        """Take the parts, and compose `pair` from them."""
         super().__init_subclass__()
         parts = cls.parts if isinstance(cls.parts, LawParts) else LawParts(cls.parts)
         for kind, part in DEFAULTS.items():
@@ -147,7 +152,7 @@ class ContactLaw:
         return self.damping.ratio(scene) if self._dashpots(scene) else 0.0
 
     def features(self, scene: Scene) -> Features:
-        """Numbers of the parts for the scene, None for parts that it has not."""
+        """Numerical parameters of the parts for the scene, None for parts that the law lacks."""
         share = self.tangential.share(scene)
         friction = (scene.friction or None) if "tangential" in self.has else None
         rolling = self.rolling.numbers(scene, scene.rolling_friction) if self.rolls(scene) else None
@@ -166,7 +171,7 @@ class ContactLaw:
         return "twisting" in self.has and scene.twisting_friction > 0.0
 
     def local_damping(self, scene: Scene) -> float | None:
-        """Coefficient of local damping of the scene; None without."""
+        """Coefficient of local damping of the scene, or None."""
         return self.damping.local(scene) if "damping" in self.has else None
 
     def _dashpots(self, scene: Scene) -> tuple[float, ...] | None:
@@ -197,7 +202,7 @@ DEFAULTS: dict[str, LawPart] = {
 
 
 def _on_arrays(function: Callable[..., float]) -> Callable[..., np.ndarray]:
-    """A function of a part, which is written for numbers, for arrays."""
+    """Apply a part's function, which is written for numbers, to arrays."""
     return cast(Callable[..., np.ndarray], function)
 
 

@@ -1,4 +1,4 @@
-"""The laws of labkit, each a sum of parts, and the functors of YADE for the laws that it has."""
+"""The laws of labkit, each a sum of parts, and YADE's functors for those that YADE has."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ class HertzMindlin(ContactLaw):
     """Law2_ScGeom_MindlinPhys_Mindlin of YADE with Ip2_FrictMat_FrictMat_MindlinPhys, without rolling resistance.
 
     kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters have no effect. f~ and Lambda = f~/E, and
-    with them C0, need only forces; E in them is that of the grains. A stress p gives an overlap of the order
+    with them C0, need only forces; their E is that of the grains. A stress p gives an overlap of the order
     delta/D = (p/E)^(2/3).
 
-    In YADE the sum of friction is `frictionDissipation` of the functor, work at sliding contacts only. It contains
+    In YADE the friction loss is the functor's `frictionDissipation`, the work at sliding contacts only. It contains
     neither the energy that a change of kt costs (labkit.grains.laws.tangential.Mindlin) nor the elastic energy that a
     sliding contact releases as its normal force falls. The relative velocity is that of the contact points
     (avoidGranularRatcheting is off), because the factor that avoids ratcheting would make the work of ft inconsistent

@@ -18,12 +18,12 @@ class LinearSpring(LawPart):
     kind = "normal"
 
     def factor(self, scene: Scene) -> float:
-        """The first argument of `stiffness`: pi E."""
+        """First argument of `stiffness`, here pi E."""
         return float(np.pi * scene.young_modulus)
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
-        """The coefficient of two grains, here kn, N/m."""
+        """Coefficient of two grains, here kn, N/m."""
         return factor * radius_a * radius_b / (radius_a + radius_b)
 
     @staticmethod
@@ -35,7 +35,7 @@ class LinearSpring(LawPart):
     def energy(stiffness: float, overlap: float, shear: float = 0.0) -> float:
         """Stored energy, J, whose derivative is `force`.
 
-        shear: ft^2 kn/kt, N2, with the energy of a tangential spring of the stiffness kt = kn/kappa.
+        With shear = ft^2 kn/kt, N2, it includes the energy of a tangential spring of the stiffness kt = kn/kappa.
         """
         force = stiffness * overlap
         return 0.5 * ((force * force + shear) / stiffness)
@@ -47,7 +47,7 @@ class LinearSpring(LawPart):
 
 
 class SpringsInSeries(LinearSpring):
-    """The linear spring of PFC, that of two elastic bars in series: kn = E area/length = pi E min(Ra, Rb)^2/(Ra + Rb).
+    """The linear spring of PFC, two elastic bars in series: kn = E area/length = pi E min(Ra, Rb)^2/(Ra + Rb).
 
     It equals the spring of Eq. 1 for equal grains, and is softer by min(R)/max(R) for others. YADE has no such functor:
     its kn is a function of Ea Ra and Eb Rb, which cannot contain the smaller of two radii.

@@ -1,8 +1,8 @@
-"""What a part of a contact law says; a law is a sum of parts, one of each kind.
+"""The interface of a part of a contact law; a law is a sum of parts, one of each kind.
 
-Each part is one small class: its force, stored energy, loss, stiffness and the numbers that it takes from a scene. Its
-static functions are written for numbers and also applied to arrays; the engines compile them. They may use numbers,
-vectors, the functions of labkit.grains.laws.vectors, and numpy's minimum, maximum and sqrt.
+Each part is one small class, which defines its force, stored energy, loss and stiffness, and the numbers that it takes
+from a scene. Its static functions are written for numbers and also applied to arrays; the engines compile them. They
+may use numbers, vectors, the functions of labkit.grains.laws.vectors, and numpy's minimum, maximum and sqrt.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Numbers = tuple[float, ...]
 
 
 class LawPart:
-    """A part of a contact law; parts are added to give a law. kind: the place that it takes in a law."""
+    """A part of a contact law; parts are added to form a law, in which each takes the place of its `kind`."""
 
     kind: ClassVar[str]
 
@@ -27,7 +27,7 @@ class LawParts(dict[str, LawPart]):
     """Parts of a law: kind -> part. Raises InputError for two of a kind."""
 
     def __init__(self, *parts: LawPart) -> None:
-        """The sum of some parts."""
+        """Sum the parts."""
         super().__init__()
         for part in parts:
             if part.kind in self:

@@ -18,12 +18,12 @@ class Rolling(LawPart):
     kind = "rolling"
 
     def numbers(self, scene: Scene, friction: float) -> Numbers:
-        """The first argument of the functions below; friction: coefficient mu_r."""
+        """First argument of the functions below; `friction` is the coefficient mu_r."""
         return (friction,)
 
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
-        """Stiffness kr, N m; kt: N/m."""
+        """Stiffness kr, N m, from kt, N/m."""
         reduced = radius_a * radius_b / (radius_a + radius_b)
         return kt * reduced * reduced
 
@@ -34,7 +34,7 @@ class Rolling(LawPart):
 
     @staticmethod
     def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
-        """Energy lost in a step, J; slid: |M| times the part of it that slips, N2 m2; stiffness: kr."""
+        """Energy lost in a step, J; `slid` is |M| times the part of it that slips, N2 m2, and `stiffness` kr."""
         return slid / stiffness
 
 

@@ -21,27 +21,27 @@ class Coulomb(LawPart):
     kind = "tangential"
 
     def share(self, scene: Scene) -> float:
-        """The first argument of `stiffness`: kt/kn."""
+        """First argument of `stiffness`, here kt/kn."""
         return 1.0 / scene.stiffness_ratio
 
     @staticmethod
     def stiffness(share: float, coefficient: float, overlap: float) -> float:
-        """Tangential stiffness kt, N/m; coefficient: that of the normal part."""
+        """Tangential stiffness kt, N/m, from the coefficient of the normal part."""
         return share * coefficient
 
     @staticmethod
     def rescale(t: Vector, contact: Contact, dt: float) -> Vector:
-        """The force of the previous step, N, as the increment of this step finds it."""
+        """Rescale the force of the previous step, N, before the increment of this step."""
         return t
 
     @staticmethod
     def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
-        """Energy lost in a step, J; slid: |ft| times the part of it that slips, before: ft^2 at first, N2."""
+        """Energy lost in a step, J; `slid` is |ft| times the part of it that slips, `before` the initial ft^2, N2."""
         return slid / kt
 
 
 class CoulombOfYade(Coulomb):
-    """The same; its loss shares a division with that of RollingOfYade."""
+    """The same law; its loss shares a division with that of RollingOfYade."""
 
     @staticmethod
     def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
@@ -69,7 +69,7 @@ class Mindlin(Coulomb):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
-        """With the energy that a change of kt costs: all of it when a contact opens."""
+        """Energy lost in a step, including that due to a change of kt: all of it when a contact opens."""
         branch = contact.branch - dt * contact.velocity
         overlap = contact.radius_a + contact.radius_b - math.sqrt(dot(branch, branch))
         kt_before = share * contact.stiffness * math.sqrt(max(overlap, 0.0))
@@ -79,9 +79,9 @@ class Mindlin(Coulomb):
 
 
 class RescaledMindlin(Mindlin):
-    """The same, with ft reduced as kt is while the normal force falls (Thornton et al. 2013).
+    """Mindlin's stiffness with ft reduced in proportion to kt while the normal force falls (Thornton et al. 2013).
 
-    The stored energy W = ft^2/(2 kt) then falls with kt, too: no energy is created in unloading.
+    The stored energy W = ft^2/(2 kt) then falls with kt, too, so no energy is created in unloading.
     """
 
     @staticmethod
@@ -90,7 +90,7 @@ class RescaledMindlin(Mindlin):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
-        """With the energy that a change of kt costs, in loading and in unloading."""
+        """Energy lost in a step, including that due to a change of kt in loading and in unloading."""
         earlier = contact.overlap + dt * dot(contact.normal, contact.velocity)
         kt_before = share * contact.stiffness * math.sqrt(max(earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
@@ -99,7 +99,7 @@ class RescaledMindlin(Mindlin):
 
 
 def fallen(contact: Contact, dt: float) -> float:
-    """Overlap over that of the previous step, at most 1; 0 for grains that are apart."""
+    """Ratio of the overlap to that of the previous step, at most 1; 0 for grains that are apart."""
     earlier = contact.overlap + dt * dot(contact.normal, contact.velocity)
     overlap = max(contact.overlap, 0.0)
     return overlap / earlier if earlier > overlap else (1.0 if contact.overlap >= 0.0 else 0.0)

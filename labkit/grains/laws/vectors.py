@@ -1,7 +1,7 @@
 """Three-component vectors with operators, for the formulas of a contact.
 
-Plain Python, which the engines also compile (labkit.engines.kernel.compiling). The compiler keeps the components in
-registers, so that a vector needs no memory.
+They are plain Python, which the engines also compile (labkit.engines.kernel.compiling). The compiler keeps the
+components in registers, so a vector needs no memory.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def inverse_root(x: float) -> float:
 
 
 def inverse_root_single(x: float) -> float:
-    """The same for a number in single precision, by which the kernel replaces `inverse_root` in mixed precision."""
+    """The same for a number in single precision; it replaces `inverse_root` in kernels of mixed precision."""
     y: Any = np.int32(np.int32(0x5F375A86) - (np.float32(x).view(np.int32) >> np.int32(1))).view(np.float32)
     half = 0.5 * x
     y = y * (1.5 - half * y * y)
