@@ -19,9 +19,12 @@ from labkit.servo.reach import Lag
 class Position:
     """Position of a run on its path.
 
-    leg: number of reversals triggered by stress so far; lattice: the integer matrix U (3, 3) accumulated over all cell
-    replacements so far, see labkit.grains.lattice; skipped: planned time steps, less those made so far; stress:
-    at which the current leg started, (3, 3), Pa; lag: how long the servo has been at its limit, see labkit.servo.reach.
+    Args:
+        leg: Number of reversals triggered by stress so far.
+        lattice: Integer matrix U (3, 3) accumulated over all cell replacements so far (labkit.grains.lattice).
+        skipped: Planned time steps less those made so far.
+        stress: Stress at which the current leg started, (3, 3), Pa.
+        lag: How long the servo has been at its limit (labkit.servo.reach).
     """
 
     leg: int = 0
@@ -36,9 +39,9 @@ START = Position()
 
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
-    """A State from which a run can be resumed, or with which it ended, and what the file says about the run so far.
+    """A State from which a run can be resumed, or with which it ended, and what the file records about the run so far.
 
-    wall_time: s; ended_because: why the run ended before the aim of its path, one sentence; empty if it did not.
+    `wall_time` is in s. `ended_because` says why the run ended before its path did, and is empty otherwise.
     """
 
     state: State
@@ -75,7 +78,7 @@ def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
     checkpoint.lag = np.array(dataclasses.astuple(position.lag))
 
 
-CREATED = "ratcheting_work"  # variable of the checkpoint, which is no part of data_sha256
+CREATED = "ratcheting_work"  # variable of the checkpoint, which data_sha256 does not cover
 
 
 def _write_ratcheting(checkpoint: netCDF4.Group, ratcheting: Ratcheting) -> None:
@@ -88,7 +91,7 @@ def _write_ratcheting(checkpoint: netCDF4.Group, ratcheting: Ratcheting) -> None
 
 
 def ratcheting_of(checkpoint: netCDF4.Group, records: int) -> Ratcheting:
-    """The Ratcheting of a checkpoint with this number of records; zero in files of earlier versions."""
+    """Read the Ratcheting of a checkpoint with this number of records; it is zero in files of earlier versions."""
     if CREATED not in checkpoint.variables:
         return Ratcheting([0.0] * records)
     power, time = map(float, checkpoint.ratcheting)
@@ -96,7 +99,7 @@ def ratcheting_of(checkpoint: netCDF4.Group, records: int) -> Ratcheting:
 
 
 def position_of(checkpoint: netCDF4.Group) -> Position:
-    """The Position of a checkpoint; files of version 0.1.0 lack most of it."""
+    """Read the Position of a checkpoint; files of version 0.1.0 lack most of it."""
     lattice, stress = getattr(checkpoint, "lattice", np.eye(3)), getattr(checkpoint, "leg_stress", np.zeros((3, 3)))
     return Position(
         int(getattr(checkpoint, "leg", 0)),

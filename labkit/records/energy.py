@@ -19,7 +19,7 @@ from labkit.micro.indicators import elastic_energy
 from labkit.micro.snapshot import Snapshot
 
 BALANCE_LIMIT = 0.05  # of the larger of work and initial energy
-BLAMED = 0.9  # of the critical time step; a smaller one is not the likely reason of an error
+BLAMED = 0.9  # of the critical time step; a smaller time step is unlikely to cause the error
 
 
 def fluctuation_velocity(state: State) -> np.ndarray:
@@ -44,13 +44,13 @@ def drift_velocity(state: State) -> np.ndarray:
 def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
     """Kinetic energy relative to the mean field plus elastic energy, J.
 
-    `snapshot`: the Snapshot of the state, if already computed.
+    Pass the Snapshot of the state if it is already computed.
     """
     return kinetic_energy(state) + elastic_energy(snapshot or state.snapshot())
 
 
 def opened(state: State) -> State:
-    """The same state with a new ledger, which starts from the energy stored now.
+    """Return the same state with a new ledger, which starts from the energy stored now.
 
     Forces of springs that the scene lacks, left over from a scene with friction or rolling resistance, are set to zero:
     YADE would otherwise keep such moments unchanged.
@@ -65,23 +65,26 @@ def opened(state: State) -> State:
 def balance_error(state: State, snapshot: Snapshot | None = None, stored: float | None = None) -> float:
     """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
 
-    The reference is that of `relative_to_work`.
-    `snapshot`, `stored`: the Snapshot of the state and its stored_energy, if already computed.
+    The reference is that of `relative_to_work`. Pass the Snapshot of the state and its stored_energy if they are
+    already computed.
     """
     return relative_balance(state.ledger, stored_energy(state, snapshot) if stored is None else stored)
 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:
-    """`balance_error` of a ledger and the energy stored now, J."""
+    """Return the `balance_error` of a ledger and the energy stored now, J."""
     lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
     missing = ledger.cell_work + ledger.start - stored - lost
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 
 
 def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> np.ndarray:
-    """An energy over the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
+    """Divide an energy by the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
 
-    energy, cell_work: J, any shapes that broadcast; start: initial energy, J.
+    Args:
+        energy: Energy, J, of a shape that broadcasts with `cell_work`.
+        cell_work: Work done on the cell, J.
+        start: Initial energy, J.
     """
     energy, scale = np.broadcast_arrays(energy, np.maximum(np.abs(cell_work), start))
     return np.divide(energy, scale, out=np.zeros(energy.shape), where=scale > 0.0)
@@ -90,8 +93,8 @@ def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> n
 def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:
     """Raise PhysicsError if the error of the energy balance is too large.
 
-    `snapshot`, `error`: the Snapshot of the state and its balance_error, if already computed. The balance of an engine
-    that sums no losses is not judged.
+    Pass the Snapshot of the state and its balance_error if they are already computed. The balance of an engine that
+    sums no losses is not judged.
     """
     if state.ledger.without_losses:
         return
@@ -104,7 +107,7 @@ def require_balanced(state: State, snapshot: Snapshot | None = None, error: floa
 
 
 def _likely_reason(state: State, error: float) -> str:
-    """Why the balance is off: the time step, unless it is far below the critical one."""
+    """Say why the balance is off: the time step, unless it is far below the critical one."""
     factor = f"time_step_factor from {state.scene.time_step_factor:g}"
     fraction = state.time_step / critical_time_step(state) if np.isfinite(error) else np.inf
     if fraction > BLAMED:

@@ -1,4 +1,4 @@
-"""An engine at one instant of a run: what the run asks of it, without the grains as long as nobody needs them."""
+"""An engine at one instant of a run, whose grains are fetched only when needed."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from labkit.servo.correction import cell_stiffness
 class Instant:
     """One instant, from a State. An engine whose grains are on several ranks has its own subclass.
 
-    `brief` is the State, of which such an engine may leave out the grains and the contacts, and an engine on a GPU may
-    do so until a method of the Instant has needed them.
+    `brief` is the State. Such an engine may leave out its grains and contacts; an engine on a GPU fetches them on first
+    use.
     """
 
     def __init__(self, brief: State, complete: Callable[[], State] | None = None) -> None:
-        """brief: the State; complete: makes the complete State when it is first needed, if `brief` lacks arrays."""
+        """Take the State and, if it lacks arrays, a function that completes it on first use."""
         self.brief, self._complete = brief, complete
 
     @property

@@ -38,9 +38,8 @@ RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # var
 class Exceeded:
     """A limit that a run or a specimen exceeds.
 
-    records: number of records, out of `of`, at which it is exceeded; strain: smallest and largest axial strain of these
-    records; largest: largest value. For a specimen `records`, `of` and `strain` are zero, because it has no
-    records.
+    A run exceeds it at a number of `records`, out of `of`, whose axial `strain` ranges from the first to the second
+    value; `largest` is the largest value. For a specimen `records`, `of` and `strain` are zero.
     """
 
     name: str
@@ -65,7 +64,7 @@ def pressure_limit(scene: Scene) -> float:
 
 
 def require_pressure(path: Path, scene: Scene) -> None:
-    """Raise InputError if the path holds or approaches a pressure at which grains of this scene overlap too much."""
+    """Raise InputError if the path holds or reaches a pressure at which grains of this scene overlap too much."""
     limit = pressure_limit(scene)
     for name, pressure in _prescribed_stresses(path).items():
         if pressure <= limit * (1.0 + 1e-12):
@@ -81,7 +80,7 @@ def require_pressure(path: Path, scene: Scene) -> None:
 
 
 def _prescribed_stresses(path: Path) -> dict[str, float]:
-    """The largest stress that each field, or each phase, of a path prescribes, name -> Pa."""
+    """Return the largest stress that each field, or each phase, of a path prescribes, name -> Pa."""
     largest = {name: float(np.max(getattr(path, name, None) or 0.0)) for name in ("pressure", "pressures", "stresses")}
     for number, phase in enumerate(path.steps if isinstance(path, Steps) else (), start=1):
         name = phase.label or f"step {number}"
@@ -103,7 +102,16 @@ def expected_inertial_number(path: Path, state: State, pressure: float) -> float
 def inertial_number_of(
     step: Step, rate: float, accumulated: float, diameter: float, density: float, pressure: float
 ) -> float:
-    """Expected inertial number in a step of a path, as for expected_inertial_number. Mean diameter, m; kg/m^3; Pa."""
+    """Expected inertial number in a step of a path.
+
+    Args:
+        step: The step.
+        rate: Strain rate by which the rates of the step are multiplied, 1/s.
+        accumulated: Accumulated strain.
+        diameter: Mean diameter, m.
+        density: Density of the grains, kg/m3.
+        pressure: Mean stress, Pa.
+    """
     rates = rate * symmetric(step.rates(accumulated))
     control = step.held
     if control is not None and rates.any():
@@ -113,9 +121,9 @@ def inertial_number_of(
 
 
 def rate_warning(path: Path, state: State, prescribed: float | None = None) -> str | None:
-    """A warning if the strain rate of a path will make the inertial number of a specimen exceed its limit, else None.
+    """Return a warning if the strain rate of a path will make the inertial number of a specimen exceed its limit.
 
-    The pressure is the one that the path holds, or the mean stress of the specimen. `prescribed`: the inertial number
+    The pressure is the one that the path holds, or the mean stress of the specimen. `prescribed` is the inertial number
     if it is prescribed instead of the rate.
     """
     if prescribed is not None:
@@ -137,14 +145,14 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
 
 
 def size_warning(scene: Scene) -> str | None:
-    """A warning if the grains are so large that their diameter was probably meant in mm, else None."""
+    """Return a warning if the grains are so large that their diameter was probably meant in mm."""
     diameter = scene.mean_diameter
     meant = f"if millimetres are meant, write '{diameter:g} mm'"
     return f"the grains have a mean diameter of {diameter:g} m: {meant}" if diameter > LARGE else None
 
 
 def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...]:
-    """Limits that a run exceeds. `run`: name -> array of the variables RECORDED."""
+    """Return the limits that a run exceeds; `run` holds the variables RECORDED, name -> array."""
     limits = []
     for name, values, limit in (
         ("inertial number", run["inertial_number"], INERTIAL_LIMIT),
@@ -161,7 +169,7 @@ def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...
 
 
 def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
-    """Limits that the run in a file exceeds. Raises InputError if it is not a run file."""
+    """Return the limits that the run in a file exceeds. Raises InputError if it is not a run file."""
     with open_netcdf(file, "run") as dataset:
         known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
         known |= {name: np.zeros(0) for name in RECORDED if name not in known}
@@ -169,7 +177,7 @@ def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
 
 
 def exceeded_by(state: State) -> tuple[Exceeded, ...]:
-    """Limits that a specimen exceeds before any test."""
+    """Return the limits that a specimen exceeds before any test."""
     snapshot = state.snapshot()
     return tuple(
         Exceeded(name, limit, float(value))

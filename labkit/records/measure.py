@@ -1,4 +1,4 @@
-"""One record of a run: everything that a run file holds about one instant, computed from a State."""
+"""Computes one record of a run, everything that a run file holds about one instant, from a State."""
 
 from __future__ import annotations
 
@@ -16,9 +16,12 @@ from labkit.sff.c0 import c0_of
 
 
 def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = None) -> dict[str, object]:
-    """The variables of labkit.quantities.recorded.record_table for one State, name -> value.
+    """Compute the variables of labkit.quantities.recorded.record_table for one State, name -> value.
 
-    `first_cell` (3, 3), m: the cell at zero strain. `snapshot`: the Snapshot of the state, if already computed.
+    Args:
+        state: The State.
+        first_cell: Cell at zero strain, (3, 3), m.
+        snapshot: Snapshot of the state, if already computed.
     """
     snapshot = snapshot or state.snapshot()
     scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)
@@ -55,7 +58,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
 
 
 def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
-    """Hencky strain -1/2 ln(F F^T), F = H H0^-1; shape (3, 3), compression positive. Cells (3, 3), m."""
+    """Hencky strain -1/2 ln(F F^T), F = H H0^-1, of two cells (3, 3), m; (3, 3), compression positive."""
     F = cell @ np.linalg.inv(first_cell)
     squared, direction = np.linalg.eigh(F @ F.T)
     return -(direction * (0.5 * np.log(squared))) @ direction.T

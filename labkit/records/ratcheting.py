@@ -10,7 +10,7 @@ on the contact at the rate t . w,
 
     w = v - ((Ra - delta/2) wa + (Rb - delta/2) wb) x n.
 
-Springs and friction receive t . u, so that the law creates energy at the rate
+Springs and friction receive t . u, so the law creates energy at the rate
 
     P = sum of t . (u - w) over the contacts.
 
@@ -53,7 +53,7 @@ def ratcheting_power(state: State) -> float:
 class Ratcheting:
     """Energy created at each record of a run, J, from the power at the records by the trapezoidal rule.
 
-    work: one value per record; power, time: of the last record, W and s.
+    `work` has one value per record; `power`, W, and `time`, s, belong to the last record.
     """
 
     work: list[float] = dataclasses.field(default_factory=list)
@@ -63,7 +63,10 @@ class Ratcheting:
     def add(self, number: int, time: float, power: float) -> float:
         """Add the record `number`, which replaces an earlier one; returns the energy created up to it, J.
 
-        time, s; power: ratcheting_power, W.
+        Args:
+            number: Number of the record.
+            time: Time of the record, s.
+            power: ratcheting_power at the record, W.
         """
         before = self.work[-1] if self.work else 0.0
         del self.work[number:]
@@ -72,10 +75,10 @@ class Ratcheting:
         return self.work[-1]
 
     def copied(self) -> Ratcheting:
-        """A copy, for a thread that writes it."""
+        """Return a copy for the thread that writes it."""
         return Ratcheting(list(self.work), self.power, self.time)
 
     def error(self, state: State) -> float:
-        """What it adds to the relative error of the energy balance."""
+        """Return its contribution to the relative error of the energy balance."""
         created = self.work[-1] if self.work else 0.0
         return float(relative_to_work(created, state.ledger.cell_work, state.ledger.start))

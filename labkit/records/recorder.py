@@ -1,11 +1,11 @@
 """The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times.
 
-A save copies the file, appends to the copy and renames the copy over the original, so that a process killed at any
-moment leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together
-with the records up to it.
+A save copies the file, appends to the copy and renames the copy over the original, so a process killed at any moment
+leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together with the
+records up to it.
 
-A run has many more checkpoints than saves: which of them are saved depends on the time that a save takes. A thread
-writes the file while the run computes. Records and checkpoints that are not saved yet are kept in memory.
+A run has many more checkpoints than saves: the time that a save takes determines which of them are saved. A thread
+writes the file while the run computes. Unsaved records and checkpoints are kept in memory.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from labkit.records.checkpoint import (
 from labkit.records.ratcheting import Ratcheting
 
 MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
-RECORD_BYTES = 1_000  # of one record, about
+RECORD_BYTES = 1_000  # approximate size of one record
 MARGIN = 900_000  # bytes by which a file may grow beyond its data: parts of chunks, tables of HDF5
 
 
@@ -62,22 +62,19 @@ class StoredRun:
 
 @dataclasses.dataclass
 class _Unsaved:
-    """Records and snapshots that are not in the file yet.
-
-    records: number of the record -> values; snapshots: (number of its record, contacts, positions).
-    """
+    """Records, number -> values, and snapshots, (number of the record, contacts, positions), not yet in the file."""
 
     records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
     snapshots: list[tuple[int, Contacts, np.ndarray]] = dataclasses.field(default_factory=list)
 
     @property
     def bytes(self) -> int:
-        """Bytes in memory, about."""
+        """Approximate number of bytes in memory."""
         snapshots = sum(position.nbytes + 120 * len(contacts) for _, contacts, position in self.snapshots)
         return snapshots + RECORD_BYTES * len(self.records)
 
     def extend(self, later: _Unsaved) -> None:
-        """Add later ones; a record with the same number replaces the earlier one."""
+        """Add later records and snapshots; a record with the same number replaces the earlier one."""
         self.records |= later.records
         self.snapshots += later.snapshots
 
@@ -85,8 +82,13 @@ class _Unsaved:
 class Recorder:
     """Writes one run file, with exclusive access while it is open as a context manager.
 
-    path: the loading path; settings: everything else that determines the records; specimen: the initial State;
-    extra: variables recorded besides those of the path; all_saved: True to save every checkpoint.
+    Args:
+        file: The run file.
+        path: The loading path.
+        settings: Everything else that determines the records.
+        specimen: The initial State.
+        extra: Variables recorded in addition to those of the path.
+        all_saved: True to save every checkpoint.
     """
 
     def __init__(
@@ -98,7 +100,7 @@ class Recorder:
         extra: Mapping[str, Variable],
         all_saved: bool = False,
     ) -> None:
-        """Does not touch the file yet; `with` locks it."""
+        """Leave the file alone; `with` locks it."""
         self.table = {**record_table(), **(PROGRESS if path.phases else {}), **extra}
         self.file = Path(file)
         self.scene = specimen.scene
@@ -155,9 +157,9 @@ class Recorder:
         self.wait()
 
     def wait(self) -> None:
-        """Wait until the file is not being written, because netCDF serves one thread only.
+        """Wait for the pending write; netCDF is not thread-safe.
 
-        Raises PhysicsError if it could not be written.
+        Raises PhysicsError if the file could not be written.
         """
         try:
             self._writer.wait()
@@ -239,7 +241,7 @@ class Recorder:
                 )
 
     def _require_plausible(self, state: State, dataset: netCDF4.Dataset) -> None:
-        """Raise InputError unless a checkpoint can belong to this run, of which the file may have no hash."""
+        """Raise InputError unless a checkpoint can belong to this run, whose file may have no hash."""
         same = np.array_equal(state.radius, np.ma.getdata(dataset["grains"]["radius"][...]))
         if not same or state.scene != self.scene:
             raise damaged(self.file, "the grains of its checkpoint are not those of the specimen")
@@ -247,7 +249,7 @@ class Recorder:
             raise damaged(self.file, "the time of its checkpoint is not that of its step")
 
     def resume(self) -> StoredRun | None:
-        """The unfinished or complete run in the file, or None if the file does not exist yet.
+        """Return the unfinished or complete run in the file, or None if the file does not exist yet.
 
         Raises InputError if the file holds a run with other parameters or of another specimen.
         """
@@ -276,7 +278,7 @@ class Recorder:
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
-    """The path if it differs, else the parameters and settings that differ, each with both values."""
+    """Name the path if it differs, else the parameters and settings that differ, each with both values."""
     names = [name for name in {**stored, **requested} if stored.get(name) != requested.get(name)]
     names = ["path"] if "path" in names else names
     values = [_both(name, stored, requested) for name in names]
@@ -284,7 +286,7 @@ def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
 
 
 def _both(name: str, *runs: dict[str, object]) -> list[str]:
-    """The value of a parameter in two runs as text, with all digits if fewer do not distinguish them."""
+    """Format the values of a parameter in two runs, with all digits if fewer do not distinguish them."""
     values = [run.get(name, "not set") for run in runs]
     short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
     return short if short[0] != short[1] else [repr(value) for value in values]

@@ -1,4 +1,4 @@
-"""The schedule of a run: at which steps the path reverses and the run is recorded and saved."""
+"""The schedule of a run: the time steps at which the path reverses and the run is recorded and saved."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SNAPSHOT_BYTES = 24 + 2.8 * 120  # per grain
 class Options:
     """Options of a run: what is recorded, how often it is saved, and how stresses are controlled.
 
-    If `guarded` is False, a run continues regardless of the time step and the energy balance; for studying instability.
+    If `guarded` is False, a run continues regardless of the time step and the energy balance, to study instability.
     """
 
     record_strain: Number[float | None] = parameter(
@@ -79,7 +79,7 @@ class Schedule:
 
     @classmethod
     def of(cls, path: Path, time_step: float, grains: int, options: Options) -> Schedule:
-        """The schedule of a path with a rate, for a time step in s and a number of grains.
+        """Return the schedule of a path with a rate, for a time step in s and a number of grains.
 
         Records are spaced at intervals of `record_strain` in axial strain, rounded to whole steps. Raises InputError if
         the path is inconsistent or the rate gives too few or too many steps.
@@ -125,7 +125,7 @@ class Schedule:
         return self._stops(self.steps) - self._unrecorded
 
     def next_stop(self, step: int) -> int:
-        """The next multiple of the interval or the next reversal, whichever comes first."""
+        """Return the next multiple of the interval or the next reversal, whichever comes first."""
         span = self.span(step)
         start, interval = self._counting(span)
         return min(self.turns[span], start + ((step - start) // interval + 1) * interval)
@@ -151,7 +151,7 @@ class Schedule:
     def is_snapshot(self, record: int, last: bool) -> bool:
         """True if a record is stored with all contacts: the first, the last and others evenly spaced between them.
 
-        record: its number, from 0; last: True if it ends the path.
+        `record` is its number, from 0; `last` is True if it ends the path.
         """
         if self.snapshots == 0:
             return False
@@ -160,7 +160,7 @@ class Schedule:
         return last or record == _rounded(nearest * self.records, number)
 
     def is_checkpoint(self, step: int, last: bool) -> bool:
-        """True if the run can be resumed from the stop at this step; `last`: True if it ends the path."""
+        """True if the run can be resumed from the stop at this step; `last` is True if it ends the path."""
         return last or self._stops(step) % self.stops_per_checkpoint == 0
 
     def span(self, step: int) -> int:
@@ -180,7 +180,7 @@ class Schedule:
         return (self.start_of(span), self.intervals[span]) if self.intervals else (0, self.steps_per_record)
 
     def _stops(self, step: int) -> int:
-        """Number of stops up to this step, without the start."""
+        """Number of stops up to this step, excluding the start."""
         if self.intervals:
             span = self.span(step)
             start, interval = self._counting(span) if span < len(self.turns) else (step, 1)
@@ -190,7 +190,7 @@ class Schedule:
 
     @functools.cached_property
     def _stops_before(self) -> tuple[int, ...]:
-        """Number of stops up to the start of each span and up to the end of the path, if legs have their intervals."""
+        """Number of stops up to the start of each span and the end of the path, if legs have their own intervals."""
         each = [-(-(turn - self.start_of(k)) // self.intervals[k]) for k, turn in enumerate(self.turns)]
         return tuple(int(total) for total in np.cumsum([0, *each]))
 
@@ -206,7 +206,7 @@ class Schedule:
 
 
 def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[float], list[float]]:
-    """For each span: the number of its first step, its accumulated strain, and that between two records of a phase."""
+    """Return, for each span, its first step, its accumulated strain, and the strain between two records of a phase."""
     firsts, spans, own = list[int](), list[float](), list[float]()
     by_stress = False
     for number, step in enumerate(path.steps_from(Here())):

@@ -1,4 +1,4 @@
-"""Results: runs as value objects and as xarray datasets, checks, the critical state; and the Python interface."""
+"""Results, as value objects and xarray datasets, checks, the critical state, and the Python interface."""
 
 from typing import TYPE_CHECKING
 

@@ -77,17 +77,17 @@ class Lab(OfRecords):
     def contacts(self, snapshot: int) -> xr.Dataset:
         """Contacts of one snapshot, a Dataset along `contact`; only these contacts are read.
 
-        `snapshot`: index along the dimension, counted from the end if negative. The run may be a selection of records
-        and snapshots, but not of contacts.
+        A negative `snapshot` counts from the end. The run may be a selection of records and snapshots, but not of
+        contacts.
         """
         names = [n for n, v in self._run.data_vars.items() if "contact" in v.dims]
         start, size = (int(self._run[name].values[snapshot]) for name in ("row_start", "row_size"))
         return self._run[names].isel(contact=slice(start, start + size))
 
     def snapshot(self, number: int) -> Snapshot:
-        """One Snapshot, the argument of every statistic; only this snapshot is read.
+        """Return one Snapshot, the argument of every statistic; only this snapshot is read.
 
-        `number`: counted from the end if negative.
+        A negative `number` counts from the end.
         """
         number = range(self.number_of_snapshots)[number]
         contacts, at = self.contacts(number), self._run.isel(snapshot=number)
@@ -111,11 +111,11 @@ class Lab(OfRecords):
         )
 
     def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
-        """The Snapshots with these numbers, or all of them, with one in memory at a time."""
+        """Yield the Snapshots with these numbers, or all of them, with one in memory at a time."""
         return (self.snapshot(k) for k in numbers or range(self.number_of_snapshots))
 
     def _without_contacts(self) -> Snapshot:
-        """A Snapshot of the grains without contacts, in a cell of 1 m3."""
+        """Return a Snapshot of the grains without contacts, in a cell of 1 m3."""
         return Snapshot(self.scene, self._radius, np.eye(3), NO_CONTACTS)
 
     def normalised_contacts(self, snapshot: int) -> xr.Dataset:
@@ -147,11 +147,14 @@ class Lab(OfRecords):
             def function(snapshot: labkit.Snapshot) -> dict[str, float | np.ndarray | tuple]:
 
         and returns the same names for every snapshot. A value is a number, a tensor (3, 3), or, for any other shape,
-        a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. `attributes`: name -> attributes
-        of the variable, e.g. `{"size": {"units": "m"}}`; `coords`: as for xarray.Dataset. A run without snapshots
-        gives variables of length 0; the function is then called once, without contacts, to find their names and
-        shapes. Raises InputError for an array of any other shape that is given without its
-        dimensions.
+        a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. A run without snapshots gives
+        variables of length 0; the function is then called once, without contacts, to find their names and shapes.
+        Raises InputError for an array of any other shape that is given without its dimensions.
+
+        Args:
+            function: The function.
+            attributes: Attributes of the variables, e.g. `{"size": {"units": "m"}}`.
+            coords: Coordinates, as for xarray.Dataset.
         """
         results = [function(snapshot) for snapshot in self.snapshots()]
         shapes = results or [function(self._without_contacts())]
@@ -198,7 +201,7 @@ class Lab(OfRecords):
     def error_budget(self, e: str = "nominal", with_lambda: bool = True) -> xr.DataArray:
         """Contributions to C0 - Love (labkit.sff.budget), DataArray (snapshot, part, i, j), Pa; they sum to C0 - Love.
 
-        `e`, `with_lambda`: as for labkit.sff.budget.error_budget.
+        The arguments are those of labkit.sff.budget.error_budget.
         """
 
         def errors(snapshot: Snapshot) -> dict[str, object]:
@@ -211,8 +214,8 @@ class Lab(OfRecords):
     def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
         """Stresses by grain size (Eqs. 13-18), a Dataset along `snapshot` and `group` with the fields of GroupStresses.
 
-        `groups`: number of equal diameter intervals; alternatively `edges`: limits of the intervals, m. The
-        coordinate `diameter` is the middle of each interval, m.
+        Give the number of equal diameter intervals (`groups`) or their limits, m (`edges`). The coordinate `diameter`
+        is the middle of each interval, m.
         """
         grains = self._without_contacts()
         edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
@@ -248,9 +251,10 @@ class Lab(OfRecords):
     def contact_lives(self) -> xr.Dataset:
         """Each contact from birth to death as observed at the snapshots, a Dataset along `life`.
 
-        `pair` (life, side): the two grains; `birth`: first snapshot with the contact; `death`: first snapshot without
-        it; `alive`: True if the contact still exists at the last snapshot, so that its death is unknown;
-        `birth_strain`; `lifetime`: strain accumulated from birth to death, or to the last snapshot if alive.
+        `pair` (life, side) holds the two grains, `birth` the first snapshot with the contact and `death` the first
+        snapshot without it. `alive` is True if the contact still exists at the last snapshot, so that its death is
+        unknown. `birth_strain` is the strain at birth, and `lifetime` the strain accumulated until death, or until the
+        last snapshot if alive.
         """
         lives, strain = self._lives, self._travelled()
         alive = lives.death == self.number_of_snapshots
@@ -269,7 +273,7 @@ class Lab(OfRecords):
     def contact_changes(self) -> xr.Dataset:
         """Contacts gained, lost and kept since the previous snapshot, and their mean age, a Dataset along `snapshot`.
 
-        `mean_age`: strain accumulated since the birth of a contact, averaged over the contacts.
+        `mean_age` is the strain accumulated since the birth of a contact, averaged over the contacts.
         """
         lives, strain = self._lives, self._travelled()
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -294,12 +298,12 @@ class Lab(OfRecords):
 
 
 def with_axes(data: xr.Dataset) -> xr.Dataset:
-    """The Dataset with the coordinate labels x, y, z on its dimensions `i` and `j`, if it has them."""
+    """Add the coordinate labels x, y, z to the dimensions `i` and `j` of a Dataset, if it has them."""
     return data.assign_coords({name: labels for name, labels in AXES.items() if name in data.dims})
 
 
 def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:
-    """(dimensions, values) of a number or tensor (3, 3); a value with dimensions is returned unchanged."""
+    """Return (dimensions, values) of a number or tensor (3, 3); a value with dimensions is returned unchanged."""
     if isinstance(value, tuple):
         return value
     shape = np.shape(value)
@@ -309,5 +313,5 @@ def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:
 
 
 def _in_double(values: np.ndarray) -> np.ndarray:
-    """Values that a file holds in single precision as double, so that sums over contacts are exact to rounding."""
+    """Convert values stored in single precision to double, so that sums over contacts are exact to rounding."""
     return values.astype(float) if values.dtype == np.float32 else values

@@ -25,8 +25,8 @@ from labkit.runs.run import Run
 class Outcome(NamedTuple):
     """The result of one test of a batch.
 
-    run: the Run, up to where it failed if it did, None if it failed before its first record; failure: why, one
-    sentence, empty if it did not fail.
+    `run` is the Run, up to the point of failure if it failed, or None if it failed before its first record. `failure`
+    is one sentence that says why it failed, or empty.
     """
 
     run: Run | None
@@ -43,11 +43,17 @@ def run_batch(
 ) -> dict[str, Outcome]:
     """Load specimens along paths, on the engine cuda together, on others one after the other; name -> Outcome.
 
-    tests: name -> (specimen, path), of any number of grains, scene and path; folder: for the run files, NAME.run.nc. A
-    run that is there and unfinished is resumed, a finished one is kept. precision, recording: as for labkit.run. One
-    test that fails does not stop the others.
-    Raises InputError for a test that cannot be started, before any is, Interrupted after Ctrl-C or SIGTERM, with
+    An unfinished run in the folder is resumed, a finished one is kept. A test that fails does not stop the others.
+    Raises InputError, before any test starts, if one cannot be started, and Interrupted after Ctrl-C or SIGTERM, with
     checkpoints in the files.
+
+    Args:
+        tests: Name -> (specimen, path); the number of grains, the scene and the path may differ.
+        folder: Folder for the run files, NAME.run.nc.
+        engine: Engine, or its name.
+        precision: Precision, as for labkit.run.
+        options: Options, as for labkit.run.
+        recording: Fields of Options, as for labkit.run.
     """
     options = recording_options(run_batch, options, recording)
     files = {name: File(folder) / f"{name}.run.nc" for name in tests}

@@ -13,9 +13,9 @@ from labkit.runs.tasks import RunTask, execute, require_possible
 
 
 def packed(keys: Sequence[Hashable], sizes: Sequence[float], room: float) -> list[list[int]]:
-    """Batches of items, by their numbers: those of a batch have equal keys, and sizes that add up to `room` at most.
+    """Pack items, given by number, into batches with equal keys and sizes that add up to `room` at most.
 
-    An item that is larger than the room is alone in its batch. The batches are filled with the largest items first.
+    An item larger than `room` is alone in its batch. The batches are filled with the largest items first.
     """
     batches: dict[Hashable, list[list[int]]] = defaultdict(list)
     for number in sorted(range(len(keys)), key=lambda number: -sizes[number]):
@@ -30,7 +30,7 @@ def packed(keys: Sequence[Hashable], sizes: Sequence[float], room: float) -> lis
 
 
 def execute_together(tasks: Sequence[RunTask], progress: Sequence[Progress] = ()) -> list[Exception | None]:
-    """Execute runs on the engine of the first: in batches if it can, or one after the other.
+    """Execute runs on the engine of the first run, in batches if it supports them, otherwise one after the other.
 
     Returns for each run the exception that ended it, or None; the others are not affected. Raises InputError if the
     engine cannot execute one of them, Interrupted after a signal, once the runs have written their checkpoints.

@@ -26,11 +26,11 @@ def is_shear(run: xarray.Dataset) -> bool:
 def require_critical(
     runs: Mapping[str, xarray.Dataset], least_strain: float = ENOUGH_STRAIN
 ) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
-    """Select the runs that end in a critical state: (name -> run, name -> reason for leaving a run out).
+    """Select the runs that end in a critical state; returns (name -> run, name -> reason for leaving a run out).
 
     A run is left out if its path is not a shear test, if it is unfinished, if it ends before a strain of `least_strain`
     (gamma_xz in simple shear, else the axial strain), or if it is a prediction of the model while other runs are
-    simulations. `runs`: name -> run opened with labkit.open_run. Raises InputError if no run is left.
+    simulations. The runs, by name, were opened with labkit.open_run. Raises InputError if no run is left.
     """
     left_out = {}
     for name, run in runs.items():
@@ -56,18 +56,19 @@ def require_critical(
 
 
 def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
-    """Records that count as critical, those in the last quarter of the strain; shape (time,) of bool.
+    """Select the records that count as critical, those in the last quarter of the strain; shape (time,) of bool.
 
-    `strain` (time,) of a test in compression, extension or shear; `window`: fraction of the strain to use instead of
-    the last quarter.
+    Args:
+        strain: Strain of a test in compression, extension or shear, (time,).
+        window: Fraction of the strain to use instead of the last quarter.
     """
     return np.abs(strain) >= (1.0 - window) * np.abs(strain[-1])
 
 
 def mean_strengths(runs: Mapping[str, xarray.Dataset], states: pandas.DataFrame) -> list[str]:
-    """Mean M of the tests of each kind, one line each: compression, extension, and every path that is not triaxial.
+    """Report the mean M of each kind of test, one line each: compression, extension, and each path not triaxial.
 
-    `states`: the table `critical_states` of these runs.
+    `states` is the table `critical_states` of these runs.
     """
     kinds = [_kind(run) for run in runs.values()]
     lines = []
@@ -86,13 +87,15 @@ def _kind(run: xarray.Dataset) -> str:
 
 
 def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) -> pandas.DataFrame:
-    """A pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and the scatter of M.
+    """Return a pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and scatter of M.
 
     M = q/p, and its scatter is the standard deviation over the records. If a test is not axisymmetric, q is the
     invariant sqrt(3/2 s:s), and A_zz, F_zz and Ft_zz are the components along the stress deviator s, which have these
-    values in triaxial compression. `runs`: name -> run opened with labkit.open_run; all of them are used, see
-    `require_critical` for those that have reached a critical state. `window`: fraction of the strain to use instead of
-    the last quarter.
+    values in triaxial compression. All runs are used; `require_critical` selects those that reached a critical state.
+
+    Args:
+        runs: Runs opened with labkit.open_run, name -> run.
+        window: Fraction of the strain to use instead of the last quarter.
     """
     rows = []
     for name, run in runs.items():

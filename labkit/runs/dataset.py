@@ -30,7 +30,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     (ragged: `row_size` contacts per snapshot), `grain`, `side`, and `i`, `j` with the labels x, y, z: the axial stress
     is `run["stress"].sel(i="z", j="z")`. The variables of the groups `contacts` and `grains` keep their names and
     units. For a table of the records use `run.lab.to_dataframe()`: `run.to_dataframe()` would combine every record with
-    every contact and every grain. verify: as for read_state. Raises InputError.
+    every contact and every grain. `verify` is that of read_state. Raises InputError if it is not a valid run file.
     """
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
@@ -55,7 +55,7 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
 
 @xr.register_datatree_accessor("lab")
 def tree_accessor(tree: xr.DataTree) -> Lab:
-    """The accessor `.lab` of a run file opened with xarray.open_datatree. Raises InputError for any other tree.
+    """Return the accessor `.lab` of a run file opened with xarray.open_datatree. Raises InputError for any other tree.
 
     It is registered when this module is imported.
     """
@@ -66,7 +66,7 @@ def tree_accessor(tree: xr.DataTree) -> Lab:
 
 
 def in_seconds(part: xr.Dataset) -> xr.Dataset:
-    """The Dataset with the time in s since the start of the path, also if xarray has decoded it as dates, in ns."""
+    """Convert the time of a Dataset to s since the start of the path, even if xarray has decoded it as dates, in ns."""
     if "time" not in part.variables:
         return part
     time = part["time"].values
@@ -76,7 +76,7 @@ def in_seconds(part: xr.Dataset) -> xr.Dataset:
 
 
 def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
-    """One Dataset made from the root, the contacts and the grains of a run file."""
+    """Join the root, the contacts and the grains of a run file in one Dataset."""
     run = xr.merge([in_seconds(part) for part in parts], compat="no_conflicts", join="exact", combine_attrs="override")
     starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
     run = run.assign_coords(
@@ -102,9 +102,9 @@ def _require_scene(path: str | os.PathLike, text: str) -> None:
 
 
 def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequence[int], instead: str = "") -> None:
-    """Raises InputError unless the run has contacts and snapshots with these numbers, counted from the end if negative.
+    """Raise InputError unless the run has contacts and snapshots with these numbers, counted from the end if negative.
 
-    `instead`: alternative to suggest to the user if the run has no contacts.
+    `instead` is an alternative to suggest to the user if the run has no contacts.
     """
     count = run.sizes["snapshot"]
     if not count:
@@ -141,7 +141,7 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
 def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
     """Iterate over the Snapshots of a run file, or the one Snapshot of a state file, with one in memory at a time.
 
-    `numbers`: snapshots of a run file to read (default: all), counted from the end if negative. Raises InputError if
+    `numbers` selects snapshots of a run file (default: all); negative numbers count from the end. Raises InputError if
     the file lacks them.
     """
     if labkit_kind(file) == "state":

@@ -1,4 +1,4 @@
-"""How a run ends: at which conditions, and the errors of a run that cannot be completed or must not be started."""
+"""The ends of runs: the conditions that ended them, and errors of runs that cannot be completed or must not start."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ MOST_LISTED = 5  # steps
 
 
 def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]) -> tuple[str, ...]:
-    """The conditions that ended steps of a complete run and the run itself, one clause each.
+    """Name the conditions that ended steps of a complete run and the run itself, one clause each.
 
-    records: variable -> its values at all records, (time, ...).
+    `records` holds the values of variables at all records, name -> (time, ...).
     """
     found = []
     if path.phases and "path_step" in records:
@@ -37,12 +37,12 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
 
 
 def unfinished(reason: str, file: File) -> PhysicsError:
-    """The error of a run that cannot be completed."""
+    """Return the error of a run that cannot be completed."""
     return PhysicsError(f"{reason}; the records up to there are in {file} (complete = 0)")
 
 
 def interrupted(file: File, number: int) -> Interrupted:
-    """The error of a run that a signal of this number stopped."""
+    """Return the error of a run that was stopped by a signal."""
     return Interrupted(f"stopped by signal {number}; {file} is saved: give the same command to resume it", 128 + number)
 
 

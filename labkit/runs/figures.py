@@ -20,7 +20,10 @@ Arguments = ParamSpec("Arguments")
 
 
 class RunFigure(Generic[Arguments]):
-    """A figure of runs: called, it draws. needs: what the data must contain; several: it draws several runs, too."""
+    """A figure of runs, which is drawn when called.
+
+    `needs` says what the data must contain; `several` is True if it also draws several runs.
+    """
 
     def __init__(
         self,
@@ -29,12 +32,12 @@ class RunFigure(Generic[Arguments]):
         needs: Literal["snapshots", "records", "probes"] = "snapshots",
         several: bool = False,
     ) -> None:
-        """A figure with the signature and the docstring of the function that draws it."""
+        """Take over the signature and the docstring of the function that draws the figure."""
         functools.update_wrapper(self, function)
         self.name, self.function, self.needs, self.several = name, function, needs, several
 
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
-        """The figure, and the table of the plotted values."""
+        """Draw the figure; returns it and the table of the plotted values."""
         return self.function(*arguments, **named)
 
 
@@ -66,8 +69,8 @@ def register_figure(
     """Decorator that registers a function as a figure under `name`.
 
     Args:
-        name: by which the figure is chosen.
-        needs: what the data must contain: snapshots, records alone, or the data of Probes.
+        name: Name by which users choose the figure.
+        needs: What the data must contain: snapshots, records alone, or the data of Probes.
         several: True if it also draws several runs, given as name -> run.
     """
 

@@ -1,4 +1,4 @@
-"""The grains of a run on their way along a path: what moves the cell, and what is recorded and saved on the way."""
+"""Carries the grains of a run along a path: moves the cell, and records and saves at stops."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ Needs = Generator[Request, Any, None]
 class Grains(Material):
     """The grains of a run.
 
-    here: where the next step of the path starts; first: the first record; step: of the path, with its number; now: the
-    time step; stop: the one at which the run last stopped; instant: what is known of that stop, until the run goes on.
+    `here` is where the next step of the path starts, `first` the first record, and `step` the current step of the path,
+    with its number. `now` is the time step, `stop` the time step of the last stop, and `instant` its Instant, until the
+    run continues.
     """
 
     def __init__(
@@ -53,7 +54,7 @@ class Grains(Material):
         signals: Signals,
         threads: int,
     ) -> None:
-        """Nothing is loaded yet. state: at rest; stored: the run so far, if it is resumed."""
+        """Take the State at rest and, if the run is resumed, the run so far; nothing is loaded yet."""
         self.recorder, self.path, self.options = recorder, recorder.path, options
         self.progress, self.signals, self.threads = progress, signals, threads
         self.first: Record = stored.first if stored else {"cell": state.cell}
@@ -68,7 +69,7 @@ class Grains(Material):
         self.end = self.origin = 0  # planned time steps of the step of the path
 
     def run(self) -> Needs:
-        """Carry the grains along the path, from where they are."""
+        """Carry the grains along the path from their current position."""
         self.abilities: Abilities = yield Load(self.state)
         at_rest = self.fresh and not self.state.velocity_gradient.any()  # else it is as an engine left it
         self.instant: Instant | None = Instant((yield reload) if at_rest else self.state)
@@ -84,7 +85,7 @@ class Grains(Material):
 
     @property
     def place(self) -> float:
-        """The planned time step: those so far at a pace of one, with those left out because steps ended early."""
+        """The planned time step: steps so far at a pace of one, including those skipped because a step ended early."""
         moved = self.now - self.stop
         return self.stop + self.position.skipped + (self.pace * moved if moved else 0)
 
@@ -134,7 +135,7 @@ class Grains(Material):
                     return (yield from self.measured())
 
     def leave(self) -> Needs:
-        """Go on from a stop: set the variables of the servo, and note a checkpoint."""
+        """Continue from a stop: set the variables of the servo, and note a checkpoint."""
         if self.instant is None:
             return
         state, step, instant = self.instant.brief, self.step, self.instant
@@ -147,10 +148,10 @@ class Grains(Material):
             self.wanted = pace(*given, *grains)
         if self.saving:
             self.recorder.checkpoint(self.checkpoint(instant.state, False))
-        self.instant, self.saving = None, False  # no State stays in memory while the run goes on
+        self.instant, self.saving = None, False  # no State stays in memory while the run continues
 
     def next_stop(self) -> int:
-        """The time step of the next stop, at the pace up to there."""
+        """Return the time step of the next stop, at the current pace."""
         planned = self.schedule.next_stop(self.planned) - self.planned
         steps, self.pace = (planned, 1.0) if self.options.inertial_number is None else steps_at(self.wanted, planned)
         return self.now + steps
@@ -188,11 +189,11 @@ class Grains(Material):
 
     @property
     def starting(self) -> bool:
-        """True at the start of a phase, from where on other stresses may be held."""
+        """True at the start of a phase, when other stresses may be held."""
         return self.step.phase is not None and self.place == self.origin
 
     def interval(self, end: int) -> int:
-        """Time steps to the next correction: at most to the step `end`, or to an abrupt change of the given rates."""
+        """Time steps to the next correction, but at most to `end` or to an abrupt change of the prescribed rates."""
         feedback = self.step.held is not None or self.step.length is None
         steps = min(self.options.servo.interval if feedback else LISTEN, end - self.now)
         if self.step.phase is None:
@@ -201,7 +202,7 @@ class Grains(Material):
         return min(steps, max(1, round(missing))) if missing < self.schedule.steps else steps
 
     def plan(self, end: int) -> Corrections:
-        """The corrections up to the time step `end`, of at most AHEAD steps, for an engine that runs the servo."""
+        """Return at most AHEAD steps of corrections, up to the time step `end`, for an engine that runs the servo."""
         first, anew = self.now, self.starting
         planner = Planner(self.step, self.rate, self.time_step)
         while self.now < min(end, first + AHEAD):
@@ -216,8 +217,8 @@ class Grains(Material):
         return self.turned and self.number + 1 == self.schedule.path_steps
 
     def look(self) -> Generator[Request, Any, bool]:
-        """Look at a stop; True if it is recorded."""
-        self.recorder.wait()  # before code of the user runs, which may open files
+        """Examine a stop; True if it is recorded."""
+        self.recorder.wait()  # user code runs next and may open files
         last = self.ended or self.place == self.schedule.steps
         self.saving = self.schedule.is_checkpoint(self.planned, last)
         self.instant = Instant((yield reload)) if self.saving else (yield self.abilities.instant)
@@ -237,7 +238,7 @@ class Grains(Material):
         self.instant = Instant(state)
 
     def measured(self) -> Generator[Request, Any, Stop]:
-        """The record of this stop, and what it ends."""
+        """Return the record of this stop, and what it ends."""
         assert self.instant is not None
         values = yield Work(self.instant.measure, (self.first["cell"] @ self.position.lattice,))
         if self.step.phase is not None:
@@ -281,7 +282,7 @@ class Grains(Material):
         return turned and bool(number) and self.position.leg % -(-self.schedule.path_steps // number) == 0
 
     def lost(self, state: State, stress: np.ndarray) -> str:
-        """Why a held stress cannot reach its target any more, one sentence; empty if it can. stress: (3, 3), Pa."""
+        """Say why a held stress can no longer reach its target; empty if it can. `stress` (3, 3) in Pa."""
         step, phase, rate = self.step, self.step.phase, self.rate
         reason = "" if phase is None else phase.lost(stress, self.accumulated)
         if reason or step.held is None:
@@ -297,6 +298,6 @@ class Grains(Material):
         return label + unreachable(step.held, step.held.names, stress, self.accumulated)
 
     def checkpoint(self, state: State, complete: bool, reason: str = "") -> Checkpoint:
-        """The Checkpoint of a State of this run; reason: why it ended before its aim."""
+        """Return the Checkpoint of a State of this run; `reason` says why the run ended early, if it did."""
         seconds, created = time.monotonic() - self.began, self.ratcheting.copied()
         return Checkpoint(state, complete, seconds, self.threads, self.position, reason, created)

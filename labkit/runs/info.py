@@ -27,7 +27,7 @@ WIDTH = 18  # characters of a label
 
 
 def describe_file(path: str | os.PathLike[str]) -> str:
-    """Description of a labkit file in lines of text. Raises InputError for any other file."""
+    """Describe a labkit file in lines of text. Raises InputError for any other file."""
     kind = file_kind(path)
     if kind in ("figure", "statistics", "output"):
         return "\n".join([f"{path}: labkit {kind}", *_lines(provenance_rows(provenance_of(path) or {}))])
@@ -61,7 +61,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
 
 
 def run_summary(run: xarray.Dataset) -> dict[str, str]:
-    """The end of a run and, if it is undrained, its pore pressure, name -> value with its unit. `run`: open_run."""
+    """Summarise the end of a run and, if undrained, its pore pressure, name -> value with its unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
         "path": f"{run.attrs['path']} on {run.attrs['engine']}",
@@ -87,7 +87,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
 
 
 def format_number(value: object) -> str:
-    """A value as text: integers in full, other numbers with six significant digits, lists with commas."""
+    """Format a value: integers in full, other numbers with six significant digits, lists with commas."""
     if isinstance(value, (bool, str, np.bool_)) or value is None:
         return str(value)
     if isinstance(value, Mapping):  # a step of a path
@@ -141,7 +141,7 @@ def _lines(rows: Mapping[str, str], width: int = WIDTH, indent: int = 2) -> list
 
 
 def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
-    """Recompute the hashes of a file: (lines of text, True if all hashes are the same).
+    """Recompute the hashes of a file; returns (lines of text, True if all hashes are the same).
 
     Raises InputError for a file without hashes.
     """

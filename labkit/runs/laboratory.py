@@ -50,10 +50,17 @@ def make_specimen(
 ) -> State:
     """Make a specimen at rest, and write its state file if `file` is given.
 
-    engine: its name, or labkit.Fused, Yade, Lammps or Cuda with threads, ranks and precision, which otherwise have
-    arguments of their own (precision: `double`, or `mixed`, which is faster); scene: default labkit.Scene(), Table 1 of
-    the paper; progress: True to show it, or a function of the completed fraction and a text. Raises InputError for
-    invalid values, PhysicsError if the specimen does not come to rest.
+    Raises InputError for invalid values, PhysicsError if the specimen does not come to rest.
+
+    Args:
+        recipe: How to make the specimen.
+        scene: The scene (default: labkit.Scene(), Table 1 of the paper).
+        engine: Name of the engine, or labkit.Fused, Yade, Lammps or Cuda with threads, ranks and precision.
+        threads: Number of threads, if the engine is given by name.
+        file: State file to write.
+        progress: True to show the progress, or a function of the completed fraction and a text.
+        precision: "double", or "mixed", which is faster, if the engine is given by name.
+        ranks: Number of MPI ranks, if the engine is given by name.
     """
     _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
@@ -79,8 +86,8 @@ def consolidate(
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    pressure: Pa, or text with a unit; the others: as for make_specimen. Raises InputError,
-    PhysicsError.
+    `pressure` is in Pa, or text with a unit; the other arguments are those of make_specimen. Raises InputError for
+    invalid values, PhysicsError if the pressure is not reached.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
     path = make_path("cr", {"pressure": pressure})
@@ -161,7 +168,7 @@ def _in_memory(file: str | os.PathLike[str]) -> Run:
 def recording_options(
     function: Callable[..., object], options: Options | None, recording: Mapping[str, Any]
 ) -> Options:
-    """The Options with some fields replaced, which are arguments of a function. Raises InputError for others."""
+    """Return the Options with fields replaced by arguments of a function. Raises InputError for unknown arguments."""
     known = [field.name for field in dataclasses.fields(Options)]
     for name in recording:
         if name not in known:
@@ -184,7 +191,7 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
 
 
 def warn(likely: str | None) -> None:
-    """Warn the caller of a function of this package of what is likely to be wrong, if anything is."""
+    """Issue the warning, if any, at the caller's line."""
     if likely is not None:
         warnings.warn(likely, stacklevel=3)
 
@@ -203,7 +210,7 @@ def _shown(progress: bool | Progress, title: str) -> Progress:
 
 
 def _require(value: object, kind: type, field: str, example: str) -> None:
-    """Raises InputError if an argument is not of type `kind`."""
+    """Raise InputError if an argument is not of type `kind`."""
     if not isinstance(value, kind):
         given = type(value).__name__
         raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")
@@ -215,7 +222,7 @@ def _state(made: State | None) -> State:
 
 
 def _checked(specimen: State) -> State:
-    """The specimen, after a warning for every limit that it exceeds."""
+    """Return the specimen, after a warning for every limit that it exceeds."""
     for limit in exceeded_by(specimen):
         warnings.warn(f"{limit} in the specimen: give a larger void ratio", stacklevel=3)
     return specimen

@@ -27,10 +27,10 @@ LEAST_RATIO = 0.2  # |q|/p from which the error of q is relative to q
 
 
 class OfRecords:
-    """The part of the accessor `run.lab` that needs the records only. The path of the run decides what suits it."""
+    """The part of the accessor `run.lab` that needs only records. The path of the run determines the quantities."""
 
     def __init__(self, run: xr.Dataset) -> None:
-        """Called by xarray when `run.lab` is first used."""
+        """Take the run; xarray does this when `run.lab` is first used."""
         self._run = run
 
     @functools.cached_property
@@ -71,7 +71,7 @@ class OfRecords:
         return self._scalar(values, "1", f"accumulated {self.strain_measure.name}").rename("strain")
 
     def abscissa(self) -> xr.DataArray:
-        """What a quantity of the run is drawn against, DataArray (time).
+        """The abscissa of figures of the run, DataArray (time).
 
         The number of cycles in a cyclic test, the accumulated strain on other paths that reverse, else the strain.
         """
@@ -94,14 +94,14 @@ class OfRecords:
         return self._scalar(of(self._run[name].values), "Pa", "deviatoric stress q")
 
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Part of q that a tensor (..., 3, 3) adds: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q with s of `stress`."""
+        """Contribution of a tensor (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q with s of `stress`."""
         return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
 
     def component(self, name: str) -> xr.DataArray:
-        """Component of A, F or F^t that goes with q, DataArray (time).
+        """Component of A, F or F^t that corresponds to q, DataArray (time).
 
         On axisymmetric paths it is zz; on others the component T:s/|s| sqrt(2/3) along the stress deviator s, which is
-        T_zz in triaxial compression. `name`: `contact_anisotropy`, `normal_force_anisotropy` or `mobilisation`.
+        T_zz in triaxial compression. `name` is `contact_anisotropy`, `normal_force_anisotropy` or `mobilisation`.
         """
         tensor, long_name = self._run[name].values, self._run[name].attrs.get("long_name", name)
         if self.axisymmetric:
@@ -116,7 +116,7 @@ class OfRecords:
     def pore_pressure(self, total: str = "mean") -> xr.DataArray:
         """Excess pore pressure u = sigma_total - sigma' of an undrained test, DataArray (time), Pa.
 
-        total: the component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
+        `total` is the component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
         constant cell pressure). Raises InputError if the volume changed, as in a drained test.
         """
         self._require_undrained()
@@ -148,7 +148,7 @@ class OfRecords:
     def _require_undrained(self) -> None:
         if not self.is_undrained:
             raise InputError(
-                f"this run of {self._run.attrs['path']} is drained, its volume changes, so it has no pore pressure: "
+                f"this run of {self._run.attrs['path']} is drained: its volume changes, so it has no pore pressure; "
                 "give a test at constant volume"
             )
 

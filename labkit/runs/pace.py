@@ -1,8 +1,8 @@
 """The pace of a run with a prescribed inertial number: its strain rate, divided by the rate of its path.
 
-The inertial number I = |D'| D sqrt(rho/p) (section 2) is proportional to the strain rate. At each stop the pace for the
-motion up to the next one follows from the mean stress: p determines it, so that a resumed run takes the same steps. The
-stops stay where they are for a pace of one, and between two of them the pace is constant.
+The inertial number I = |D'| D sqrt(rho/p) (section 2) is proportional to the strain rate. At each stop the mean stress
+determines the pace up to the next one, so a resumed run takes the same steps. The stops are those of a pace of one, and
+between two of them the pace is constant.
 """
 
 from __future__ import annotations
@@ -38,11 +38,19 @@ def pace(
     density: float,
     pressure: float,
 ) -> float:
-    """The pace at which the inertial number is `number` in a step of a path with this rate, 1/s.
-
-    before: the pace so far; diameter: mean, m; density: kg/m^3; pressure: mean stress, Pa.
+    """Return the pace at which the inertial number is `number` in a step of a path.
 
     It is limited to 0.1 to 10 times the rate of the path, and 1 while all strain rates are zero or left to the servo.
+
+    Args:
+        number: Inertial number.
+        step: The step.
+        rate: Rate of the path, 1/s.
+        before: Pace so far.
+        accumulated: Accumulated strain.
+        diameter: Mean diameter, m.
+        density: Density of the grains, kg/m3.
+        pressure: Mean stress, Pa.
     """
     if pressure <= 0.0:
         return LEAST
@@ -51,13 +59,13 @@ def pace(
 
 
 def steps_at(wanted: float, planned: float) -> tuple[int, float]:
-    """Whole time steps for a number of planned ones at no more than the wanted pace, and the pace that they need."""
+    """Return a whole number of time steps for planned ones, at most at the wanted pace, and the pace that they need."""
     steps = max(1, math.ceil(planned / wanted))
     return steps, planned / steps
 
 
 def expected_pace(path: Path, options: Options, scene: Scene, pressure: float) -> float:
-    """The pace at the start of a path with an axial rate, at a mean stress of `pressure`, Pa."""
+    """Return the pace at the start of a path with an axial rate, at a mean stress of `pressure`, Pa."""
     if options.inertial_number is None:
         return 1.0
     first = next(iter(path.steps_from(Here())))

@@ -1,10 +1,10 @@
 """Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
 
-Protocol of e_min and e_max: a gas of grains is compressed isotropically to `pressure` (labkit.specimens.compression),
-for e_min without friction, for e_max with the friction and rolling friction of the scene, and comes to rest with those
+For e_min and e_max, a gas of grains is compressed isotropically to `pressure` (labkit.specimens.compression), without
+friction for e_min and with the friction and rolling friction of the scene for e_max. It then comes to rest with those
 of the scene. A higher friction during the compression gives denser specimens: they collapse when it is lowered to that
-of the scene (results/density). Void ratios are nominal. The limits depend on the protocol: state it with every relative
-density.
+of the scene (results/density). Void ratios are nominal. The limits depend on the protocol: state it with every
+relative density.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class DensityLimits:
         )
 
     def table(self, void_ratios: Mapping[str, float]) -> pandas.DataFrame:
-        """e_min and e_max, then specimens (name -> nominal void ratio), with half-widths of 95 % intervals as `+-`."""
+        """Tabulate e_min and e_max, then specimens (name -> nominal void ratio), with half-widths of 95 % intervals."""
         rows: list[dict[str, object]] = [
             {"name": name, "void_ratio": values.mean(), "+-": half_width(values), "relative_density": density}
             for name, values, density in (("e_min", self.e_min, 1.0), ("e_max", self.e_max, 0.0))
@@ -97,7 +97,7 @@ def density_limits(
     progress: Progress = silent,
     precision: str = "double",
 ) -> DensityLimits:
-    """e_min and e_max of a material, measured on specimens with these seeds. Raises InputError, PhysicsError."""
+    """Measure e_min and e_max of a material on specimens with these seeds. Raises InputError, PhysicsError."""
     found: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share, ratios in found.items():
         for seed in seeds:
@@ -110,7 +110,7 @@ def density_limits(
 
 
 def _with_share(share: float, recipe: Recipe, scene: Scene) -> Recipe:
-    """The recipe with a share of the scene's friction and rolling friction during the compression."""
+    """Return the recipe with a share of the scene's friction and rolling friction during the compression."""
     friction, rolling_friction = share * scene.friction, share * scene.rolling_friction
     return dataclasses.replace(recipe, step1_friction=friction, step1_rolling_friction=rolling_friction)
 
@@ -125,11 +125,10 @@ def specimen_at(
     progress: Progress = silent,
     precision: str = "double",
 ) -> State:
-    """A specimen with this nominal void ratio at this pressure: finds the friction of step 1 by bisection.
+    """Make a specimen with this nominal void ratio at this pressure, finding the friction of step 1 by bisection.
 
-    pressure: Pa, or text with a unit.
-    The friction and rolling friction during the compression are the same share of those of the scene. Raises
-    PhysicsError if no share from 0 to 1 gives the void ratio within TOLERANCE.
+    The friction and rolling friction during the compression are the same share of those of the scene. `pressure` is in
+    Pa, or text with a unit. Raises PhysicsError if no share from 0 to 1 gives the void ratio within TOLERANCE.
     """
     held: float = Parameter("pressure", unit="Pa").read(pressure)
     low, high, share = 0.0, 1.0, 0.3
@@ -150,7 +149,7 @@ def specimen_at(
 
 @dataclasses.dataclass(frozen=True)
 class Twins:
-    """Two specimens with the same e and p and different Z; amplitude: of the strain cycle that made the second."""
+    """Two specimens with the same e and p and different Z; `amplitude` is that of the cycle that made the second."""
 
     first: State
     second: State
@@ -165,7 +164,7 @@ class Twins:
 def make_twins(
     specimen: State, engine: str | Start = "fused", progress: Progress = silent, precision: str = "double"
 ) -> Twins:
-    """Twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
+    """Make twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
     one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
@@ -193,6 +192,6 @@ def make_twins(
 
 
 def _described(snapshot: Snapshot) -> tuple[float, float, float]:
-    """(e, p, Z)."""
+    """Return (e, p, Z)."""
     Z = statistics(snapshot).coordination_number
     return void_ratio_nominal(snapshot), float(mean_stress(love_stress(snapshot))), float(Z)

@@ -1,8 +1,8 @@
 """Probes: the results of a set of probes as a value, with its stiffness, table and file.
 
-The stiffness of a fit, of a direction and of the second-order work refer to stresses per initial volume, J sigma with
-J = V/V_0 (Kirchhoff). These are conjugate to the logarithmic strain, so that an elastic stiffness is symmetric; that of
-Cauchy's stress differs from it by sigma (x) I, which is not symmetric unless the stress is isotropic.
+The stiffness of a fit, the stiffness in a direction and the second-order work refer to stresses per initial volume,
+J sigma with J = V/V_0 (Kirchhoff). These are conjugate to the logarithmic strain, so an elastic stiffness is symmetric;
+that of Cauchy's stress differs by sigma (x) I, which is not symmetric unless the stress is isotropic.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def dataset_of(
     rows: Sequence[Mapping[str, object]],
     affine: np.ndarray | None = None,
 ) -> xarray.Dataset:
-    """The Dataset of Probes. rows: variables of each probe; absent ones are NaN. affine: (6, 6), Pa."""
+    """Return the Dataset of Probes from the variables of each probe, NaN where absent, and the affine stiffness, Pa."""
     columns = {"material": [material] * len(rows), "angle": angle}
     for name, (dimensions, _, _) in VARIABLES.items():
         absent = "" if name in TEXTS else np.full((3,) * len(dimensions), np.nan)
@@ -75,7 +75,7 @@ def dataset_of(
 class Probes:
     """Probes of one state, along the dimension `probe`: of the grains, of their elastic part, or of the model.
 
-    data: xarray.Dataset with the variables of VARIABLES and the affine stiffness; file: its file, if any.
+    `data` is an xarray.Dataset with the variables of VARIABLES and the affine stiffness; `file` is its file, if any.
     """
 
     data: xarray.Dataset
@@ -97,13 +97,13 @@ class Probes:
         return tuple(dict.fromkeys(self.data["material"].values.tolist()))
 
     def of(self, material: str) -> Probes:
-        """The probes of one material. Raises InputError if there are none."""
+        """Return the probes of one material. Raises InputError if the set has none."""
         if material not in self.materials:
             raise InputError("was not probed", field="material", value=material, allowed=" or ".join(self.materials))
         return Probes(self.data.isel(probe=self.data["material"].values == material), self.file)
 
     def __add__(self, other: Probes) -> Probes:
-        """Both sets in one. Raises InputError unless plane and kind are the same."""
+        """Join two sets. Raises InputError unless plane and kind are the same."""
         if (self.kind, self.plane.name) != (other.kind, other.plane.name):
             raise InputError("probes of different planes or kinds cannot be joined: give the same plane and kind")
         known = [data["affine_stiffness"] for data in (self.data, other.data)]
@@ -166,16 +166,17 @@ class Probes:
     def _projected(self) -> tuple[np.ndarray, np.ndarray]:
         """Prescribed increments and responses along the axes of the plane, (n, k) each."""
         if len(self.materials) != 1:
-            raise InputError("there are several materials: select one, e.g. probes.of('grains')")
+            raise InputError("the probes are of several materials: select one, e.g. probes.of('grains')")
         strain, stress = self.strain @ self.plane.axes.T, self.stress @ self.plane.axes.T
         return (strain, stress) if self.kind == "strain" else (stress, strain)
 
     def summary(self) -> pandas.DataFrame:
-        """One row per material.
+        """Tabulate one row per material.
 
-        least, largest: of `directional`; over_affine: largest ratio of the stiffness to its affine bound; asymmetry,
-        misfit: of the tangent; sliding_loss: the largest, J/m3; contacts_changed: largest number of contacts gained and
-        lost; starts: number of different states from which the probes started, 1 unless something is wrong.
+        The columns are the least and the largest value of `directional`; over_affine, the largest ratio of the
+        stiffness to its affine bound; asymmetry and misfit of the tangent; the largest sliding_loss, J/m3;
+        contacts_changed, the largest number of contacts gained and lost; and starts, the number of different states
+        from which the probes started, 1 unless something is wrong.
         """
         rows = []
         for one in map(self.of, self.materials):
@@ -200,7 +201,7 @@ class Probes:
         return Probes(one.data.assign(affine_stiffness=self.data["affine_stiffness"])).affine_bound()
 
     def table(self) -> pandas.DataFrame:
-        """One row per probe: increments along the axes of the plane (`strain_1`, ...) and by component, losses, ..."""
+        """Tabulate one row per probe: increments along the axes (`strain_1`, ...) and by component, losses, ..."""
         columns: dict[str, object] = {"material": self.data["material"].values, "angle": self.data["angle"].values}
         for name in ("strain", "stress"):
             along = self.along_axes(f"{name}_increment")
@@ -217,7 +218,7 @@ class Probes:
         return FIGURES.require(figure, "figure")(self.data)[0]
 
     def write(self, file: str | os.PathLike[str], inputs: Sequence[str] = (), history: str = "") -> None:
-        """Write a probes file atomically. inputs: files that were read; history: the command."""
+        """Write a probes file atomically; `inputs` are the files that were read, `history` the command."""
         attributes = {
             "Conventions": CONVENTIONS,
             "title": f"labkit {self.kind} probes",

@@ -4,8 +4,8 @@
     elastic = labkit.probe(state, plane="all", elastic=True)
     elastic.tangent(), elastic.asymmetry(), elastic.directional() / elastic.affine_bound()
 
-Each probe is a run of its own (labkit.runs.probing), and all start from the same State. One more probe with an
-increment of zero, the null probe, shows how far the grains creep by themselves; it is subtracted from the others.
+Each probe is a separate run (labkit.runs.probing), and all start from the same State. One more probe with an increment
+of zero, the null probe, shows how far the grains creep by themselves; it is subtracted from the others.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from labkit.runs.probing import Probing, plane_of, without_sliding
 from labkit.runs.tasks import RestTask, RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
 
-LEAST_STIFFNESS = 1e-3  # of the largest: a specimen that is softer in some direction carries no load there
+LEAST_STIFFNESS = 1e-3  # of the largest: a specimen softer than this in some direction carries no load there
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe
 CHANGES = ("strain", "stress", "friction_loss", "rolling_loss", "damping_loss")  # during a probe
 WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "damping_loss")
@@ -61,9 +61,21 @@ def probe(
 ) -> Probes:
     """Apply small increments of strain or stress to a state, each to the identical state; returns Probes.
 
-    plane, directions, amplitude, kind, duration: see labkit.Probing; precision: see labkit.make_specimen. If `elastic`,
-    the friction of the contacts is so high that none slides. The grains first come to rest in their fixed cell. Raises
-    InputError, PhysicsError.
+    The grains first come to rest in their fixed cell. Raises InputError for invalid values, PhysicsError if a probe
+    fails.
+
+    Args:
+        state: The state.
+        plane: Plane of the directions (labkit.Probing).
+        directions: Number of directions.
+        amplitude: Norm of the increments.
+        kind: "strain" or "stress".
+        duration: Time of the increment, divided by the time that a shear wave needs to cross the cell.
+        elastic: True to use a friction so high that no contact slides.
+        engine: Engine, as for labkit.make_specimen.
+        threads: Number of threads, as for labkit.make_specimen.
+        progress: Progress, as for labkit.make_specimen.
+        precision: Precision, as for labkit.make_specimen.
     """
     probing = Probing(plane, directions, kind, amplitude, duration)
     start = start_of(engine, threads, precision)
@@ -71,7 +83,7 @@ def probe(
 
 
 def at_rest(state: State, engine: str | Start = "fused") -> State:
-    """The state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
+    """Return the state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
     rested = execute(RestTask(state=state, start=start_of(engine)))
     assert rested is not None
     return rested
@@ -84,7 +96,7 @@ def probes_of(
     engine: str | Start = "fused",
     progress: bool | Progress = True,
 ) -> Probes:
-    """The probes of a state at rest with the settings of `probing`; see `probe`."""
+    """Apply the probes that `probing` describes to a state at rest (`probe`)."""
     start = start_of(engine)
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
@@ -119,7 +131,7 @@ def affine_stiffness(snapshot: Snapshot) -> np.ndarray:
 
 
 def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.ndarray], Path]:
-    """A function that makes the path of a probe from its direction, a unit tensor (6,), or zero for the null probe.
+    """Return a function that makes the path of a probe from its direction, a unit tensor (6,), zero for the null probe.
 
     The increment is applied in `duration` times the time that a shear wave needs to cross the cell,
 
@@ -150,7 +162,7 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
 
 
 def _row(file: File) -> dict[str, Any]:
-    """The variables of one probe, from its run file."""
+    """Read the variables of one probe from its run file."""
     with open_netcdf(file, "run") as run:
         change = {name: run[name][-1] - run[name][0] for name in CHANGES}
         volume = float(run["volume"][0])
@@ -169,7 +181,7 @@ def _row(file: File) -> dict[str, Any]:
 
 
 def _pairs(run: netCDF4.Dataset, snapshot: int) -> set[tuple[int, ...]]:
-    """Pairs of grains that touch in the first snapshot (0) or the last one (-1)."""
+    """Return the pairs of grains that touch in the first snapshot (0) or the last one (-1)."""
     group = run["contacts"]
     number = int(group["row_size"][snapshot])
     rows = slice(number) if snapshot == 0 else slice(-number, None)

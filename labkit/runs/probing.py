@@ -1,8 +1,8 @@
 """Probes: small increments of strain or stress from one state, in many directions of a plane of strain or stress space.
 
-A probe applies its increment at a rate proportional to 1 - cos, which starts and ends at zero, so that the grains
-hardly vibrate; they then rest until the dashpots carry no force. Tensors are in Mandel notation (labkit.micro.tensors),
-in which lengths and angles are those of the tensors.
+A probe applies its increment at a rate proportional to 1 - cos, which starts and ends at zero, so the grains hardly
+vibrate; they then rest until the dashpots carry no force. Tensors are in Mandel notation (labkit.micro.tensors), in
+which lengths and angles are those of the tensors.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_00
 INSIDE = 1.0 - 1e-12  # factor that moves a force from its friction limit inwards
 NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
 # Default amplitudes: small enough that contacts neither open nor close in elastic probes, large enough that they slide
-# in the others; docs/commands.md has the measurements.
+# in the others; docs/commands.md explains the choice.
 AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
 
 
@@ -33,7 +33,7 @@ AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True):
 class Plane:
     """A plane of strain or stress space, or the whole space.
 
-    axes: its k orthonormal tensors (k, 6); labels: of the axes, with @ for the symbol of strain or stress.
+    `axes` (k, 6) are its k orthonormal tensors; in their `labels`, @ stands for the symbol of strain or stress.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Plane:
     labels: tuple[str, ...]
 
     def directions(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Angles (n,), degrees, and unit tensors (n, 6) of `number` evenly spaced directions.
+        """Return angles (n,), degrees, and unit tensors (n, 6) of `number` evenly spaced directions.
 
         A space of more than two axes has one direction along each axis and one against it, and no angles.
         """
@@ -52,7 +52,7 @@ class Plane:
 
 
 def _plane(name: str, labels: tuple[str, str], *axes: tuple[float, ...]) -> Plane:
-    """A plane from two orthogonal tensors, (6,) each."""
+    """Return a plane from two orthogonal tensors, (6,) each."""
     return Plane(name, np.array([np.array(axis) / np.linalg.norm(axis) for axis in axes]), labels)
 
 
@@ -74,9 +74,9 @@ PLANES = {
 
 
 def plane_of(text: str) -> Plane:
-    """The plane of that name, or the one spanned by two tensors: 12 numbers, xx,yy,zz,yz,xz,xy of each.
+    """Return the plane of that name, or the one spanned by two tensors: 12 numbers, xx,yy,zz,yz,xz,xy of each.
 
-    Raises InputError.
+    Raises InputError if the text is neither.
     """
     if text in PLANES:
         return PLANES[text]
@@ -128,7 +128,7 @@ class Probing:
 
 
 def without_sliding(scene: Scene) -> Scene:
-    """The scene with friction coefficients so high that no contact slides or rolls: the elastic part of its response.
+    """Return the scene with friction so high that no contact slides or rolls, for the elastic part of its response.
 
     Springs that the scene lacks are not added.
     """
@@ -136,11 +136,11 @@ def without_sliding(scene: Scene) -> Scene:
 
 
 def rest(specimen: State, start: Start, progress: Progress = silent) -> State:
-    """The specimen at rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
+    """Bring the specimen to rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
 
-    Sliding contacts creep for a long time: when the specimen hardly moves any more, sliding is switched off, so that
-    the remaining motion decays exponentially. The forces then return to their friction limits, from which they keep a
-    distance of rounding errors, so that the state is the same to the last bit with and without sliding.
+    Sliding contacts creep for a long time. When the specimen hardly moves any more, sliding is therefore switched off,
+    and the remaining motion decays exponentially. The forces then return to their friction limits, but stay below them
+    by rounding errors, so that the state is the same to the last bit with and without sliding.
     """
     engine = start(opened(drive_engine(ready(specimen.at_rest()), start)))
     settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))

@@ -27,7 +27,7 @@ class Snapshots(Sequence[Snapshot]):
     """Snapshots of a run as a sequence; each snapshot is read when it is accessed."""
 
     def __init__(self, data: xarray.Dataset) -> None:
-        """`data`: Dataset opened with labkit.open_run."""
+        """Take a Dataset opened with labkit.open_run."""
         self._data = data
 
     def __len__(self) -> int:
@@ -79,7 +79,7 @@ class Run:
 
     @property
     def ended_because(self) -> str:
-        """Why the test ended before the aim of its path, or could not be completed; empty if it reached its aim."""
+        """Why the test ended before its path did, or could not be completed; empty if it reached the end."""
         return str(self.data.attrs.get("ended_because", ""))
 
     @property
@@ -145,9 +145,9 @@ class Run:
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
     def plot(self, figure: str | None = None, **options: object) -> Any:
-        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure. Raises InputError.
+        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure.
 
-        figure: its name; by default the one that suits the path.
+        By default it is the figure that suits the path. Raises InputError for an unknown figure.
         """
         figure = figure or (self.path.figure if self.path is not None else "test")
         return FIGURES.require(figure, "figure")(self.data, **options)[0]

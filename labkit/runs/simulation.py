@@ -1,4 +1,4 @@
-"""Combines specimen, path, engine and recorder into a run, which is resumed if it was interrupted."""
+"""Combines specimen, path, engine and recorder into a run, and resumes it if it was interrupted."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def simulation(
     options: Options | None = None,
     progress: Progress = silent,
 ) -> Generator[Request, object, bool]:
-    """What `run` needs of an engine (labkit.engines.base), of which `start` gives the name and the precision."""
+    """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `start` gives."""
     path, options = on_grains(path, specimen.scene), options or Options()
     settings = {
         "record_strain": options.record_strain or path.record_strain,

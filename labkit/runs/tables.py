@@ -13,11 +13,11 @@ LABELS = {"i": "xyz", "j": "xyz", "side": "12"}  # dimension -> label of each co
 
 
 def table(variables: Mapping[str, xarray.DataArray], units: bool = False) -> pandas.DataFrame:
-    """DataFrame of variables that share their first dimension, with one row along that dimension.
+    """Return a DataFrame of variables that share their first dimension, with rows along that dimension.
 
     A variable whose additional dimensions are all in LABELS has one column per component, e.g. `stress_xz` or
-    `contact_grain_1`; a variable with any other dimension is left out. `units`: append the unit to the
-    column names, e.g. `p [Pa]`.
+    `contact_grain_1`; a variable with any other dimension is left out. `units` appends the unit to the column names,
+    e.g. `p [Pa]`.
     """
     columns: dict[str, np.ndarray] = {}
     for name, variable in variables.items():

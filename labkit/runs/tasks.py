@@ -31,7 +31,10 @@ from labkit.specimens.stratified import Layer
 class Task(abc.ABC):
     """A job for an engine.
 
-    start: engine, with threads or ranks and precision; output: file to write; history: the command.
+    Args:
+        start: Engine, with threads or ranks and precision.
+        output: File to write.
+        history: Command to record.
     """
 
     start: Start = dataclasses.field(default_factory=Fused)
@@ -99,7 +102,7 @@ class LayerTask(Task):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class _OfState(Task):
-    """A task that starts from a State. source: the file of that State, if any."""
+    """A task that starts from a State; `source` is the file of that State, if any."""
 
     state: State
     source: str | None = None
@@ -148,14 +151,14 @@ class RunTask(_OfState):
 
     @property
     def warning(self) -> str | None:
-        """What is likely to be wrong with the rate of the run, one sentence."""
+        """A warning, if any, about the rate of the run."""
         return rate_warning(self.path, self.state, self.options.inertial_number)
 
     def do(self, progress: Progress) -> None:
         drive_engine(self.run(progress), self.start)
 
     def run(self, progress: Progress) -> Generator[Request, object, bool]:
-        """What the task needs of an engine."""
+        """Yield the requests of the task to an engine."""
         if self.output is None:
             raise InputError("a run needs an output file: set `output`")
         require_pressure(self.path, self.scene)
@@ -164,7 +167,7 @@ class RunTask(_OfState):
 
 
 def require_possible(task: Task) -> type[Engine]:
-    """The class of the engine of a task. Raises InputError if it cannot execute the task, or not on this computer."""
+    """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
     kind = require_engine(task.start.name, task.scene, task.start.precision)
     if isinstance(task, RunTask):
         kind.abilities.require_path(task.path)

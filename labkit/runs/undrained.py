@@ -1,9 +1,9 @@
 """Cycles, and the liquefaction of an undrained test, from the records of a run.
 
 An undrained test keeps the volume of the cell constant and has no pore water: its stress is the effective stress.
-Excess pore pressure: u = sigma_total - sigma', where one component of the total stress is taken as constant; and
-r_u = u/sigma'_0, which is 1 where this component of the effective stress vanishes. Initial liquefaction is reached when
-r_u first exceeds 0.95, or when the double amplitude of the strain reaches 5 %.
+The excess pore pressure is u = sigma_total - sigma', where one component of the total stress is taken as constant, and
+r_u = u/sigma'_0 is 1 where this component of the effective stress vanishes. Initial liquefaction is reached when r_u
+first exceeds 0.95, or when the double amplitude of the strain reaches 5 %.
 """
 
 from __future__ import annotations
@@ -35,8 +35,12 @@ TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 class Liquefaction:
     """Liquefaction of an undrained cyclic test: number of cycles at which each criterion was first met, else NaN.
 
-    cycles: of the whole test; largest_ratio: of r_u; cycles_to_ratio: to r_u > 0.95; largest_double_amplitude: of the
-    strain of the path; cycles_to_double_amplitude: to a double amplitude of 5 %.
+    Args:
+        cycles: Number of cycles of the whole test.
+        largest_ratio: Largest r_u.
+        cycles_to_ratio: Number of cycles to r_u > 0.95.
+        largest_double_amplitude: Largest double amplitude of the strain of the path.
+        cycles_to_double_amplitude: Number of cycles to a double amplitude of 5 %.
     """
 
     cycles: float
@@ -47,9 +51,13 @@ class Liquefaction:
 
 
 def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, float]:
-    """u at every record, Pa, and sigma'_0, the initial value of the effective stress; stress (n, 3, 3).
+    """Return u at every record, Pa, and sigma'_0, the initial effective stress.
 
-    total: the component of the total stress that is constant, `mean`, `axial` or `radial`. Raises InputError.
+    Raises InputError for an unknown component.
+
+    Args:
+        stress: Effective stress, (n, 3, 3), Pa.
+        total: Component of the total stress that is constant: "mean", "axial" or "radial".
     """
     if total not in TOTAL:
         raise InputError("is unknown", field="total", value=total, allowed=f"one of {', '.join(TOTAL)}", quoted=True)
@@ -58,11 +66,16 @@ def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, 
 
 
 def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, reversals: np.ndarray) -> np.ndarray:
-    """Number of cycles completed at every record, shape (n,): each leg is half a cycle.
+    """Return the number of cycles completed at every record, (n,): each leg is half a cycle.
 
     Within a leg the number grows with the controlled strain or stress, from its value at the last reversal to the
-    target of the leg, and stays where this quantity turns back. strain, stress (n, 3, 3); reversals: indices of the
-    records at which the path reversed. A path that is not registered (None) advances at its reversals only.
+    target of the leg, and remains constant where this quantity turns back.
+
+    Args:
+        path: The path; for one that is not registered (None), the number grows only at reversals.
+        strain: (n, 3, 3).
+        stress: (n, 3, 3), Pa.
+        reversals: Indices of the records at which the path reversed.
     """
     cycles = np.zeros(len(strain))
     parts = itertools.pairwise([0, *reversals.tolist(), len(strain) - 1])
@@ -79,7 +92,7 @@ def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, 
 
 
 def _controlled(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, float]:
-    """The strain or stress that ends a step, at records (n,), and its value at the end."""
+    """Return the strain or stress that ends a step, at records (n,), and its value at the end."""
     for end in step.until.each:
         if isinstance(end, StressReached):
             return np.array([end.measured(one) for one in stress]), end.level
@@ -89,7 +102,7 @@ def _controlled(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) 
 
 
 def double_amplitude(strain: np.ndarray, reversals: np.ndarray) -> np.ndarray:
-    """Strain travelled since the last reversal, or since the start, at every record; strain (n,) is a scalar strain."""
+    """Return the change of a scalar strain (n,) since the last reversal, or since the start, at every record."""
     last = np.zeros(len(strain), dtype=int)
     last[reversals] = reversals
     before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its leg

@@ -46,8 +46,9 @@ SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # what a value is multiplied by
 class Finding:
     """One line of the report; `decides` is True for a check, whose failure fails the run, False for a limit.
 
-    Without a limit the value is for information. limit: `< 0.02`, or a range, in the unit of the value; shown_in: the
-    unit in which the line shows both, % or MPa instead of a fraction or Pa; failing: the verdict of a check that fails.
+    The `limit` is `< 0.02`, or a range, in the unit of the value; without one the value is informative. `shown_in` is
+    the unit in which the line shows both, % or MPa instead of a fraction or Pa. `failing` is the verdict of a check
+    that fails.
     """
 
     name: str
@@ -73,7 +74,7 @@ class Finding:
 
 
 def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
-    """Raises InputError if a run is a prediction of the model, which has no grains. `runs`: name -> run."""
+    """Raise InputError if one of the runs, name -> run, is a prediction of the model, which has no grains."""
     for name, run in runs.items():
         if run.attrs.get("engine") == "model":
             raise InputError(
@@ -85,8 +86,8 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
 def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
     """Verify a run: compare C0 with Love's stress, and check the conditions held by the path and the limits.
 
-    `run`: a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding whose
-    `decides` is True holds. Raises InputError for a prediction of the model.
+    Give a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding whose `decides`
+    is True holds. Raises InputError for a prediction of the model.
     """
     if isinstance(run, (str, os.PathLike)):
         run = open_run(run)
@@ -101,7 +102,7 @@ def findings(run: xarray.Dataset) -> list[Finding]:
 
 
 def findings_csv(found: Mapping[str, Sequence[Finding]]) -> str:
-    """Findings of several runs as CSV text; `found`: name of the run -> list of Finding."""
+    """Format the findings of several runs, name -> list of Finding, as CSV text."""
     rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in found.items() for finding in lines]
     return pandas.DataFrame(rows).drop(columns="shown_in").to_csv(index=False, float_format="%.5g")
 
@@ -133,7 +134,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
-    """Errors of C0 in p, q and q/p, which the norm does not separate; for information."""
+    """Report the errors of C0 in p, q and q/p, which the norm does not separate."""
     for name, error in run.lab.sff_errors().items():
         values = error.values[judged & np.isfinite(error.values)]
         if len(values):
@@ -143,7 +144,7 @@ def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
 
 
 def _ended(run: xarray.Dataset) -> Iterator[Finding]:
-    """Say why a run ended before the aim of its path; it fails if a held stress did not reach its target."""
+    """Say why a run ended before its path did; the run fails if a held stress did not reach its target."""
     complete = bool(run.attrs["complete"])
     if reason := run.attrs.get("ended_because", ""):
         yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
@@ -161,7 +162,7 @@ def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _held(run: xarray.Dataset) -> Iterator[Finding]:
-    """Check the conditions that the path declares as held; stresses are checked after the first 0.5 % of strain."""
+    """Check the quantities that the path declares as held; stresses are checked after the first 0.5 % of strain."""
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
         name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
@@ -278,7 +279,7 @@ def drift_share(run: xarray.Dataset) -> np.ndarray:
 
 
 def findings_table(run: xarray.Dataset, rows: int = 20) -> str:
-    """Table of a run as text, with approximately `rows` records, including the first and the last.
+    """Tabulate approximately `rows` records of a run as text, including the first and the last.
 
     The strain is the one that suits the path. A_s, F_s and Ft_s are components along the stress deviator.
     """
