@@ -1,7 +1,7 @@
-"""Exchange with other programs: file formats, what they leave open, sanity checks, import and statistics.
+"""Exchange with other programs: file formats, missing information, sanity checks, import and statistics.
 
 formats        the interface of a file format, and the registry to which users add their own
-packing        what a file says; answers: what the user adds; columns: how programs spell the columns of tables
+packing        the content of a file; answers: information added by the user; columns: names of columns in tables
 checks         mistakes in sizes, units, box and signs
 importing      from a file to a State or a Snapshot
 summary        statistics of one Snapshot as text, CSV and JSON

@@ -1,4 +1,4 @@
-"""Answers: what the user says about a file because the file itself does not."""
+"""Answers: information that a file lacks and the user supplies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 @dataclasses.dataclass(frozen=True)
 class Answers(Named):
-    """What a file does not say; None if it was not asked. Raises InputError for a value that cannot be read."""
+    """Information that a file lacks; None if the user did not give it. Raises InputError for an unreadable value."""
 
     _created_by = "labkit.import_state"
 
@@ -66,7 +66,7 @@ class Answers(Named):
         _unit(self.force_unit, FORCES, "force_unit")
 
     def cell(self) -> np.ndarray | None:
-        """The periodic box as a matrix (3, 3), None if it was not given."""
+        """Return the periodic box as a matrix (3, 3), or None if it was not given."""
         if self.box is None:
             return None
         try:
@@ -83,7 +83,7 @@ class Answers(Named):
         return cell
 
     def applied(self, packing: Packing) -> Packing:
-        """The packing with these answers, in m, N and radii. Raises InputError for the questions left open."""
+        """Return the packing with these answers, in m, N and radii. Raises InputError if information is missing."""
         if packing.size is None and self.diameter is not None:
             sizes = np.full(len(packing), _length(self.diameter, "diameter"))
             packing = dataclasses.replace(packing, size=sizes, size_is=DIAMETER)
@@ -111,7 +111,7 @@ class Answers(Named):
         )
 
     def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
-        """Contacts in N and m, with compression positive and vectors on the first grain."""
+        """Convert contacts to N and m, with compression positive and vectors on the first grain."""
         positive, acts_on = contacts.positive or self.force_sign, contacts.acts_on or self.force_on
         if contacts.normal_force is not None:
             _require(force_sign=positive)
@@ -134,7 +134,7 @@ def _times(values: np.ndarray | None, factor: float) -> np.ndarray | None:
 
 
 def _unit(text: str | None, units: dict[str, float], field: str) -> float | None:
-    """Size in SI units of a unit such as `mm` or `0.17 mm`, None if it was not given. Raises InputError."""
+    """Return the size in SI units of a unit such as `mm` or `0.17 mm`, or None if not given. Raises InputError."""
     if text is None:
         return None
     match = UNIT.fullmatch(text)
@@ -148,7 +148,7 @@ def _unit(text: str | None, units: dict[str, float], field: str) -> float | None
 
 
 def answer_names(columns: str | None) -> Sequence[str] | None:
-    """The names in a list of columns given by the user."""
+    """Split a user's list of columns into names."""
     return None if columns is None else [name.strip() for name in columns.split(",")]
 
 
@@ -162,7 +162,7 @@ def _length(text: str, field: str) -> float:
     return value
 
 
-QUESTIONS = {  # field of Answers -> what the file does not have, and what to give
+QUESTIONS = {  # field of Answers -> what the file lacks, and what to give
     "box": ("no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file"),
     "diameter": ("no grain sizes", "the diameter of the grains"),
     "size": ("no word on whether sizes are radii or diameters", "radius or diameter"),
@@ -174,7 +174,7 @@ QUESTIONS = {  # field of Answers -> what the file does not have, and what to gi
 
 
 def _require(**known: object) -> None:
-    """Raises InputError with the questions of all fields that are None."""
+    """Raise InputError with the questions of all fields that are None."""
     missing = [
         f"{QUESTIONS[field][0]}: give {option_name(field)} (in Python {field}=), {QUESTIONS[field][1]}"
         for field, value in known.items()

@@ -1,4 +1,4 @@
-"""Sanity checks of imported grains and contacts: mistakes in sizes, units, box and signs that files let through."""
+"""Sanity checks of imported grains and contacts, which find mistakes in sizes, units, box and signs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from labkit.micro.void_ratio import grain_volume
 
 SAME_PLACE = 1e-6  # of the mean diameter: two grains this close are one grain listed twice
 DEEP = 0.05  # mean overlap over mean diameter, above labkit's limit of 0.02: worth a note
-TOO_DEEP = 0.25  # mean overlap over mean diameter: no contact law means this
+TOO_DEEP = 0.25  # mean overlap over mean diameter, which no contact law allows
 DENSE = 0.15  # void ratio below which grains overlap too much for any packing of spheres
 THIN = 3.0  # void ratio of touching grains above which sizes are probably too small
 DIFFERENT = 0.2  # relative difference between overlaps of a file and of its grains
@@ -23,7 +23,7 @@ SIZES = (1e-6, 0.1)  # m: likely mean diameters of soil and of its models
 
 @dataclasses.dataclass(frozen=True)
 class Doubt:
-    """Something unlikely in a file. serious: True if a state made from it would be useless."""
+    """Something unlikely in a file; it is `serious` if a state made from the file would be useless."""
 
     text: str
     serious: bool = False
@@ -40,7 +40,7 @@ def check_grains(
     overlap: np.ndarray,
     grain: np.ndarray,
 ) -> list[Doubt]:
-    """Findings about grains (SI units) and their overlapping pairs: overlap (m,) and grain (m, 2)."""
+    """Check grains (SI units) and their overlapping pairs, overlap (m,) and grain (m, 2); returns the findings."""
     found = []
     diameter = 2.0 * radius.mean()
     if not SIZES[0] < diameter < SIZES[1]:
@@ -67,7 +67,7 @@ def check_grains(
 def check_contacts(
     grain: np.ndarray, overlap: np.ndarray, listed: np.ndarray | None, normal_force: np.ndarray | None, diameter: float
 ) -> list[Doubt]:
-    """Findings about a contact list: overlaps (n,) of the grains and as listed, and normal forces, in SI units."""
+    """Check overlaps (n,) of the grains and as listed, and normal forces, in SI units; returns the findings."""
     found = []
     apart = overlap < -1e-6 * diameter
     if apart.any():
@@ -94,7 +94,7 @@ def check_contacts(
 def check_missing(
     grain: np.ndarray, pairs: np.ndarray, shift: np.ndarray, overlap: np.ndarray, diameter: float
 ) -> list[Doubt]:
-    """A finding if overlapping pairs (m, 2) with shift (m, 3) and overlap (m,) are not in the contact list (n, 2)."""
+    """Report overlapping pairs (m, 2) with shift (m, 3) and overlap (m,) that the contact list (n, 2) lacks."""
     deep = overlap > 1e-9 * diameter
     keys = {tuple(pair) for pair in np.sort(grain, axis=1).tolist()}
     missing = np.array([tuple(pair) not in keys for pair in pairs[deep].tolist()], dtype=bool)
@@ -109,9 +109,9 @@ def check_missing(
 def check_balance(
     grain: np.ndarray, normal: np.ndarray, normal_force: np.ndarray, tangential_force: np.ndarray, grains: int
 ) -> list[Doubt]:
-    """A finding if the forces on grains balance much better with the tangential forces (n, 3) reversed.
+    """Report if the forces on grains balance much better with the tangential forces (n, 3) reversed.
 
-    normal (n, 3), normal_force (n,): as in Contacts; at rest, the resultant force on each grain is zero.
+    At rest, the resultant force on each grain is zero. The normals (n, 3) and normal forces (n,) are those of Contacts.
     """
     resultant = []
     for sign in (1.0, -1.0):
@@ -128,7 +128,7 @@ def check_balance(
 
 
 def _outside(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Doubt]:
-    """Grains outside the box; without a known corner, grains that no box of this size can hold."""
+    """Report grains outside the box or, if its corner is unknown, grains that no box of this size can hold."""
     if origin is not None:
         fraction = np.linalg.solve(cell, (position - origin).T).T
         outside = int(((fraction < 0.0) | (fraction > 1.0)).any(axis=1).sum())

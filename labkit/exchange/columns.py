@@ -1,4 +1,4 @@
-"""Names of columns in tables of grains and contacts, as other programs spell them, and what is made from them."""
+"""Names of columns in other programs' tables of grains and contacts, and the grains and contacts read from them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ BARE = ("x", "y", "z", "size")  # four columns without names
 
 @dataclasses.dataclass(frozen=True)
 class Vocabulary:
-    """What the columns of a table are called.
+    """The names of the columns of a table.
 
     Args:
-        spellings: name used here -> spellings of other programs, in lower case and without units.
-        units: units that a header may give in brackets, in SI units.
-        bare: names of columns whose unit does not count.
-        option: command-line option that names the columns.
-        example: of the value of this option.
+        spellings: Name used here -> spellings of other programs, in lower case and without units.
+        units: Units that a header may give in brackets, in SI units.
+        bare: Names of columns whose unit does not count.
+        option: Command-line option that names the columns.
+        example: Example of the value of this option.
     """
 
     spellings: Mapping[str, Collection[str]]
@@ -37,14 +37,14 @@ class Vocabulary:
     example: str
 
     def canonical(self, name: str) -> str | None:
-        """The name used here for a column, None for a column that is not used."""
+        """Return the name used here for a column, or None for a column that is not used."""
         plain = BRACKET.sub("", name).strip().lower().replace(" ", "_")
         return next((own for own, known in self.spellings.items() if plain == own or plain in known), None)
 
     def columns(
         self, names: Sequence[str] | None, values: np.ndarray, where: object
     ) -> tuple[dict[str, np.ndarray], float | None]:
-        """The columns of `values` (n, k) that are used, by name, and the unit that their headers agree on.
+        """Return the used columns of `values` (n, k) by name, and the unit on which their headers agree.
 
         Raises InputError if the names are unknown or do not match the columns.
         """
@@ -70,7 +70,7 @@ class Vocabulary:
     def arrays(
         self, arrays: Mapping[str, np.ndarray], where: object, renamed: Mapping[str, str] | None = None
     ) -> dict[str, np.ndarray]:
-        """The columns in named arrays (n,) and vectors (n, 3), which may be in the plural. renamed: theirs -> ours."""
+        """Return the columns in named arrays (n,) and vectors (n, 3), singular or plural; renamed: theirs -> ours."""
         columns: dict[str, np.ndarray] = {}
         for name, values in arrays.items():
             parts = {(renamed or {}).get(name, name): values}
@@ -83,7 +83,7 @@ class Vocabulary:
         return columns
 
     def _split(self, name: str, values: np.ndarray, where: object) -> dict[str, np.ndarray]:
-        """The components of a vector (n, 3), none if it is not used."""
+        """Return the components of a vector (n, 3), none if it is not used."""
         stem = name if self.canonical(f"{name}_x") else name.removesuffix("s")
         if self.canonical(f"{stem}_x") is None:
             return {}
@@ -98,7 +98,7 @@ class Vocabulary:
 
 
 def _components(*names: str) -> dict[str, tuple[str, ...]]:
-    """Spellings of the components of a vector, x to z -> names in which {} stands for x and [{n}] for its number."""
+    """Spell the components of a vector, x to z, from names in which {} stands for x and [{n}] for its number."""
     return {axis: tuple(name.format(axis, n=number) for name in names) for number, axis in enumerate(AXES)}
 
 
@@ -142,7 +142,7 @@ CONTACT = Vocabulary(
 
 
 def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
-    """The grains in columns named as in GRAIN. Raises InputError if a position is missing."""
+    """Return the grains from columns named as in GRAIN. Raises InputError if a position is missing."""
     missing = [axis for axis in AXES if axis not in columns]
     if missing:
         raise InputError(f"{where} has no column {missing[0]}: name its columns with --columns, e.g. x,y,z,radius")
@@ -156,7 +156,7 @@ def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
 
 
 def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactList:
-    """The contacts in columns named as in CONTACT. Raises InputError if the grains of a contact are missing."""
+    """Return the contacts from columns named as in CONTACT. Raises InputError if the columns of grains are missing."""
     for name in ("id1", "id2"):
         if name not in columns:
             raise InputError(
@@ -177,7 +177,7 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
 
 
 def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
-    """Rows of numbers as an array (n, k). Raises ValueError if their lengths differ."""
+    """Convert rows of numbers to an array (n, k). Raises ValueError if their lengths differ."""
     short = next((number for number, row in enumerate(rows, 1) if len(row) != len(rows[0])), None)
     if short is not None:
         raise ValueError(f"row {short} has {len(rows[short - 1])} numbers, row 1 has {len(rows[0])}")
@@ -194,7 +194,7 @@ def is_number(word: str) -> bool:
 
 
 def _whole(values: np.ndarray, where: object) -> np.ndarray:
-    """Ids as integers. Raises InputError if they are not whole numbers."""
+    """Convert ids to integers. Raises InputError if they are not whole numbers."""
     if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or (values != np.rint(values)).any():
         raise InputError(f"{where} has numbers of grains that are not whole: repair the file, or name its columns")
     return values.astype(np.int64)

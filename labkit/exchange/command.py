@@ -29,7 +29,7 @@ Accept = Annotated[bool, Option("go on in spite of serious findings of the check
 
 
 def list_of_formats(words: Collection[str]) -> str:
-    """The formats that can be read, for the end of the help."""
+    """List the formats that can be read, for the end of the help."""
     formats = {name: FORMATS[name]() for name in FORMATS}
     readable = {name: each.description for name, each in formats.items() if each.reads or each.reads_contacts}
     return name_list("format", readable)
@@ -130,7 +130,7 @@ def statistics_command(
 
 
 def _say(findings: Sequence[Doubt], accepted: bool) -> None:
-    """Prints the findings that do not stop the command."""
+    """Print the findings that do not stop the command."""
     for finding in findings:
         if accepted or not finding.serious:
             print(f"labkit: note: {finding}", file=sys.stderr, flush=True)

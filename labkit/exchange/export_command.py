@@ -22,7 +22,7 @@ TABLES = ("records", "contacts", "grains")
 
 
 def writers() -> list[str]:
-    """Names of the formats that can be written."""
+    """List the names of the formats that can be written."""
     return [name for name in FORMATS if FORMATS[name]().writes]
 
 
@@ -80,7 +80,7 @@ def export_command(
 
 
 def _write_table(run: str, kind: str, number: int | None, table: str | None, output: str | None) -> None:
-    """Writes records, or contacts or grains of a snapshot, as CSV."""
+    """Write records, or contacts or grains of a snapshot, as CSV."""
     from labkit.exchange.grain_table import contact_table, grain_table
     from labkit.runs.dataset import open_run
 
@@ -104,7 +104,7 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
 
 
 def _write_format(run: str, kind: str, number: int | None, format: str | None, output: str | None) -> None:
-    """Writes the grains and contacts in the format of another program, or a whole run as Zarr."""
+    """Write the grains and contacts in the format of another program, or a whole run as Zarr."""
     from labkit.exchange.formats import format_to_write
     from labkit.exchange.zarr_store import ZarrStore, write_dataset
     from labkit.grains.state import read_state
@@ -127,7 +127,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
 
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:
-    """The chosen snapshot of a run, the last by default, or the grains of a state file."""
+    """Return the chosen snapshot of a run, the last by default, or the grains of a state file."""
     from labkit.runs.dataset import open_run, require_snapshots, snapshots
 
     if kind == "state":

@@ -1,7 +1,7 @@
 """The interface of a file format and the registry of formats, to which users can add their own.
 
-A format is one subclass of Format in one file. It reads what a file says and nothing else: what the file leaves open
-stays None in the Packing and is asked of the user (labkit.exchange.answers).
+A format is one subclass of Format in one file. It reads only what a file contains: information that the file lacks is
+None in the Packing and must come from the user (labkit.exchange.answers).
 """
 
 from __future__ import annotations
@@ -23,9 +23,10 @@ HEAD = 4096  # bytes from which a format is recognised
 
 
 class Format(abc.ABC):
-    """A file format. name: by which it is chosen; endings: of its file names, e.g. `.dump`; description: for the help.
+    """A file format. A subclass implements `read`, `read_contacts` or `write`, or several of them.
 
-    A subclass implements `read`, `read_contacts` or `write`, or several of them.
+    Users choose it by its `name`; its file names have one of the `endings`, e.g. `.dump`; the help shows its
+    `description`.
     """
 
     name: ClassVar[str]
@@ -34,18 +35,18 @@ class Format(abc.ABC):
 
     @abc.abstractmethod
     def recognises(self, file: Path, head: str) -> bool:
-        """True if a file has this format. head: its first characters, after decompression."""
+        """True if a file has this format; `head` holds its first characters, after decompression."""
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        """The grains of a file, with its contacts if it has any. Raises InputError for a damaged file."""
+        """Read the grains of a file, with its contacts if it has any. Raises InputError for a damaged file."""
         raise InputError(f"{file}: labkit does not read grains from {self.name} files")
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
-        """The contacts of a file that holds contacts only. Raises InputError for a damaged file."""
+        """Read the contacts of a file that holds only contacts. Raises InputError for a damaged file."""
         raise InputError(f"{file}: labkit does not read contact lists from {self.name} files")
 
     def write(self, state: State, file: Path) -> None:
-        """Writes the grains and contacts of a State."""
+        """Write the grains and contacts of a State."""
         raise InputError(f"{file}: labkit does not write {self.name} files")
 
     @property
@@ -87,12 +88,12 @@ FORMATS = Registry[type[Format]](
 
 
 def register_format(kind: type[Kind]) -> type[Kind]:
-    """Registers a subclass of Format under its `name` and returns it; a decorator."""
+    """Register a subclass of Format under its `name` and return it; a decorator."""
     return FORMATS.register(kind)
 
 
 def format_of(file: Path, name: str | None = None) -> Format:
-    """The format of a file, recognised from its content, or the one named. Raises InputError if there is none."""
+    """Return the format of a file by name, or recognised from its content. Raises InputError if none fits."""
     if name is not None:
         return FORMATS.require(name, "format")()
     if not file.exists():
@@ -110,7 +111,7 @@ def format_of(file: Path, name: str | None = None) -> Format:
 
 
 def format_to_write(file: Path, name: str | None) -> Format:
-    """The format to write, named or chosen by the ending of the file name. Raises InputError."""
+    """Return the format to write, by name or by the ending of the file name. Raises InputError."""
     writers = {known: FORMATS[known]() for known in FORMATS}
     writers = {known: found for known, found in writers.items() if found.writes}
     if name is not None:
@@ -127,7 +128,7 @@ def format_to_write(file: Path, name: str | None) -> Format:
 
 
 def head_of(file: Path) -> str:
-    """The first characters of a file, after decompression; empty for a folder."""
+    """Read the first characters of a file, after decompression; empty for a folder."""
     if file.is_dir():
         return ""
     with open_maybe_compressed(file) as handle:
@@ -135,14 +136,14 @@ def head_of(file: Path) -> str:
 
 
 def open_maybe_compressed(file: Path) -> BinaryIO:
-    """The file, or its content if it is compressed with gzip, open for reading bytes."""
+    """Open a file, or its content if it is compressed with gzip, for reading bytes."""
     with open(file, "rb") as handle:
         compressed = handle.read(2) == b"\x1f\x8b"
     return cast(BinaryIO, gzip.open(file, "rb")) if compressed else open(file, "rb")
 
 
 def whole_text(file: Path) -> str:
-    """The whole text of a file, after decompression. Raises InputError if it is not text."""
+    """Read the whole text of a file, after decompression. Raises InputError if it is not text."""
     with open_maybe_compressed(file) as handle:
         try:
             return handle.read().decode("utf-8")
@@ -151,5 +152,5 @@ def whole_text(file: Path) -> str:
 
 
 def damaged_file(file: Path, problem: object) -> InputError:
-    """The InputError for a file that cannot be read."""
+    """Return the InputError for a file that cannot be read."""
     return InputError(f"{file} is damaged or of an unknown version ({problem}): give another file")

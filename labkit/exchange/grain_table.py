@@ -13,7 +13,7 @@ from labkit.runs.tables import table
 def grain_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
     """One row per grain: position, radius, number of contacts, and velocity if it is known.
 
-    units: append the unit to the column names, e.g. `radius [m]`.
+    `units` appends the unit to the column names, e.g. `radius [m]`.
     """
     columns = {"position": snapshot.position, "velocity": snapshot.velocity, "radius": snapshot.radius}
     variables = {
@@ -29,7 +29,7 @@ def grain_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
 
 
 def contact_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
-    """One row per contact, as `run.lab.contacts_table`; grains are counted from 0."""
+    """One row per contact, as in `run.lab.contacts_table`; grains are counted from 0."""
     names = {"contact_grain": "grain"} | {
         name: name for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
     }

@@ -1,4 +1,4 @@
-"""Import: from a file of another program to grains in SI units, a Snapshot with its own forces, or a State."""
+"""Imports a file of another program as grains in SI units, a Snapshot with the file's forces, or a State."""
 
 from __future__ import annotations
 
@@ -31,11 +31,20 @@ WIDEST = 2.0  # size of a grain over the width of its box
 
 @dataclasses.dataclass(frozen=True)
 class Imported:
-    """Grains and contacts of a file in SI units, and what is unlikely about them.
+    """Grains and contacts of a file in SI units, and the findings of the checks.
 
-    radius (grain,), position (grain, 3), cell (3, 3); grain (n, 2) and shift (n, 3) of the contacts, those of the list
-    or, without one (`listed` False), all overlapping pairs; normal_force (n,), None if the file has no forces;
-    tangential_force (n, 3) on the first grain, zero if the file has none; findings.
+    The contacts are those of the file's list or, if it has none (`listed` is False), all overlapping pairs.
+
+    Args:
+        radius: (grain,).
+        position: (grain, 3).
+        cell: (3, 3).
+        grain: The two grains of each contact, (n, 2).
+        shift: Periodic shift of the second grain, (n, 3).
+        normal_force: (n,), or None if the file has no forces.
+        tangential_force: Tangential force on the first grain, (n, 3), zero if the file has none.
+        listed: True if the file lists contacts.
+        findings: What is unlikely about the grains and contacts.
     """
 
     radius: np.ndarray
@@ -49,7 +58,7 @@ class Imported:
     findings: tuple[Doubt, ...]
 
     def scene(self, scene: Scene) -> Scene:
-        """The scene with the mean and the spread of these grains' diameters.
+        """Return the scene with the mean and the spread of these grains' diameters.
 
         The spread is that of the uniform distribution with the same standard deviation, at most 0.9.
         """
@@ -57,7 +66,7 @@ class Imported:
         return dataclasses.replace(scene, mean_diameter=2.0 * float(self.radius.mean()), diameter_spread=spread)
 
     def state(self, scene: Scene) -> State:
-        """A State at rest. Its normal forces follow from the overlaps and the contact law of the scene."""
+        """Return a State at rest, whose normal forces follow from the overlaps and the contact law of the scene."""
         scene = self.scene(scene)
         state = grains_in_cell(scene, self.radius, self.position, self.cell)
         return state.replace(
@@ -68,7 +77,7 @@ class Imported:
         )
 
     def snapshot(self, scene: Scene) -> Snapshot:
-        """A Snapshot with the forces of the file; without them, the normal forces of the law of the scene."""
+        """Return a Snapshot with the forces of the file or, if it has none, the normal forces of the scene's law."""
         snapshot = self.state(scene).snapshot()
         if self.normal_force is None:
             return snapshot
@@ -77,10 +86,13 @@ class Imported:
 
 
 def read(file: Name, contacts: Name | None = None, format: str | None = None, **answers: Any) -> Imported:
-    """Grains and contacts of a file.
+    """Read the grains and contacts of a file. Raises InputError if information is missing.
 
-    contacts: a file that lists the contacts, if `file` does not; format: its format, by default recognised; answers:
-    the fields of labkit.exchange.answers.Answers. Raises InputError if the file leaves a question open.
+    Args:
+        file: File with the grains.
+        contacts: File that lists the contacts, if `file` does not.
+        format: Format of the file, by default recognised from its content.
+        answers: Fields of labkit.exchange.answers.Answers.
     """
     given = Answers(**answers)
     path = Path(file)
@@ -100,7 +112,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
 
 
 def imported(packing: Packing, first_id: int | None = None) -> Imported:
-    """The grains and contacts of a packing in SI units (see Answers.applied), with the findings of all checks."""
+    """Check a packing in SI units (Answers.applied); returns its grains and contacts with the findings."""
     position, radius, cell = packing.position, packing.size, packing.cell
     assert radius is not None and cell is not None
     pairs, shift, overlap = overlapping_pairs(position, radius, cell)
@@ -134,7 +146,7 @@ def imported(packing: Packing, first_id: int | None = None) -> Imported:
 
 
 def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
-    """The packing with the contacts of another file."""
+    """Return the packing with the contacts of another file."""
     found = format_of(file)
     if not found.reads_contacts:
         names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
@@ -144,7 +156,7 @@ def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
 
 
 def _require_usable(packing: Packing, file: Path) -> None:
-    """Raises InputError unless the arrays have the right shapes and contain numbers with which one can compute."""
+    """Raise InputError unless the arrays have the right shapes and contain usable numbers."""
     grains, cell = len(packing), cast(np.ndarray, packing.cell)
     _require_numbers(packing.position, (grains, 3), "positions", file)
     _require_numbers(packing.size, (grains,), "sizes", file)
@@ -180,7 +192,7 @@ def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: st
 
 
 def _between_grains(contacts: ContactList, packing: Packing, first_id: int | None) -> tuple[ContactList, list[str]]:
-    """Contacts between two grains, whose numbers replace their ids, each listed once; and notes on the others."""
+    """Return contacts between two grains, each once, with numbers instead of ids; and notes on the others."""
     identity = packing.id
     if identity is None:
         first = _first_id(contacts.grain, len(packing)) if first_id is None else first_id
@@ -202,7 +214,7 @@ def _between_grains(contacts: ContactList, packing: Packing, first_id: int | Non
 
 
 def _first_id(grain: np.ndarray, grains: int) -> int:
-    """Number of the first grain: 0 or 1 if the list proves it. Raises InputError otherwise."""
+    """Return the number of the first grain, 0 or 1, if the list proves it. Raises InputError otherwise."""
     if (grain == 0).any():
         return 0
     if (grain == grains).any():
@@ -211,7 +223,7 @@ def _first_id(grain: np.ndarray, grains: int) -> int:
 
 
 def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """(normal force (n,) or None, tangential force on the first grain (n, 3)). The whole force is ft - fn n."""
+    """Return normal force (n,), or None, and tangential force on the first grain (n, 3); the total is ft - fn n."""
     if contacts.force is not None:
         size = -np.einsum("ci,ci->c", contacts.force, normal)
         return size, contacts.force + size[:, None] * normal
@@ -222,7 +234,7 @@ def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | Non
 def _sorted(
     grain: np.ndarray, shift: np.ndarray, normal: np.ndarray | None, tangential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray]:
-    """Contacts whose first grain has the lower number, sorted, as engines keep them."""
+    """Sort contacts as engines keep them, with the lower-numbered grain first."""
     swap = (grain[:, 0] > grain[:, 1])[:, None]
     shift, tangential = np.where(swap, -shift, shift), np.where(swap, -tangential, tangential)
     grain = np.sort(grain, axis=1)
@@ -239,10 +251,17 @@ def import_state(
     accept: bool = False,
     **answers: object,
 ) -> State:
-    """A State at rest made from a file of another program; the sizes of the scene become those of the grains.
+    """Make a State at rest from a file of another program; the sizes of the scene become those of the grains.
 
-    accept: True to make the State in spite of serious findings; answers: what the file does not say, the fields of
-    labkit.exchange.answers.Answers. Raises InputError for an open question or a serious finding.
+    Raises InputError if information is missing, or for a serious finding.
+
+    Args:
+        file: File with the grains.
+        scene: Material of the grains.
+        contacts: File that lists the contacts, if `file` does not.
+        format: Format of the file, by default recognised from its content.
+        accept: True to make the State in spite of serious findings.
+        answers: Information that the file lacks, fields of labkit.exchange.answers.Answers.
     """
     found = read(file, contacts, format, **answers)
     require_accepted(found.findings, accept)
@@ -261,14 +280,14 @@ def import_snapshot(
     accept: bool = False,
     **answers: object,
 ) -> Snapshot:
-    """A Snapshot with the contact forces of a file of another program. Arguments and errors as for `import_state`."""
+    """Make a Snapshot with the contact forces of another program's file; arguments and errors as for `import_state`."""
     found = read(file, contacts, format, **answers)
     require_accepted(found.findings, accept)
     return found.snapshot(scene or Scene())
 
 
 def require_accepted(findings: Sequence[Doubt], accept: bool) -> None:
-    """Raises InputError for serious findings unless they are accepted."""
+    """Raise InputError for serious findings unless they are accepted."""
     serious = [str(finding) for finding in findings if finding.serious]
     if serious and not accept:
         raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")

@@ -31,7 +31,7 @@ ATOMS = re.compile(r"^\s*Atoms\s*(?:#\s*(\S+))?[^\n]*\n", re.MULTILINE)
 
 
 class LammpsData(Format):
-    """A data file. The sizes of its grains are diameters; its units are in the first line, if LAMMPS wrote it."""
+    """A data file. Sizes are diameters; the units are in the first line if LAMMPS wrote the file."""
 
     name = "lammps_data"
     description = "LAMMPS data file"
@@ -70,7 +70,7 @@ class LammpsData(Format):
         )
 
     def write(self, state: State, file: Path) -> None:
-        """Writes the grains in SI units, in LAMMPS's orientation of the cell (see `standard_orientation`)."""
+        """Write the grains in SI units, in LAMMPS's orientation of the cell (see `standard_orientation`)."""
         cell, rotation = standard_orientation(state.cell)
         position, velocity = state.position @ rotation.T, state.velocity @ rotation.T
         spin = state.angular_velocity @ rotation.T
@@ -91,7 +91,7 @@ class LammpsData(Format):
 
 
 def _cell_and_origin(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(cell, origin) in the header of a data file. Raises InputError if there is none."""
+    """Read (cell, origin) from the header of a data file. Raises InputError if they are missing."""
     vectors = {found[4]: [float(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
     if set(vectors) == {"a", "b", "c"}:
         origin = ORIGIN.search(text)
@@ -106,9 +106,9 @@ def _cell_and_origin(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(cell, rotation): the cell rotated so that its first vector is along x and its second in the x-y plane.
+    """Rotate a cell so that its first vector is along x and its second in the x-y plane; returns (cell, rotation).
 
-    LAMMPS knows only such cells, with tilts of at most half an edge. With the QR decomposition H = Q R, the rotated
+    LAMMPS supports only such cells, with tilts of at most half an edge. With the QR decomposition H = Q R, the rotated
     cell is R with a positive diagonal.
     """
     orthogonal, upper = np.linalg.qr(cell)

@@ -20,7 +20,7 @@ SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """One frame: box, names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), and notes."""
+    """One frame: its box, the names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), and notes."""
 
     cell: np.ndarray
     origin: np.ndarray
@@ -64,7 +64,7 @@ class LammpsDump(Format):
 
 
 class LammpsLocal(Format):
-    """Contacts of a dump local. LAMMPS names columns after computes, c_pair[1]: --contact-columns says what they are.
+    """Contacts of a dump local. LAMMPS names columns after computes (c_pair[1]); --contact-columns gives their meaning.
 
     The forces of compute pair/local act on the first of the two atoms of compute property/local.
     """
@@ -84,7 +84,7 @@ class LammpsLocal(Format):
 
 
 def frame_of(file: Path, answers: Answers) -> Frame:
-    """The chosen or the last frame of a dump file. Raises InputError."""
+    """Read the chosen or the last frame of a dump file. Raises InputError."""
     lines = whole_text(file).splitlines()
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
     units = next((lines[k + 1].strip() for k, line in enumerate(lines[:20]) if line.startswith("ITEM: UNITS")), None)
@@ -107,12 +107,12 @@ def frame_of(file: Path, answers: Answers) -> Frame:
 
 
 def _parsed(lines: list[str], units: str | None) -> tuple[Frame, int]:
-    """A frame and its step. Raises ValueError or IndexError if it is damaged."""
+    """Parse a frame; returns it and its step. Raises ValueError or IndexError if it is damaged."""
     marks = [k for k, line in enumerate(lines) if line.startswith("ITEM:")]
     items = {lines[a]: lines[a + 1 : b] for a, b in itertools.pairwise([*marks, len(lines)])}
 
     def item(*names: str) -> tuple[list[str], list[str]]:
-        """The words after one of these names, and the lines below."""
+        """Return the words after one of these names, and the lines below."""
         found = next((words for words in items if words.split()[1] in names), None)
         if found is None:
             raise ValueError(f"it has no ITEM: {names[0]}")
@@ -132,7 +132,7 @@ def _parsed(lines: list[str], units: str | None) -> tuple[Frame, int]:
 
 
 def _cell_and_origin(words: list[str], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(cell, origin) from the words after BOX BOUNDS and the three rows below.
+    """Return (cell, origin) from the words after BOX BOUNDS and the three rows below.
 
     In a restricted triclinic dump the bounds are those of the bounding box, xlo + min(0, xy, xz, xy + xz) and so on; in
     a general one (`abc origin`) the rows are the cell vectors and the origin.

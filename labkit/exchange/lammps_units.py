@@ -11,5 +11,5 @@ STYLES = {  # name -> (length in m, force in N)
 
 
 def units_of_style(style: str | None) -> tuple[float | None, float | None]:
-    """(length in m, force in N) of a style, None if it is unknown or has no dimensions (lj)."""
+    """Return (length in m, force in N) of a style, None if it is unknown or dimensionless (lj)."""
     return STYLES.get(style or "", (None, None))

@@ -16,7 +16,7 @@ NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")
 
 
 class MercuryRestart(Format):
-    """A restart file. Its sizes are radii; the force of an interaction acts on the first of its two particles."""
+    """A restart file. Sizes are radii; the force of an interaction acts on the first of its two particles."""
 
     name = "mercury"
     description = "restart file of MercuryDPM"
@@ -46,7 +46,7 @@ class MercuryRestart(Format):
 
 
 def section(lines: list[str], name: str) -> list[str]:
-    """The lines of a section, whose first line is its name and their number; empty if it is missing."""
+    """Return the lines of a section, whose first line gives its name and their number; empty if it is missing."""
     for number, line in enumerate(lines):
         words = line.split()
         if len(words) == 2 and words[0] == name:
@@ -55,13 +55,13 @@ def section(lines: list[str], name: str) -> list[str]:
 
 
 def after(words: list[str], name: str, count: int) -> list[float]:
-    """The `count` numbers after a name. Raises ValueError if the name is missing."""
+    """Return the `count` numbers after a name. Raises ValueError if the name is missing."""
     first = words.index(name) + 1
     return [float(word) for word in words[first : first + count]]
 
 
 def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, list[str]]:
-    """(cell, origin, notes) from the domain and the boundaries; the cell is None if a direction is not periodic."""
+    """Return (cell, origin, notes) from the domain and the boundaries; no cell if a direction is not periodic."""
     text = "\n".join(lines[:30])
     domain = DOMAIN.search(text)
     low, high = np.zeros(3), np.zeros(3)

@@ -23,7 +23,7 @@ class NumpyArrays(Format):
     """Arrays without pickled objects, which could run any code when they are opened.
 
     An .npy file is an array (n, k), whose columns --columns names unless they are x, y, z and a size. An .npz file
-    holds `position` (n, 3), `radius` or `diameter` (n,), perhaps `id` and `cell`, and contacts as in a table.
+    holds `position` (n, 3), `radius` or `diameter` (n,), optionally `id` and `cell`, and contacts as in a table.
     """
 
     name = "numpy"
@@ -55,14 +55,14 @@ class NumpyArrays(Format):
 
 
 def _matrix(values: np.ndarray, file: Path) -> np.ndarray:
-    """The array of an .npy file. Raises InputError unless it has rows and columns."""
+    """Return the array of an .npy file. Raises InputError unless it has rows and columns."""
     if values.ndim != 2:
         raise InputError(f"{file} holds an array of shape {values.shape}: give one row per grain, (n, k)")
     return values
 
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:
-    """Name -> array; the one array of an .npy file is called `array`. Raises InputError for pickled objects."""
+    """Read arrays by name; the one array of an .npy file is called `array`. Raises InputError for pickled objects."""
     with open_maybe_compressed(file) as handle:
         content = handle.read()
     if not content.startswith(MAGIC):

@@ -1,9 +1,8 @@
 """ON-DEM files (COST action 22132, working group 3): VTKHDF with the groups ONDEM/Scene, Bodies and Interactions.
 
 The grains are the points of /VTKHDF, with radius and body_id in PointData. The schema counts normal forces positive in
-traction, but its own exporter for YADE writes compression positive, and it does not say on which body a shear force
-acts: labkit writes both as attributes (`positive`, `acts_on`) and asks for them if a file of another program lacks
-them.
+traction, but its own exporter for YADE writes compression positive. It does not specify on which body a shear force
+acts. labkit writes both as attributes (`positive`, `acts_on`) and asks for them if another program's file lacks them.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class OnDem(Format):
             raise damaged_file(file, error) from None
 
     def write(self, state: State, file: Path) -> None:
-        """Writes grains, periodic box, material and contacts in SI units; normal forces positive in traction."""
+        """Write grains, periodic box, material and contacts in SI units, with normal forces positive in traction."""
         h5py = require_library("h5py", WHAT, "formats")
         with whole_file(file) as temporary, h5py.File(temporary, "w") as data:
             _write_points(data, state)
@@ -96,7 +95,7 @@ def _packing(data: h5py.Group) -> Packing:
 
 
 def _units(data: h5py.Group) -> tuple[float | None, float | None]:
-    """(length in m, force in N) from ONDEM/Scene: the names of the units of time, length and mass."""
+    """Return (length in m, force in N) from the units of time, length and mass in ONDEM/Scene."""
     scene = data["ONDEM/Scene"] if "ONDEM/Scene" in data else {}
     given = scene["units"][:] if "units" in scene else getattr(scene, "attrs", {}).get("units", ())
     names = [(name.decode() if isinstance(name, bytes) else str(name)).lower() for name in given]
@@ -109,7 +108,7 @@ def _units(data: h5py.Group) -> tuple[float | None, float | None]:
 
 
 def _contacts(interactions: h5py.Group) -> ContactList | None:
-    """The contacts of ONDEM/Interactions, or of its subgroups by contact law, in which case they are joined."""
+    """Read the contacts of ONDEM/Interactions, or join those of its subgroups by contact law."""
     groups = list(_leaves(interactions))
     if not groups:
         return None
@@ -133,7 +132,7 @@ def _contacts(interactions: h5py.Group) -> ContactList | None:
 
 
 def _leaves(group: h5py.Group) -> Iterator[h5py.Group]:
-    """The groups in a group, itself included, that hold contacts."""
+    """Yield the groups within a group, including itself, that hold contacts."""
     if "id1" in group:
         yield group
     for name in group:

@@ -1,4 +1,4 @@
-"""Packing: what a file of another program says about grains, box and contacts, before anything is added to it."""
+"""Packing: grains, box and contacts of another program's file, before anything is added."""
 
 from __future__ import annotations
 
@@ -13,12 +13,19 @@ FIRST, SECOND = "first", "second"
 
 @dataclasses.dataclass(frozen=True)
 class ContactList:
-    """Contacts as listed in a file, in the units of the file. None: the file does not say.
+    """Contacts as listed in a file, in the units of the file. A field is None if the file does not specify it.
 
-    grain (n, 2): ids of the two grains. Either `normal_force` (n,) with `positive`, the sign that means compression
-    (`compression` or `tension`), or `force` (n, 3), the whole contact force. tangential_force (n, 3). The vectors act
-    on the grain `acts_on` (`first` or `second`). overlap (n,) is only compared with that of the grains.
-    force_unit: N, None if it is that of the file of grains.
+    The forces are either `normal_force` and `tangential_force`, or `force`.
+
+    Args:
+        grain: Ids of the two grains, (n, 2).
+        normal_force: Normal force, (n,).
+        positive: What a positive normal force means, "compression" or "tension".
+        force: Whole contact force, (n, 3).
+        tangential_force: Tangential force, (n, 3).
+        acts_on: Grain on which the vectors act, "first" or "second".
+        overlap: Overlap, (n,), which is only compared with that of the grains.
+        force_unit: Unit of force, N; None if it is that of the file of grains.
     """
 
     grain: np.ndarray
@@ -34,7 +41,7 @@ class ContactList:
         return len(self.grain)
 
     def rows(self, index: np.ndarray) -> ContactList:
-        """The contacts with these numbers, or where this mask is true."""
+        """Return the contacts with these numbers, or where this mask is true."""
         arrays = {name: values[index] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
         return dataclasses.replace(self, **arrays)
 
@@ -46,11 +53,19 @@ class ContactList:
 
 @dataclasses.dataclass(frozen=True)
 class Packing:
-    """Grains, box and contacts of a file, in the units of the file. None: the file does not say.
+    """Grains, box and contacts of a file, in the units of the file. A field is None if the file does not specify it.
 
-    position (n, 3): grain centres; size (n,), whose meaning is `size_is` (`radius` or `diameter`); id (n,): by which
-    contacts refer to the grains; cell (3, 3): cell vectors as columns; origin (3,): corner of the cell, None if the
-    file gives only lengths; contacts; length_unit: m; force_unit: N; notes: what the reader left out or assumed.
+    Args:
+        position: Grain centres, (n, 3).
+        size: Sizes, (n,).
+        size_is: Meaning of the sizes, "radius" or "diameter".
+        id: Ids by which contacts refer to the grains, (n,).
+        cell: Cell vectors as columns, (3, 3).
+        origin: Corner of the cell, (3,); None if the file gives only lengths.
+        contacts: The contacts.
+        length_unit: Unit of length, m.
+        force_unit: Unit of force, N.
+        notes: What the reader omitted or assumed.
     """
 
     position: np.ndarray
@@ -68,12 +83,12 @@ class Packing:
         return len(self.position)
 
     def noting(self, *notes: str) -> Packing:
-        """A copy with further notes."""
+        """Return a copy with further notes."""
         return dataclasses.replace(self, notes=(*self.notes, *notes))
 
 
 def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> np.ndarray:
-    """Cell of LAMMPS with edge lengths (3,) and tilts: columns (lx, 0, 0), (xy, ly, 0), (xz, yz, lz)."""
+    """Return LAMMPS's cell with edge lengths (3,) and tilts: columns (lx, 0, 0), (xy, ly, 0), (xz, yz, lz)."""
     cell = np.diag(np.asarray(lengths, dtype=float))
     cell[0, 1], cell[0, 2], cell[1, 2] = xy, xz, yz
     return cell

@@ -13,7 +13,7 @@ IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
 
 def wrapped_with_images(position: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(positions inside the cell, number of cells by which each was moved), shapes (n, 3)."""
+    """Return positions wrapped into the cell, and the number of cells by which each was moved, (n, 3) each."""
     image = np.floor(np.linalg.solve(cell, position.T).T).astype(int)
     return position - image @ cell.T, image
 
@@ -21,11 +21,11 @@ def wrapped_with_images(position: np.ndarray, cell: np.ndarray) -> tuple[np.ndar
 def overlapping_pairs(
     position: np.ndarray, radius: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(grain (n, 2), shift (n, 3), overlap (n,)) of all pairs of grains that overlap, including periodic images.
+    """Find all pairs of grains that overlap, including periodic images: grain (n, 2), shift (n, 3) and overlap (n,).
 
-    The first grain has the lower number, and rows are sorted. shift: cell vectors to add to the second grain, for
-    positions as given (not wrapped). A grain that touches its own image is left out, as in engines. Same length unit
-    for all arguments.
+    The first grain has the lower number, and rows are sorted. The shift, in cell vectors, is added to the second grain,
+    for positions as given (not wrapped). A grain that touches its own image is left out, as in engines. All arguments
+    have the same unit of length.
     """
     wrapped, home = wrapped_with_images(position, cell)
     reach = 2.0 * radius.max(initial=0.0)
@@ -52,7 +52,7 @@ def overlapping_pairs(
 
 
 def nearest_shift(position: np.ndarray, cell: np.ndarray, grain: np.ndarray) -> np.ndarray:
-    """Shift (n, 3), in cell vectors, that brings the second grain of each pair closest to the first.
+    """Return the shift (n, 3), in cell vectors, that brings the second grain of each pair closest to the first.
 
     The shift in a file, if any, is not used: it may belong to wrapped or to unwrapped positions. Rounding the branch
     vector in cell coordinates gives a candidate; in a tilted cell the nearest image may be one of its neighbours.

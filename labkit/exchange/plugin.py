@@ -1,4 +1,4 @@
-"""What the plug-in exchange adds to labkit."""
+"""The plug-in exchange: registers the commands import, export and statistics."""
 
 from __future__ import annotations
 

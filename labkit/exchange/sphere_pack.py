@@ -45,7 +45,7 @@ class SpherePack(Format):
         return packing.noting(*[f"{clumped} grains are parts of clumps: they become separate grains"][:clumped])
 
     def write(self, state: State, file: Path) -> None:
-        """Writes the grains; metres. Raises InputError for a cell that is not a cuboid along the axes."""
+        """Write the grains in metres. Raises InputError for a cell that is not a cuboid along the axes."""
         lengths = np.diag(state.cell)
         if np.abs(state.cell - np.diag(lengths)).max() > 1e-9 * lengths.max():
             raise InputError(f"{file}: a SpherePack has no sheared cell; choose --format lammps_data or ondem")

@@ -1,4 +1,4 @@
-"""The statistics of one Snapshot as a table of names, units and values: Z, A, Lambda, F, F^t, Love's stress and C0."""
+"""Tables of the statistics of one Snapshot: names, units and values of Z, A, Lambda, F, F^t, Love's stress and C0."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def snapshot_quantities(snapshot: Snapshot) -> Quantities:
 
 
 def as_json(found: Quantities) -> str:
-    """The quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
+    """Write the quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
     values = {}
     for name, (_, value) in found.items():
         plain = value.astype(object)
@@ -50,7 +50,7 @@ def as_json(found: Quantities) -> str:
 
 
 def as_csv(found: Quantities) -> str:
-    """The quantities as CSV with the columns name, units and value; a tensor has nine rows, e.g. stress_xz."""
+    """Write the quantities as CSV with the columns name, units and value; a tensor has nine rows, e.g. stress_xz."""
     labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> of the components
     rows = [
         (f"{name}{label}", units, float(component))
@@ -61,7 +61,7 @@ def as_csv(found: Quantities) -> str:
 
 
 def as_text(found: Quantities) -> str:
-    """The quantities as lines of text; a tensor has three rows."""
+    """Write the quantities as lines of text; a tensor has three rows."""
     lines = []
     for name, (units, value) in found.items():
         label = name if units == "1" else f"{name} [{units}]"

@@ -46,7 +46,7 @@ class TextTable(Format):
 
 
 def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
-    """(names of the columns or None, values (n, k)) of a table. Raises InputError if it is not one."""
+    """Read a table; returns the names of its columns, or None, and values (n, k). Raises InputError if it is none."""
     lines = [line for line in whole_text(file).splitlines() if line.strip()]
     comments = [line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")]
     lines = [line for line in lines if not line.lstrip().startswith("#")]
@@ -70,7 +70,7 @@ def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
 
 
 def _names(comment: str, count: int) -> list[str] | None:
-    """Names of `count` columns in a comment, None if it is another comment."""
+    """Return the names of `count` columns in a comment, or None if it contains other text."""
     if comment.startswith("format "):  # of YADE's export.text
         names = comment.split()[1].split("_")
     else:

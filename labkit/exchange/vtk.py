@@ -51,12 +51,12 @@ class Vtk(Format):
 
 
 def _renamed(given: str | None) -> dict[str, str]:
-    """Name in the file -> name used here, from `their=ours` pairs separated by commas."""
+    """Parse `their=ours` pairs separated by commas: name in the file -> name used here."""
     return dict(part.split("=", 1) for part in answer_names(given) or () if "=" in part)
 
 
 def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """(points, arrays of the points, arrays of the cells) of a VTK file. Raises InputError."""
+    """Read (points, arrays of the points, arrays of the cells) from a VTK file. Raises InputError."""
     xml = require_library("vtkmodules.vtkIOXML", WHAT, "formats")
     legacy = require_library("vtkmodules.vtkIOLegacy", WHAT, "formats")
     with open(file, "rb") as handle:

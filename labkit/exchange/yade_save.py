@@ -1,4 +1,4 @@
-"""Saves of YADE simulations (O.save): a YADE process loads the file and hands over grains, cell and contacts."""
+"""Saved YADE simulations (O.save): a YADE process loads the file and passes on grains, cell and contacts."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class YadeSave(Format):
 
 
 def packing_of(saved: dict[str, np.ndarray]) -> Packing:
-    """The Packing made from the arrays that yade_scripts/read_save.py writes."""
+    """Return the Packing from the arrays that yade_scripts/read_save.py writes."""
     pairs = saved["pairs"].reshape(-1, 2)
     contacts = None
     if len(pairs):

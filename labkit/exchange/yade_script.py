@@ -25,9 +25,9 @@ class YadeScript(Format):
         return False  # written, not read
 
     def write(self, state: State, file: Path) -> None:
-        """Writes grains, cell, contacts, material and engines. Raises InputError for another contact law.
+        """Write grains, cell, contacts, material and engines. Raises InputError for another contact law.
 
-        YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb), that of labkit pi E Ra Rb/(Ra + Rb): `young` is (pi/2) E, and
+        YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb), labkit's is pi E Ra Rb/(Ra + Rb); therefore `young` is (pi/2) E, and
         kt/kn is `poisson` (labkit.grains.laws.named.material).
         """
         scene = state.scene

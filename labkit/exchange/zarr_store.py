@@ -28,7 +28,7 @@ class ZarrStore(Format):
         return False  # written, not read
 
     def write(self, state: State, file: Path) -> None:
-        """Writes the variables and attributes of a state file."""
+        """Write the variables and attributes of a state file."""
         variables = {
             name: (
                 variable.dimensions,
@@ -42,7 +42,7 @@ class ZarrStore(Format):
 
 
 def write_dataset(data: xr.Dataset, file: Path) -> None:
-    """Writes a Dataset, replacing an older store. Raises InputError if a file or another folder is in the way."""
+    """Write a Dataset, replacing an older store. Raises InputError if a file or another folder has that name."""
     require_library("zarr", WHAT, "formats")
     if file.exists() and not (file / ".zgroup").is_file():
         raise InputError(f"{file} is not a Zarr store: it would be overwritten; choose another -o")

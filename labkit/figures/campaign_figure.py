@@ -23,10 +23,10 @@ PANEL = 2.8  # inches
 
 
 def overview(runs: Sequence[tuple[PlannedRun, str | Path]]) -> Figure:
-    """q/p (above) and void ratio e (below) against the strain of the path, one column per path; a Figure.
+    """Draw q/p (above) and void ratio e (below) against the strain of the path, one column per path; a Figure.
 
-    runs: (Run, run file) pairs, read one at a time. Colour denotes the specimen, line style the engine. q/p is
-    left out where p is below 50 kPa.
+    Colour denotes the specimen, line style the engine. q/p is left out where p is below 50 kPa. The pairs of a run and
+    its file are read one at a time.
     """
     paths = list(dict.fromkeys(run.path.name for run, _ in runs))
     specimens = list(dict.fromkeys(run.specimen for run, _ in runs))
@@ -57,7 +57,7 @@ def overview(runs: Sequence[tuple[PlannedRun, str | Path]]) -> Figure:
 
 
 def _curves(file: str | Path) -> tuple[tuple[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Abscissa (label, values), q/p and e of the records of a run file."""
+    """Read the abscissa (label, values), q/p and e of the records of a run file."""
     with open_records(file) as records:
         records = records.set_coords("axial_strain")
         p, q = records.lab.mean_stress().values, records.lab.q().values

@@ -39,10 +39,10 @@ Function = Callable[[np.ndarray], np.ndarray]  # of directions (m, 3)
 
 @register_figure("directions")
 def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """E_PDF(n), mean Lambda_n(n) and mean tangential Lambda_t(n): data, second- and fourth-order fits.
+    """Draw E_PDF(n), mean Lambda_n(n) and mean tangential Lambda_t(n): data, second- and fourth-order fits.
 
-    Top row: against the angle to the z axis, averaged about that axis (polar diagrams). Bottom row: over the whole
-    hemisphere of directions.
+    The top row shows them against the angle to the z axis, averaged about that axis (polar diagrams), the bottom row
+    over the whole hemisphere of directions.
     """
     vectors = vectors_of_contacts(run.lab.snapshot(snapshot))
     if not len(vectors):
@@ -92,7 +92,7 @@ def _toward_z(n: np.ndarray) -> np.ndarray:
 def _polar_diagram(
     axes: Any, n: np.ndarray, data: np.ndarray | None, fits: Sequence[Function], name: str
 ) -> list[dict[str, object]]:
-    """Draws bins of equal solid angle about z and the fits, mirrored to the full circle; returns rows of the table."""
+    """Draw bins of equal solid angle about z and the fits, mirrored to the full circle; returns rows of the table."""
     edges, bin_of = polar_bins(n, POLAR_BINS)
     means = _means(data, bin_of, POLAR_BINS)
     angle = np.arccos(edges)  # from z; bin k lies between edges k and k + 1
@@ -144,7 +144,7 @@ def _average_about_z(function: Function, theta: np.ndarray) -> np.ndarray:
 
 
 def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | None, fit: Function, name: str) -> None:
-    """Draws an equal-area map seen along z: bins as colours, and lines of the fourth-order fit."""
+    """Draw an equal-area map seen along z: bins as colours, and lines of the fourth-order fit."""
     bin_of = hemisphere_bins(n, BANDS, SECTORS)
     means = _means(data, bin_of, BANDS * SECTORS)
     z = np.linspace(0.0, 1.0, BANDS + 1)

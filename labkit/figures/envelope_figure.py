@@ -26,10 +26,10 @@ SYMBOL = {"strain": r"\varepsilon", "stress": r"\sigma"}
 
 @register_figure("envelope", needs="probes")
 def envelope(data: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Response envelopes of probes in their plane, and the stiffness in each direction, with the affine bound.
+    """Draw response envelopes of probes in their plane, and the stiffness in each direction, with the affine bound.
 
-    `data`: of Probes (labkit.open_probes(file).data); `groups` and `snapshot` do not apply. Raises InputError for data
-    that are not probes, or whose directions do not lie in a plane.
+    `data` is that of Probes (labkit.open_probes(file).data); `groups` and `snapshot` do not apply. Raises InputError
+    for data that are not probes, or whose directions do not lie in a plane.
     """
     if "strain_increment" not in data:
         raise InputError("the figure envelope shows probes: give a file written by labkit probe")
@@ -60,7 +60,7 @@ def _responses(probes: Probes, of_stress: bool) -> np.ndarray:
 
 
 def _affine(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
-    """The envelope and the directional stiffness of the affine bound, for strain probes of grains."""
+    """Draw the envelope and the directional stiffness of the affine bound, for strain probes of grains."""
     C = probes.data["affine_stiffness"].values
     if not of_stress or np.isnan(C).any():
         return
@@ -72,7 +72,7 @@ def _affine(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 
 
 def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
-    """Names and units of the axes."""
+    """Set names and units of the axes."""
     given, response = ("strain", "stress") if of_stress else ("stress", "strain")
     unit = "MPa" if of_stress else "1/GPa"
     names = [label.replace("@", rf"\Delta {SYMBOL[response]}") for label in probes.plane.labels]

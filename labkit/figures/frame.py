@@ -1,4 +1,4 @@
-"""What figures share: panels, legend, heading that names the run, colours, and the coordinates of diagrams of runs."""
+"""Parts shared by figures: panels, legend, heading that names the run, colours, and coordinates of diagrams of runs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Drawing(Figure):
         return buffer.getvalue()
 
     def panels(self, rows: int, columns: int, **options: Any) -> Any:
-        """Axes with a faint grid: one, or an array of them; `options`: of Figure.subplots."""
+        """Add one or an array of Axes with a faint grid; `options` are those of Figure.subplots."""
         panels = self.subplots(rows, columns, **options)
         for axes in np.ravel(panels):
             axes.grid(alpha=0.25)
@@ -49,7 +49,7 @@ class Drawing(Figure):
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Drawing:
-    """An empty figure, size in inches."""
+    """Return an empty figure; its size is in inches."""
     return Drawing(figsize=(width, height), layout=layout)
 
 
@@ -72,33 +72,33 @@ def describe_run(run: xarray.Dataset) -> str:
 
 
 def add_heading(figure: Figure, run: xarray.Dataset, detail: str = "") -> None:
-    """Writes the description of the run above a figure, followed below by the existing heading and `detail`."""
+    """Write the description of the run above a figure, followed below by the existing heading and `detail`."""
     lines = [describe_run(run), figure.get_suptitle(), detail]
     figure.suptitle("\n".join(line for line in lines if line), fontsize=10)
 
 
 def name_run(figure: Figure, run: xarray.Dataset) -> None:
-    """Adds the heading unless the figure has it already, e.g. to a user's figure."""
+    """Add the heading unless the figure already has it, e.g. to a user's figure."""
     if describe_run(run) not in figure.get_suptitle():
         add_heading(figure, run)
 
 
 def strain_axis(run: xarray.Dataset, at_snapshots: bool = False) -> tuple[str, np.ndarray]:
-    """Label and values of the abscissa that suits the path (`run.lab.abscissa`): a strain in %, or cycles.
+    """Return label and values of the abscissa that suits the path (`run.lab.abscissa`): a strain in %, or cycles.
 
-    Values at every record, or at the snapshots.
+    The values are those at every record, or at the snapshots.
     """
     return as_axis(run.lab.abscissa(), run["record"].values if at_snapshots else slice(None))
 
 
 def where(run: xarray.Dataset, snapshot: int) -> str:
-    """Strain of the path, or number of cycles, of a snapshot as text."""
+    """Describe a snapshot by the strain of the path or the number of cycles."""
     value, name = run.lab.abscissa()[run["record"].values[snapshot]], run.lab.abscissa().attrs["long_name"]
     return f"{float(value):.2f} cycles" if value.name == "cycles" else f"{100 * float(value):.1f} % {name}"
 
 
 def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, np.ndarray]:
-    """Label and chosen values of a quantity of `run.lab` that is a strain, in %, or a number of cycles."""
+    """Return label and chosen values of a quantity of `run.lab` that is a strain, in %, or a number of cycles."""
     if values.name == "cycles":
         return str(values.attrs["long_name"]), values.values[chosen]
     label = values.attrs["long_name"].replace("gamma_xz", "$\\gamma_{xz}$").replace("|eps|", "$|\\varepsilon|$")
@@ -106,13 +106,13 @@ def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, n
 
 
 def colors_for(number: int) -> Any:
-    """As many distinct colours as needed, a sequence."""
+    """Return a sequence of this number of distinct colours."""
     few = matplotlib.color_sequences["tab10"]
     return few[:number] if number <= len(few) else matplotlib.colormaps["viridis"](np.linspace(0, 1, number))
 
 
 def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
-    """Lines for a legend that explains line styles, name -> style."""
+    """Return lines for a legend that explains line styles, name -> style."""
     return [Line2D([], [], color=color, linestyle=style, label=name) for name, style in styles.items()]
 
 
@@ -122,7 +122,7 @@ def columns_of(labels: Runs, most: int) -> int:
 
 
 def include_zero(axes: Axes, which: Literal["x", "y"]) -> None:
-    """Extends an axis to zero, with a margin at the other end so that no curve lies under the frame."""
+    """Extend an axis to zero, with a margin at the other end so that no curve lies under the frame."""
     low, high = axes.dataLim.intervalx if which == "x" else axes.dataLim.intervaly
     low, high = min(low, 0.0), max(high, 0.0)
     if not np.isfinite([low, high]).all() or low == high:  # no finite values, or zero everywhere
@@ -138,7 +138,7 @@ def name_runs(run: xarray.Dataset | Runs) -> Runs:
 
 
 def table_of(runs: Runs, columns: Mapping[str, Callable[[xarray.Dataset], object]]) -> pandas.DataFrame:
-    """Columns of the records of all runs; the first one names the run, if there are several."""
+    """Tabulate the records of all runs; with several runs, the first column names the run."""
     tables = [
         pandas.DataFrame({"run": label, **{name: np.asarray(of(run)) for name, of in columns.items()}})
         for label, run in runs.items()
@@ -160,7 +160,7 @@ def has_grains(run: xarray.Dataset) -> bool:
 
 
 def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
-    """Name of each stress of a run -> its variable and line style."""
+    """Return, for each stress of a run, name -> (variable, line style)."""
     return STYLES if has_grains(run) else MODEL_STYLES
 
 
@@ -168,7 +168,7 @@ def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
 class Coordinate:
     """Label of the axis, and values of a run's records, a function of (run, name of a stress).
 
-    of_stress: whether Love's stress and C0 give different values.
+    `of_stress` is True if Love's stress and C0 give different values.
     """
 
     label: str | Callable[[xarray.Dataset], str]
@@ -176,11 +176,11 @@ class Coordinate:
     of_stress: bool = False
 
     def labelled(self, label: str) -> Coordinate:
-        """The same values under another label."""
+        """Return the same values under another label."""
         return dataclasses.replace(self, label=label)
 
     def common_label(self, runs: Iterable[xarray.Dataset]) -> str:
-        """The label for several runs, with the alternatives where they differ."""
+        """Return the label for several runs, with the alternatives where they differ."""
         labels = list(dict.fromkeys(self.label if isinstance(self.label, str) else self.label(run) for run in runs))
         return labels[0] if len(labels) == 1 else textwrap.fill(" or ".join(labels), 44)
 
@@ -222,7 +222,7 @@ def draw_runs(
 ) -> None:
     """Draw runs, each in its own colour, in panels of (x, y); Love's stress is solid and C0 dashed.
 
-    both: False to draw Love's stress alone; style: of the lines.
+    If `both` is False, only Love's stress is drawn. `style` is that of the lines.
     """
     for axes, (x, y) in zip(panels, pairs, strict=True):
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):

@@ -1,4 +1,4 @@
-"""Figure of a grading: the size distribution that a scene asks for and that of the grains made."""
+"""Figure of a grading: the size distribution of the scene and that of the grains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
 
 
 def grading_table(state: State) -> pandas.DataFrame:
-    """Diameters in m of the grading and of the grains: extremes, mean by number, D10 to D90 by mass and by number."""
+    """Tabulate diameters of grading and grains, m: extremes, mean by number, D10 to D90 by mass and by number."""
     sizes, radius = state.scene.sizes, np.sort(state.radius)
     rows = [
         ("smallest", sizes.smallest, 2.0 * radius[0]),
@@ -29,7 +29,7 @@ def grading_table(state: State) -> pandas.DataFrame:
 
 
 def grading(state: State) -> Figure:
-    """Passing against diameter, by mass and by number: lines for the grading, steps for the grains."""
+    """Draw passing against diameter, by mass and by number: lines for the grading, steps for the grains."""
     sizes, radius = state.scene.sizes, np.sort(state.radius)
     figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
     axes = figure.subplots()

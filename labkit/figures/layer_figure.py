@@ -14,7 +14,7 @@ from labkit.specimens import stratified
 
 
 def stratified_layer(state: State) -> Figure:
-    """Grains, contact forces and normalised contact forces of a layer (labkit.specimens.stratified, Fig. 3)."""
+    """Draw grains, contact forces and normalised contact forces of a layer (labkit.specimens.stratified, Fig. 3)."""
     snapshot, strata = state.snapshot(), stratified.strata(state)
     contacts = snapshot.contacts
     across, up = state.cell[0, 0], state.cell[2, 2]

@@ -1,8 +1,8 @@
-"""Figures of grains and contacts of a run, each with its table. Strain in %, see labkit.figures.plots.
+"""Figures of grains and contacts of a run, each with its table. Strain is in % (labkit.figures.plots).
 
 Every function takes a run opened with labkit.open_run, the number of size groups and the number of a snapshot (negative
 numbers count from the end), and returns (Figure, pandas.DataFrame). This module draws sizes and contacts; the names
-imported below come from the neighbouring modules.
+imported below come from neighbouring modules.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ SMALLEST_Q = 0.1  # of the largest q: a share of a smaller q has no meaning
 
 @register_figure("groups")
 def groups(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """sigma^N(k), sigma^V(k) (Fig. 2) and grain stress sigma^V(k) Z(k)/Z by grain size, divided by Love's stress."""
+    """Draw sigma^N(k), sigma^V(k) (Fig. 2) and sigma^V(k) Z(k)/Z by grain size, divided by Love's stress."""
     axis = strain_axis(run, at_snapshots=True)
     figure, table = draw_group_stresses(
         run.lab.size_groups(number), run.lab.love_stress(), axis=axis, part_of_q=run.lab.part_of_q
@@ -65,10 +65,14 @@ def draw_group_stresses(
     axis: tuple[str, np.ndarray] | None = None,
     part_of_q: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda stress, love: deviatoric_stress(stress),
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Draws the figure of `groups` from results of the accessor run.lab that are already computed.
+    """Draw the figure of `groups` from results of the accessor run.lab that are already computed.
 
-    `stresses`: run.lab.size_groups(number); `love`: run.lab.love_stress(); `width` in inches; `axis`: label and
-    values of the strain axis (default: axial strain, %); `part_of_q`: run.lab.part_of_q of a test that is not triaxial.
+    Args:
+        stresses: run.lab.size_groups(number).
+        love: run.lab.love_stress().
+        width: Width of the figure, inches.
+        axis: Label and values of the strain axis (default: axial strain, %).
+        part_of_q: run.lab.part_of_q of a test that is not triaxial.
     """
     axial, number = stresses["axial_strain"].values, stresses.sizes["group"]
     strain_label, strain = axis or ("axial strain (%)", 100 * axial)
@@ -100,7 +104,7 @@ def draw_group_stresses(
 
 @register_figure("densities")
 def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Probability densities of f_n and Lambda_n by grain size, both divided by their mean over all contact sides."""
+    """Draw probability densities of f_n and Lambda_n by grain size, divided by their means over all contact sides."""
     at = run.lab.snapshot(snapshot)
     edges = diameter_edges(at, number)
     side_group = groups_by_diameter(at, edges)[at.contacts.grain]
@@ -137,7 +141,7 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
 
 @register_figure("contacts")
 def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Contacts gained and lost between snapshots, their lifetimes, and the share of q that strong contacts carry."""
+    """Draw contacts gained and lost between snapshots, their lifetimes, and the share of q of strong contacts."""
     changes, lives, strong = run.lab.contact_changes(), run.lab.contact_lives(), run.lab.strong_networks()
     figure = new_figure(WIDTH, 4.8)
     left, middle, right = panels = figure.panels(1, 3)
@@ -157,7 +161,7 @@ def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[
 
 
 def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
-    """Contacts gained and lost per 1 % of strain, in % of the contacts before."""
+    """Draw contacts gained and lost per 1 % of strain, in % of the contacts before."""
     accumulated = changes["travelled"].values * 100
     step = np.diff(accumulated)
     long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
@@ -174,7 +178,7 @@ def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
 
 
 def _draw_lifetimes(axes: Axes, lives: xarray.Dataset, strain: str) -> None:
-    """Survival function of the contacts present at the start and of those formed later."""
+    """Draw the survival function of the contacts present at the start and of those formed later."""
     for chosen, label, color in (
         (lives["birth"].values == 0, "present at the start", "C0"),
         (lives["birth"].values > 0, "formed during the test", "C1"),
@@ -187,7 +191,7 @@ def _draw_lifetimes(axes: Axes, lives: xarray.Dataset, strain: str) -> None:
 
 
 def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q: np.ndarray, strain: str) -> None:
-    """Fraction of strong contact sides and their share of q, by both definitions of strong."""
+    """Draw the fraction of strong contact sides and their share of q, by both definitions of strong."""
     enough = q > SMALLEST_Q * q.max(initial=0.0)
     for k, definition in enumerate(strong["definition"].values):
         chosen = strong.isel(definition=k)
@@ -203,10 +207,10 @@ PLANES = 400  # per cell vector: several in each branch
 
 @register_figure("planes")
 def planes(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Difference of the tractions on planes parallel to the faces of the cell from Love's stress (section 2).
+    """Draw the differences of tractions on planes parallel to the faces of the cell from Love's stress (section 2).
 
-    At rest the traction is the same on all parallel planes, because each layer between two of them is in equilibrium:
-    what is left is the unbalanced force.
+    At rest the traction is the same on all parallel planes, because each layer between two of them is in equilibrium;
+    any difference is due to the unbalanced force.
     """
     grains = run.lab.snapshot(snapshot)
     love = love_stress(grains)

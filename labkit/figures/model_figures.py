@@ -14,10 +14,11 @@ STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 
 
 def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
-    """The five statistics of runs and of the fitted model against the accumulated strain; a Figure.
+    """Draw the five statistics of runs (solid) and of the fitted model (dotted) against the accumulated strain.
 
-    `observations`: from labkit.model.observation; `predicted`: name of the run -> (n, 5). Runs are solid, the model is
-    dotted.
+    Args:
+        observations: Observations of the runs (labkit.model.observation).
+        predicted: Predictions, name of the run -> (n, 5).
     """
     figure = new_figure(WIDTH, 6.0)
     panels = figure.panels(2, 3).ravel()

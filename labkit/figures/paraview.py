@@ -1,6 +1,6 @@
 """A file for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
 
-The file is VTKHDF 2.3, with a block of each over time. SI units, single precision; compression positive.
+The file is VTKHDF 2.3, with one block of each over time, in SI units and single precision; compression is positive.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ class Mesh(NamedTuple):
 
 
 def require_h5py() -> types.ModuleType:
-    """The module h5py, which writes the file. Raises InputError if it is not installed."""
+    """Import h5py, which writes the file. Raises InputError if it is not installed."""
     return require_library("h5py", "files for ParaView", "paraview")
 
 
 def write_series(snapshots: Iterable[Snapshot], file: str | os.PathLike[str]) -> Path:
-    """Writes Snapshots into a .vtkhdf file, one after another; returns its path."""
+    """Write Snapshots into a .vtkhdf file, one after another; returns its path."""
     h5py = require_h5py()
     with whole_file(Path(file)) as temporary, h5py.File(temporary, "w") as data:
         root = data.create_group("VTKHDF", track_order=True)  # VTK reads blocks in this order
@@ -73,7 +73,7 @@ def _describe(group: h5py.Group, kind: str) -> None:
 
 
 def _add_step(block: h5py.Group, time: float, mesh: Mesh) -> None:
-    """Appends the mesh of one time, s. The group Steps says where its numbers begin in the datasets of the block."""
+    """Append the mesh of one time, s; the group Steps records where its numbers begin in the datasets of the block."""
     offsets = np.arange(len(mesh.cells) + 1) * mesh.cells.shape[1]
     step = {
         "Values": np.array([time]),
@@ -104,12 +104,12 @@ def _add_step(block: h5py.Group, time: float, mesh: Mesh) -> None:
 
 
 def _length(block: h5py.Group, name: str) -> int:
-    """Number of rows of a dataset, 0 if there is none yet."""
+    """Return the number of rows of a dataset, 0 if it does not exist yet."""
     return len(block[name]) if name in block else 0
 
 
 def _append(block: h5py.Group, name: str, rows: np.ndarray) -> None:
-    """Appends rows to a dataset, which is made if there is none yet."""
+    """Append rows to a dataset, which is created if necessary."""
     if name not in block:
         block.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=(4096, *rows.shape[1:]))
         return
@@ -118,7 +118,7 @@ def _append(block: h5py.Group, name: str, rows: np.ndarray) -> None:
 
 
 def _small(values: object) -> np.ndarray:
-    """Converts values to single precision and tensors to rows of nine, as VTK stores them."""
+    """Convert values to single precision and tensors to rows of nine, as VTK stores them."""
     values = np.asarray(values)
     if values.ndim > 1:
         values = values.reshape(len(values), int(np.prod(values.shape[1:])))
@@ -127,7 +127,7 @@ def _small(values: object) -> np.ndarray:
 
 
 def grains(snapshot: Snapshot) -> Mesh:
-    """Points at the grain centres. Tensors per grain: fabric <n n> and stress, see labkit.micro.grains."""
+    """Return points at the grain centres, with fabric <n n> and stress of each grain (labkit.micro.grains)."""
     grain, normalised = np.arange(snapshot.number_of_grains), normalised_normal_force(snapshot)
     of_grains = mean_per_grain(snapshot, normalised)
     force = np.stack([snapshot.contacts.normal_force] * 2, axis=1)
@@ -150,7 +150,7 @@ def grains(snapshot: Snapshot) -> Mesh:
 
 
 def contact_mesh(snapshot: Snapshot) -> Mesh:
-    """Lines between the centres of grains in contact; a contact across a face of the cell ends outside the cell."""
+    """Return lines between the centres of grains in contact; one across a face of the cell ends outside the cell."""
     contacts, both = snapshot.contacts, normalised_normal_force(snapshot).mean(axis=1)
     ratio = over_mean(both, both)
     tangential = np.linalg.norm(contacts.tangential_force, axis=1)
@@ -178,7 +178,7 @@ def contact_mesh(snapshot: Snapshot) -> Mesh:
 
 
 def cell(snapshot: Snapshot) -> Mesh:
-    """The cell as one hexahedron, with the stress and the five statistics of C0."""
+    """Return the cell as one hexahedron, with the stress and the five statistics of C0."""
     stress = love_stress(snapshot)
     values = {
         "stress": stress,

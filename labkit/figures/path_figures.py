@@ -65,9 +65,9 @@ VOLUME = {"volumetric_strain": volumetric_strain}
 
 @register_figure("stress_path", needs="records", several=True)
 def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
-    """q against p, with the strength in compression and in extension (Matsuoka-Nakai), and void ratio against p.
+    """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
-    strength: q/p in compression (default: that of the compression tests drawn, else that of Table 2).
+    `strength` is q/p in compression (default: that of the compression tests drawn, else that of Table 2).
     """
     runs, figure = name_runs(run), new_figure(WIDTH, 4.6)
     left, right = panels = figure.panels(1, 2)
@@ -88,11 +88,11 @@ def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float
 
 @register_figure("pi_plane", needs="records", several=True)
 def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
-    """The deviatoric plane, normalised by p, with sections of strength criteria, and the plane of the shear in x-z.
+    """Draw the deviatoric plane, normalised by p, with sections of strength criteria, and the plane of x-z shear.
 
     Left: the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any other
-    one by its principal stresses. Right: sigma_xz against (sigma_z - sigma_x)/2, in which a rotation of the principal
-    stresses is a circle. strength: q/p in compression of the sections (default: as for `stress_path`).
+    path by its principal stresses. Right: sigma_xz against (sigma_z - sigma_x)/2, where a rotation of the principal
+    stresses is a circle. `strength` is q/p of the sections in compression (default: as for `stress_path`).
     """
     runs, figure = name_runs(run), new_figure(WIDTH, 5.4)
     left, right = figure.panels(1, 2)
@@ -119,7 +119,7 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
 
 @register_figure("shear", needs="records", several=True)
 def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
-    """sigma_xz and q against the shear strain, sigma_xz against sigma_z, and the change of volume, or p if constant."""
+    """Draw sigma_xz and q against shear strain, sigma_xz against sigma_z, and the volume change, or p if constant."""
     runs, figure = name_runs(run), new_figure(WIDTH, 6.4)
     panels = figure.panels(2, 2)
     undrained = all(one.lab.is_undrained for one in runs.values())
@@ -135,7 +135,7 @@ def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
 
 @register_figure("cycles", needs="records", several=True)
 def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
-    """A cyclic test: r_u or the change of volume, strain, Z and F against the number of cycles; loops; stress path.
+    """Draw a cyclic test: r_u or the change of volume, strain, Z and F against cycles; loops; and the stress path.
 
     F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not
     reverse is drawn against its strain.
@@ -156,7 +156,7 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
-    """F along z or the deviator at the records at which the contacts carry load; NaN at others."""
+    """Return F along z or the deviator at records at which the contacts carry load, NaN at others."""
     size = run["mean_normalised_force"]
     loaded = (run["coordination_number"] >= SMALLEST_Z) & (size > SMALLEST_LAMBDA * size.max())
     return run.lab.component("normal_force_anisotropy").where(loaded).values
@@ -177,7 +177,7 @@ LOOP = Coordinate(  # of a hysteresis loop
 
 
 def _axes_of(runs: Runs) -> tuple[str, str, str]:
-    """Labels of the axes of the deviatoric plane: clockwise from the top."""
+    """Return the labels of the axes of the deviatoric plane, clockwise from the top."""
     kinds = {_sheared(one) for one in runs.values()}
     names = (["zxy"] if False in kinds else []) + (["123"] if True in kinds else [])
     top, right, left = (", ".join(f"$\\sigma_{which[k]}$" for which in names) for k in range(3))
@@ -185,7 +185,7 @@ def _axes_of(runs: Runs) -> tuple[str, str, str]:
 
 
 def _in_planes(run: xarray.Dataset, name: str) -> tuple[np.ndarray, ...]:
-    """Coordinates of a recorded stress in both planes of `pi_plane`, (n,) each; NaN where p vanishes."""
+    """Return coordinates of a recorded stress in both planes of `pi_plane`, (n,) each; NaN where p vanishes."""
     stress = symmetric(run[name].values)
     p = mean_stress(stress)
     p = np.where(p > SMALLEST_P * np.nanmax(p), p, np.nan)
@@ -198,7 +198,7 @@ def _in_planes(run: xarray.Dataset, name: str) -> tuple[np.ndarray, ...]:
 
 
 def _strength(runs: Runs, strength: float | None) -> tuple[float, str]:
-    """q/p in triaxial compression, and where it comes from."""
+    """Return q/p in triaxial compression, and its source."""
     if strength is not None:
         if not 0.0 < strength < 3.0:
             raise InputError(field="strength", value=strength, allowed="q/p in compression, above 0 and below 3")
@@ -225,9 +225,9 @@ SHEAR = _plane_coordinate("$\\sigma_{xz}/p$", 3)
 def _finished(
     figure: Drawing, runs: Runs, columns: Mapping[str, Callable[[xarray.Dataset], object]], both: bool = True
 ) -> Drawn:
-    """The figure with its legend and heading, and its table: the strain and `columns` of all runs.
+    """Add legend and heading to a figure; return it with its table, the strain and `columns` of all runs.
 
-    both: True if it shows Love's stress and C0.
+    `both` is True if it shows Love's stress and C0.
     """
     styles = {name: style for one in runs.values() for name, (_, style) in styles_of(one).items()} if both else {}
     figure.key(columns_of(runs, 4), [*figure.axes[0].get_legend_handles_labels()[0], *gray_lines(styles)])

@@ -31,9 +31,9 @@ EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4),
 
 
 def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
-    """Grains and contacts of Snapshots, one row each, all at the same scale.
+    """Draw grains and contacts of Snapshots, one row each, all at the same scale.
 
-    name: name of the run or specimen, written above the first row.
+    The `name` of the run or specimen is written above the first row.
     """
     snapshots = list(snapshots)
     low, high = _frame(snapshots)
@@ -59,9 +59,9 @@ def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
 def images(
     snapshot: Snapshot, low: np.ndarray, high: np.ndarray, width: int = round(150 * PANEL)
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Images of the grains and of the contacts, each (rows, width, 4), red, green, blue and opacity.
+    """Render the grains and the contacts, (rows, width, 4) each: red, green, blue and opacity.
 
-    `low`, `high` (2,): corners of the part of the view to draw, m from the centre of the cell.
+    `low` and `high` (2,) are corners of the part of the view to draw, m from the centre of the cell.
     """
     centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
     low, high = low + centre, high + centre
@@ -82,14 +82,14 @@ def images(
 
 
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
-    """Colours (grain, 3): mean Lambda_n over the contacts of each grain, divided by the mean over all contact sides."""
+    """Return colours (grain, 3) for the mean Lambda_n of each grain divided by the mean over all contact sides."""
     normalised = normalised_normal_force(snapshot)
     colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
     return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
 
 
 def caption(snapshot: Snapshot) -> str:
-    """Axial strain, stresses and numbers of grains and contacts of a snapshot, as text."""
+    """Describe axial strain, stresses and numbers of grains and contacts of a snapshot."""
     stress = love_stress(snapshot) / 1e3
     p, q = mean_stress(stress), deviatoric_stress(stress)
     strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
@@ -98,14 +98,14 @@ def caption(snapshot: Snapshot) -> str:
 
 
 def ratio_colors(ratio: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) of a force over its mean (n,)."""
+    """Return colours (n, 3) for forces divided by their mean (n,)."""
     return matplotlib.colormaps[COLORS](np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
 
 
 def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner of a view that contains all cells and the grains at their faces.
+    """Return lower left and upper right corner of a view of all cells and the grains at their faces.
 
-    m from the centre of each cell.
+    They are in m from the centre of each cell.
     """
     corners = [cell_corners(snapshot.cell) for snapshot in snapshots]
     seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
@@ -125,7 +125,7 @@ def _color_bar(figure: Figure, height: float) -> None:
 
 
 def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
-    """Draws a scale bar of 1, 2 or 5 times a power of ten, at most 1.5 inches long."""
+    """Draw a scale bar of 1, 2 or 5 times a power of ten, at most 1.5 inches long."""
     longest = 1.5 * metres_per_inch
     power = 10.0 ** np.floor(np.log10(longest))
     length = power * max(n for n in (1, 2, 5) if n * power <= longest)
@@ -138,7 +138,7 @@ def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
 
 
 def _directions(figure: Figure, height: float) -> None:
-    """Draws x, y and z as arrows at the lower right."""
+    """Draw x, y and z as arrows at the lower right."""
     size = 0.8  # inches
     axes = figure.add_axes(
         (0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4), ylim=(-0.8, 1.6)

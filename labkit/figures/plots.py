@@ -1,4 +1,4 @@
-"""Figures of runs: stresses, records, critical states. Stress in MPa, strain in %."""
+"""Figures of runs: stresses, records, critical states; stress in MPa, strain in %."""
 
 from __future__ import annotations
 
@@ -53,11 +53,10 @@ FORMATS = (".png", ".pdf", ".svg", ".webp")
 
 
 def sff_against_love(runs: Runs) -> Figure:
-    """q and p against the strain of the path, and q against p, of runs opened with labkit.open_run; a Figure.
+    """Draw q and p against the strain of the path, and q against p, of runs, label -> run; returns a Figure.
 
-    `runs`: label -> run. Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs,
-    the third panel shows the error of C0 instead of q against p.
-    A prediction of the constitutive model has only C0.
+    Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
+    the error of C0 instead of q against p. A prediction of the constitutive model has only C0.
     """
     figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels = figure.panels(1, 3)
@@ -86,7 +85,7 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 
 @register_figure("test", needs="records", several=True)
 def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """q, p and the stress path of a run or several, from Love's stress and C0 (`sff_against_love`), and the table."""
+    """Draw and tabulate q, p and the stress path of runs, from Love's stress and C0 (`sff_against_love`)."""
     runs = name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
         "axial_strain": lambda run: run["axial_strain"],
@@ -101,7 +100,7 @@ def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tup
 
 
 def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
-    """A function of a run: a method of `run.lab` of one of its stresses."""
+    """Return a function of a run: a method of `run.lab` for one of its stresses."""
     return lambda run: getattr(run.lab, measure)(stress)
 
 
@@ -109,7 +108,7 @@ def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
 def records(
     run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
+    """Draw any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
 
     For a symmetric tensor the six independent components are drawn (`xy = yx`), for others all nine. Raises
     InputError if the run does not hold the variable.
@@ -164,10 +163,15 @@ def e_p_paths(
     width: float = WIDTH,
     list_runs: bool = False,
 ) -> Figure:
-    """Shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; a Figure.
+    """Draw shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; returns a Figure.
 
-    `runs`: label -> run. Colour denotes the initial void ratio of the specimen, line style the path. `critical`:
-    label -> (p, e) of critical state lines, Pa. `list_runs`: add the labels of the runs to the legend.
+    Colour denotes the initial void ratio of the specimen, line style the path.
+
+    Args:
+        runs: Runs, label -> run.
+        critical: Critical state lines, label -> (p, e), p in Pa.
+        width: Width of the figure, inches.
+        list_runs: True to add the labels of the runs to the legend.
     """
     figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)
     left, right = figure.panels(1, 2)
@@ -216,16 +220,16 @@ QUANTITIES = {
 
 
 def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.ndarray]]]:
-    """Definition of a diagram: label of x, label of y, and a function (run, name of a stress) -> (x, y).
+    """Return a diagram: label of x, label of y, and a function (run, name of a stress) -> (x, y).
 
-    `name`: two of QUANTITIES, e.g. `q-strain` for q against axial strain.
+    Its name consists of two of QUANTITIES, e.g. `q-strain` for q against axial strain.
     """
     y, x = (QUANTITIES[part] for part in name.split("-"))
     return str(x.label), str(y.label), lambda run, stress="stress": (x.values(run, stress), y.values(run, stress))
 
 
 def require_format(figure: str, *other: str) -> None:
-    """Raises InputError unless the name of a figure ends with a format that can be written; other: further formats."""
+    """Raise InputError unless the name of a figure ends with a format that can be written, or one of `other`."""
     known = (*FORMATS, *other)
     if Path(figure).suffix.lower() not in known:
         raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
@@ -234,10 +238,17 @@ def require_format(figure: str, *other: str) -> None:
 def save(
     figure: Figure, path: str | Path, inputs: Sequence[str | Path] = (), command: str | None = None, dpi: int = DPI
 ) -> None:
-    """Writes a figure atomically, in the format given by the file extension, and closes it.
+    """Write a figure atomically, in the format given by the file extension, and close it.
 
     A PNG file contains its provenance; for other formats the provenance is written to a separate file next to the
-    figure. `inputs`: files that the figure shows; `command`: command that made it (default: that of this process).
+    figure.
+
+    Args:
+        figure: The figure.
+        path: File to write.
+        inputs: Files that the figure shows.
+        command: Command that made it (default: that of this process).
+        dpi: Resolution, dots per inch.
     """
     extension = Path(path).suffix[1:].lower()
     metadata = {"provenance": provenance_json(command, inputs, path)} if extension == "png" else None

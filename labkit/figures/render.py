@@ -22,9 +22,13 @@ SHADE = 1.7  # strength of the darkening in gaps
 class Canvas:
     """Nearest surface at every pixel.
 
-    view (3, 3): its rows point to the right, up, and towards the viewer; corner (2,): lower left corner of the image;
-    pixel: size of a pixel, same unit as corner; depth (rows, columns): along the view, greater is nearer, -inf where
-    there is no surface; normal, color (rows, columns, 3).
+    Args:
+        view: Rows that point to the right, up, and towards the viewer, (3, 3).
+        corner: Lower left corner of the image, (2,).
+        pixel: Size of a pixel, in the unit of `corner`.
+        depth: Position along the view, greater is nearer, -inf without a surface, (rows, columns).
+        normal: Normal of the surface, (rows, columns, 3).
+        color: Colour of the surface, (rows, columns, 3).
     """
 
     view: np.ndarray
@@ -36,7 +40,7 @@ class Canvas:
 
 
 def view_from(azimuth: float, elevation: float) -> np.ndarray:
-    """View (3, 3) from a direction; azimuth: degrees from x about z; elevation: degrees above the x-y plane."""
+    """Return the view (3, 3) from an azimuth, degrees from x about z, and an elevation, degrees above the x-y plane."""
     a, b = np.radians([azimuth, elevation])
     toward = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -44,7 +48,7 @@ def view_from(azimuth: float, elevation: float) -> np.ndarray:
 
 
 def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> Canvas:
-    """An empty Canvas from `low` to `high` (2,), right and up in the view; the image is `width` pixels wide."""
+    """Return an empty Canvas from `low` to `high` (2,), right and up in the view, `width` pixels wide."""
     pixel = (high[0] - low[0]) / (FINE * width)
     rows = FINE * round((high[1] - low[1]) / (FINE * pixel))
     shape = rows, FINE * width
@@ -52,20 +56,24 @@ def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> C
 
 
 def draw_spheres(on: Canvas, centre: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
-    """Draws spheres: centre (n, 3), radius (n,), color (n, 3), red, green and blue from 0 to 1."""
+    """Draw spheres: centre (n, 3), radius (n,), color (n, 3), red, green and blue from 0 to 1."""
     draw_sticks(on, centre, centre, radius, color)
 
 
 def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
-    """Draws round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). A stick may have no length."""
+    """Draw round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). A stick may have no length."""
     _sticks(on.depth, on.normal, on.color, on.corner, on.pixel, start @ on.view.T, end @ on.view.T, radius, color)
 
 
 def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
-    """How far each pixel fades to white (rows, columns), 0 to 1.
+    """Return how far each pixel fades to white, (rows, columns), 0 to 1.
 
-    It depends on the depth of the pixel behind the faces of a cell at the origin. cell (3, 3): cell vectors as columns;
-    `length`: depth over which two thirds of the colour fade.
+    It depends on the depth of the pixel behind the faces of a cell at the origin.
+
+    Args:
+        on: The canvas.
+        cell: Cell vectors as columns, (3, 3).
+        length: Depth over which two thirds of the colour fade.
     """
     rows, columns = on.depth.shape
     x, y = (on.corner[k] + on.pixel * (np.arange(n) + 0.5) for k, n in ((0, columns), (1, rows)))
@@ -79,9 +87,9 @@ def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
 
 
 def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
-    """Image (rows, columns, 4): red, green, blue and opacity, 0 to 1, first row at the bottom.
+    """Return an image (rows, columns, 4): red, green, blue and opacity, 0 to 1, first row at the bottom.
 
-    `reach`: range of the ambient occlusion between neighbouring objects; `white`: 0 to 1 for each pixel, see `haze`.
+    `reach` is the range of the ambient occlusion between neighbouring objects; `white`, 0 to 1, is that of `haze`.
     """
     light = LIGHT / np.linalg.norm(LIGHT)
     halfway = (light + np.array([0.0, 0.0, 1.0])) / np.linalg.norm(light + np.array([0.0, 0.0, 1.0]))

@@ -28,9 +28,9 @@ TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled"}
 
 @register_figure("shares", needs="records")
 def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Contributions of A, F, F^t and the product of A and F to q/p of C0 against strain, stacked.
+    """Draw stacked contributions of A, F, F^t and the product of A and F to q/p of C0 against strain.
 
-    Drawn together with q/p from Love's stress.
+    The figure also shows q/p from Love's stress.
     """
     terms = run.lab.strength_shares()
     strain_label, strain = strain_axis(run)
@@ -53,7 +53,7 @@ def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Fi
 
 
 def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
-    """Stacks the contributions of the terms of C0 to q/p of a run, and draws q/p from Love's stress.
+    """Stack the contributions of the terms of C0 to q/p of a run, and draw q/p from Love's stress.
 
     Returns the colours of the terms.
     """
@@ -68,9 +68,9 @@ def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
 def family(
     run: xarray.Dataset, number: int = 5, snapshot: int = -1, rounds: int = 25
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Error of every stress-force-fabric relationship relative to Love's stress, against strain, and the cost of each.
+    """Draw the error of every stress-force-fabric equation relative to Love's stress against strain, and its cost.
 
-    `rounds`: number of repetitions in the timing of each form on one snapshot.
+    `rounds` is the number of repetitions in the timing of each form on one snapshot.
     """
     stresses, love = run.lab.sff_family(), run.lab.love_stress().values
     error = {form: relative_error(stresses.sel(form=form).values, love) for form in sff_family.FORMS}
@@ -105,7 +105,7 @@ def family(
 
 
 def _plain_ticks(axis: Axis) -> None:
-    """Labels a logarithmic axis at 1, 2 and 5 times the powers of ten with plain numbers."""
+    """Label a logarithmic axis at 1, 2 and 5 times the powers of ten with plain numbers."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
@@ -133,9 +133,9 @@ def _legend(part: str) -> str:
 
 @register_figure("budget")
 def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
+    """Draw contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
 
-    Also draws the standard errors at one snapshot.
+    The figure also shows the standard errors at one snapshot.
     """
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
     axial, p = parts["axial_strain"].values, mean_stress(love)

@@ -34,9 +34,9 @@ class Viewer:
     """A page with grains and forces in 3D. A notebook shows it; `write` saves it."""
 
     def __init__(self, source: Run | State | Snapshot | Iterable[Snapshot], title: str = "labkit") -> None:
-        """source: a Run, of which all snapshots are shown, a State, a Snapshot or several Snapshots of the same grains.
+        """Take a Run, whose snapshots are all shown, a State, a Snapshot or several Snapshots of the same grains.
 
-        Raises InputError if there is no snapshot, if positions are unknown, or if the page would exceed 50 MB.
+        Raises InputError without a snapshot, if positions are unknown, or if the page would exceed 50 MB.
         """
         self.title = title
         self.page = _page(_snapshots(source), title)
@@ -47,7 +47,7 @@ class Viewer:
         Path(file).write_text(self.page, encoding="utf-8")
 
     def _repr_html_(self) -> str:
-        """The page in a frame, for notebooks."""
+        """Return the page in a frame, for notebooks."""
         style = "width: 100%; height: 30em; border: 1px solid #ccc"
         return f'<iframe title="{html.escape(self.title)}" style="{style}" srcdoc="{html.escape(self.page)}"></iframe>'
 
@@ -62,7 +62,7 @@ def _snapshots(source: Run | State | Snapshot | Iterable[Snapshot]) -> list[Snap
 
 def _page(snapshots: list[Snapshot], title: str) -> str:
     if not snapshots or any(snapshot.position is None for snapshot in snapshots):
-        raise InputError("there is no snapshot with positions of grains: give a State, or a Run that has snapshots")
+        raise InputError("no snapshot has positions of grains: give a State, or a Run that has snapshots")
     size = sum(14 * len(one.radius) + 21 * len(one.contacts) for one in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
@@ -86,7 +86,7 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
 
 
 def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
-    """Data of one snapshot: positions as fractions of `far` from the centre of the cell; axes: its corners."""
+    """Return the data of one snapshot, with positions as fractions of `far` from the centre of the cell."""
     normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
     edges, sides = cell_corners(snapshot.cell)[np.array(EDGES)], 1e3 * np.linalg.norm(snapshot.cell, axis=0)
 

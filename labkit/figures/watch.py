@@ -29,9 +29,9 @@ CLEAR = "\x1b[2J\x1b[H"
 
 
 def watch(files: Sequence[str], interval: int, once: bool) -> None:
-    """Redraws every `interval` seconds until no run is being written, or draws just once if `once`.
+    """Redraw every `interval` seconds until no run is being written, or draw just once if `once`.
 
-    Raises InputError.
+    Raises InputError if a file is not a run file.
     """
     names = short_names(files)
     while True:
@@ -61,7 +61,7 @@ def mark_of(number: int) -> str:
 
 
 def read_records(file: str) -> xarray.Dataset:
-    """Data shown for a run; they are loaded into memory and the file is closed.
+    """Load the data shown for a run into memory, and close the file.
 
     Only the records are read, with the file opened just once: opening it twice could mix two versions if it is saved in
     between. Raises InputError if it is not a run file.
@@ -73,7 +73,7 @@ def read_records(file: str) -> xarray.Dataset:
 
 
 def status(name: str, run: xarray.Dataset, active: bool) -> str:
-    """One-line summary of a run; `active`: True if a process is writing the file."""
+    """Summarise a run in one line; `active` is True if a process is writing the file."""
     strain = run.lab.strain()
     state = "complete" if run.attrs["complete"] else "running" if active else "interrupted"
     return (
@@ -89,7 +89,7 @@ def _cycles(run: xarray.Dataset) -> str:
 
 
 def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
-    """Three diagrams as text, `width` columns by `height` lines; each run has its own mark, see `mark_of`.
+    """Draw three diagrams as text, `width` columns by `height` lines; each run has its own mark (`mark_of`).
 
     Raises InputError if plotext is not installed.
     """

@@ -29,7 +29,13 @@ NAMES = (
 
 
 def columns(run: xarray.Dataset, path: Steps, stress_unit: str = "kPa") -> np.ndarray:
-    """The rows of the output file, (n, 35). run: of labkit.open_run, along `path`; stress_unit: Pa, kPa or MPa."""
+    """Return the rows of the output file, (n, 35).
+
+    Args:
+        run: Run along `path`, opened with labkit.open_run.
+        path: Path of the test.
+        stress_unit: Unit of stresses in the output, Pa, kPa or MPa.
+    """
     time = elapsed_time({name: run[name].values for name in PROGRESS}, path)
     strain = components(symmetric(run["strain"].values), shear=0.5)
     stress = components(symmetric(run["stress"].values)) / STRESS_UNITS[stress_unit]
@@ -39,10 +45,10 @@ def columns(run: xarray.Dataset, path: Steps, stress_unit: str = "kPa") -> np.nd
 
 
 def elapsed_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
-    """Time of the test at each record, (n,), s: the durations that the test file gives to its steps.
+    """Return the time of the test at each record, (n,), s, from the durations that the test file gives to its steps.
 
-    progress: the variables PROGRESS of the run. A step that ended early took as much time as the part of it that was
-    carried out.
+    The time of a step that ended early is that of its completed part. `progress` holds the variables PROGRESS of the
+    run.
     """
     number, share = (np.asarray(progress[name]) for name in PROGRESS)
     time, before = np.zeros(len(number)), 0.0
@@ -57,7 +63,7 @@ def elapsed_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
 
 
 def output_text(rows: np.ndarray, heading: str = "") -> str:
-    """The output file as text: the names of the columns, the heading if there is one, and the rows."""
+    """Write the output file as text: the names of the columns, the heading, if any, and the rows."""
     lines = ["".join(f"{name:>20}" for name in NAMES)]
     lines += [heading] if heading else []
     rows = np.where(np.abs(rows) < 1e-99, 0.0, rows)

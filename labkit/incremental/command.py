@@ -102,7 +102,7 @@ def driver_command(
 
 
 def _require_table(file: File, others: Sequence[str]) -> None:
-    """Raises InputError unless the driver's output file can be written without destroying another file."""
+    """Raise InputError unless the driver's output file can be written without destroying another file."""
     require_writable(file)
     if any(file.resolve() == File(other).resolve() for other in others):
         raise InputError(f"{file} is also the name of another file of this test: choose another with --columns")
@@ -113,7 +113,7 @@ def _require_table(file: File, others: Sequence[str]) -> None:
 
 
 def _write_columns(output: str, test: DriverFile, table: File, stress_unit: str, files: Sequence[str]) -> None:
-    """Writes the records of the run file as the driver's output file."""
+    """Write the records of the run file as the driver's output file."""
     from labkit.incremental.columns import columns, output_text
     from labkit.io.provenance import write_with_provenance
     from labkit.runs.run import Run
@@ -136,7 +136,7 @@ def _on_grains(
     output: str,
     history: str,
 ) -> None:
-    """Loads a specimen along the path of the test, after it was brought to the initial stress."""
+    """Bring a specimen to the initial stress, and load it along the path of the test."""
     from labkit.incremental.initial import read_initial
     from labkit.incremental.start import way_to
 
@@ -160,7 +160,7 @@ def _on_grains(
 
 
 def _run(task: RunTask) -> None:
-    """Carries out a run, unless its file already holds it. Raises InputError before it starts."""
+    """Carry out a run, unless its file already holds it. Raises InputError before it starts."""
     output = str(task.output)
     path = task.path.starting_at(float(mean_stress(love_stress(task.state.snapshot()))))
     task = dataclasses.replace(task, path=path)
@@ -180,7 +180,7 @@ def _on_model(
     output: str,
     history: str,
 ) -> None:
-    """Integrates the model along the path of the test, from its initial stress."""
+    """Integrate the model along the path of the test, from its initial stress."""
     from labkit.cli.model import require_output
     from labkit.incremental.columns import VARIABLES
     from labkit.incremental.initial import read_initial, read_material

@@ -1,8 +1,8 @@
 """The driver's conventions and labkit's: axes, signs, units and the order of components.
 
-The driver counts tension positive, numbers the axes, 1 being the axis of symmetry, orders the components 11, 22, 33,
+The driver counts tension positive, numbers the axes, with 1 as the axis of symmetry, orders the components 11, 22, 33,
 12, 13, 23, and uses engineering shear strains. labkit counts compression positive, and z is the axis of symmetry: the
-axes 1, 2, 3 are z, x, y. The driver has no units; those of its stresses are chosen by the user.
+axes 1, 2, 3 are z, x, y. The driver has no units; the user chooses those of its stresses.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ STRESS_UNITS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
 
 
 def system(keyword: str) -> tuple[Variables, np.ndarray]:
-    """labkit's Variables for one of the driver's keywords, e.g. `*Roscoe`, and the sign (6,) of the driver's."""
+    """Return labkit's Variables for a keyword of the driver, e.g. `*Roscoe`, and the signs (6,) of the driver's."""
     name, signs = SYSTEMS[keyword.lower()]
     return VARIABLES[name], np.array(signs)
 
 
 def tensor(components: np.ndarray, shear: float = 1.0) -> np.ndarray:
-    """labkit's tensor (..., 3, 3) for the driver's components (..., 6), tension positive.
+    """Convert the driver's components (..., 6), tension positive, to labkit's tensor (..., 3, 3).
 
-    shear: factor on the shear components, 0.5 for engineering shear strains.
+    `shear` multiplies the shear components; it is 0.5 for engineering shear strains.
     """
     components = np.asarray(components, dtype=float)
     result = np.empty((*components.shape[:-1], 3, 3))
@@ -43,13 +43,13 @@ def tensor(components: np.ndarray, shear: float = 1.0) -> np.ndarray:
 
 
 def components(tensors: np.ndarray, shear: float = 1.0) -> np.ndarray:
-    """The driver's components (..., 6), tension positive, of labkit's tensors (..., 3, 3); the inverse of `tensor`."""
+    """Convert labkit's tensors (..., 3, 3) to the driver's components (..., 6), tension positive (see `tensor`)."""
     columns = [-tensors[..., AXES[a], AXES[b]] / (1.0 if a == b else shear) for a, b in PAIRS]
     return np.stack(columns, axis=-1)
 
 
 def rotated(matrix: np.ndarray) -> np.ndarray:
-    """A matrix (3, 3) on the driver's axes as one on labkit's axes, without a change of sign."""
+    """Rotate a matrix (3, 3) from the driver's axes to labkit's, without a change of sign."""
     result = np.empty((3, 3))
     for a in range(3):
         for b in range(3):

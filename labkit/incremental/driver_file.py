@@ -20,9 +20,12 @@ MOST_REPETITIONS = 1_000_000
 class DriverFile:
     """The contents of a test file.
 
-    output: name of the driver's output file, as written; heading: its heading, or ""; steps: the steps as written;
-    order: their numbers, from 0, in the order in which they are carried out; notes: sentences about steps that mean
-    less here than for a material with viscosity.
+    Args:
+        output: Name of the driver's output file, as written.
+        heading: Heading of the output file, or "".
+        steps: Steps as written.
+        order: Numbers of the steps, from 0, in the order in which they are carried out.
+        notes: Sentences about steps that have no effect without viscosity.
     """
 
     file: Path
@@ -33,15 +36,15 @@ class DriverFile:
     notes: tuple[str, ...]
 
     def path(self, rate: float | str | None = None, pressure: float | None = None) -> Steps:
-        """The loading path. rate: largest prescribed strain rate, 1/s; pressure: of a consolidation before it, Pa."""
+        """Return the loading path at this largest strain rate, 1/s, after consolidation to `pressure`, Pa."""
         given = {} if pressure is None else {"pressure": f"{pressure!r} Pa"}
         return Steps(rate=rate, steps=self.steps, order=self.order, **given)
 
 
 def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverFile:
-    """Reads a test file. Raises InputError with the line and the word that is not valid.
+    """Read a test file. Raises InputError with the line and the word that is not valid.
 
-    stress_unit: of the stresses in the file, one of Pa, kPa, MPa.
+    `stress_unit` is the unit of the stresses in the file: Pa, kPa or MPa.
     """
     if stress_unit not in STRESS_UNITS:
         allowed = f"one of {', '.join(STRESS_UNITS)}"
@@ -104,7 +107,7 @@ def _inner(source: Source, start: Line, done: int, number: int) -> Line:
 
 
 def _notes(steps: list[Phase]) -> tuple[str, ...]:
-    """A sentence for each step that holds stresses or strains over time."""
+    """Return a sentence for each step that holds stresses or strains over time."""
     return tuple(
         f"{step.label}: the stresses or strains are held, but nothing creeps or relaxes, because there is no viscosity"
         for step in steps

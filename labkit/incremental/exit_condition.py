@@ -34,7 +34,7 @@ _TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([A-Za-z]\w*)\s*
 
 
 def translated(text: str, unit: str) -> str:
-    """labkit's condition for the text after the question mark; `unit`: of the stresses in the file, e.g. kPa.
+    """Translate the text after the question mark to labkit's condition; `unit` is that of the file's stresses.
 
     Raises InputError, without the line, if the text is not an exit condition.
     """

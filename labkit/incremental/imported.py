@@ -14,9 +14,9 @@ MOST_COLUMNS = 100
 
 
 def imported_rows(source: Source, line: Line, name: str, columns: int, increments: int) -> np.ndarray:
-    """The first `increments` + 1 rows of `columns` numbers in a file beside the test file, (n, columns).
+    """Read the first `increments` + 1 rows of a table in the folder of the test file, (n, columns).
 
-    Lines before the first one that starts with a number are left out. Raises InputError with the line that names the
+    Lines before the first one that starts with a number are skipped. Raises InputError with the line that names the
     file, or with the line of the table.
     """
     if not name or "\0" in name:

@@ -36,7 +36,7 @@ class InitialConditions:
 
 
 def read_initial(file: str | os.PathLike[str], stress_unit: str = "kPa") -> InitialConditions:
-    """Reads initialconditions.inp. Raises InputError with the line, and for a mean stress that is not compressive."""
+    """Read initialconditions.inp. Raises InputError with the line, and for a mean stress that is not compressive."""
     source = Source(Path(file))
     number = source.count("the number of stress components", 1, 6)
     stress = np.zeros(6)
@@ -70,7 +70,7 @@ class MaterialConstants:
 
 
 def read_material(file: str | os.PathLike[str]) -> MaterialConstants:
-    """Reads parameters.inp. Raises InputError with the line."""
+    """Read parameters.inp. Raises InputError with the line."""
     source = Source(Path(file))
     name = source.need("the name of the material").text
     number = source.count("the number of constants", 0, MOST_VALUES)

@@ -1,7 +1,7 @@
 """The steps of test.inp: each keyword of the Incremental Driver, read from its lines and turned into a Phase.
 
-Formats: programmer's manual of 27 March 2020 and the guide to the input files. The numbers of iterations in an
-increment are read and have no effect here.
+The programmer's manual of 27 March 2020 and the guide to the input files define the formats. The numbers of iterations
+in an increment are read but have no effect here.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from labkit.paths.phase import Phase, components_of
 from labkit.paths.variables import mixed_step
 
 MOST_INCREMENTS = 10_000_000
-MOST_RECORDS = 500  # of a step
+MOST_RECORDS = 500  # per step
 SMOOTH = 100  # pieces of a harmonic step or of a deformation gradient
-LARGEST_STRAIN = 5.0  # of a step, logarithmic
+LARGEST_STRAIN = 5.0  # logarithmic strain of a step
 
 
 @dataclasses.dataclass(frozen=True)
 class StepHead:
-    """What every step begins with: its line, keyword, number of increments, duration in s, rows, and exit condition."""
+    """The head of a step: its line, keyword, number of increments, duration in s, rows, and exit condition."""
 
     line: Line
     keyword: str
@@ -43,19 +43,19 @@ class StepHead:
 
     @property
     def records(self) -> int:
-        """Rows of the step in the output: an exit condition is evaluated after each increment, so each has its row."""
+        """Rows of the step in the output; with an exit condition, which is checked at each increment, one for each."""
         return min(-(-self.increments // (1 if self.until else self.every)), MOST_RECORDS)
 
 
 class StepReader:
-    """Reads the steps of a test file. stress_unit: of the stresses in the file."""
+    """Reads the steps of a test file; `stress_unit` is the unit of the stresses in the file."""
 
     def __init__(self, source: Source, stress_unit: str) -> None:
-        """Does not read yet."""
+        """Take the source without reading it yet."""
         self.source, self.stress_unit, self.pascals = source, stress_unit, STRESS_UNITS[stress_unit]
 
     def step(self, line: Line) -> Phase:
-        """The step whose keyword is in this line. Raises InputError with the line and the word that is not valid."""
+        """Read the step whose keyword is in this line. Raises InputError with the line and the invalid word."""
         keyword, question, condition = line.text.partition("?")
         name = (separated(keyword.replace("|", " ")) or [""])[0]
         read = _KEYWORDS.get(name.lower())
@@ -76,7 +76,7 @@ class StepReader:
             raise line.error(f"{canonical}: {text}") from None
 
     def _common(self, line: Line, keyword: str, until: str | None) -> StepHead:
-        """The line `ninc maxiter deltaTime : every`."""
+        """Read the line `ninc maxiter deltaTime : every`."""
         what = "the number of increments, of iterations, and the time"
         data = self.source.data(what)
         left, colon, right = data.text.partition(":")
@@ -99,7 +99,7 @@ class StepReader:
         return StepHead(line, keyword, increments, duration, number, until)
 
     def system(self) -> str:
-        """The keyword of a set of variables, such as *Roscoe."""
+        """Read the keyword of a set of variables, such as *Roscoe."""
         line = self.source.need("the variables, e.g. *Cartesian")
         name = line.first
         if name.lower() not in SYSTEMS:
@@ -114,7 +114,7 @@ class StepReader:
         return text == "1"
 
     def rows(self, count: int) -> tuple[tuple[bool, ...], np.ndarray]:
-        """Six lines of a flag and `count` numbers: the flags, and the numbers (6, count)."""
+        """Read six lines of a flag and `count` numbers; returns the flags and the numbers (6, count)."""
         flags, values = [], []
         for k in range(6):
             what = f"component {k + 1} of 6"
@@ -132,7 +132,7 @@ class StepReader:
         changes: np.ndarray,
         durations: Sequence[float] | None = None,
     ) -> Phase:
-        """A Phase from changes (n, 6) of the driver's variables. durations: of the pieces, s (default: equal)."""
+        """Return a Phase from changes (n, 6) of the driver's variables; the durations, s, are equal by default."""
         variables, signs = system(keyword)
         on_stress = tuple(flags)
         scale = signs * np.where(on_stress, self.pascals, 1.0)
@@ -218,7 +218,7 @@ def _import_file(reader: StepReader, common: StepHead) -> Phase:
 
 
 def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
-    """The number of a column, from 1 (0: no column), and its factor, from text such as `5 * 0.01`."""
+    """Parse the number of a column, from 1 (0: no column), and its factor, from text such as `5 * 0.01`."""
     number, star, factor = text.partition("*")
     words = separated(number)
     if not words:
@@ -231,7 +231,7 @@ def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
 
 
 def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[[StepReader, StepHead], Phase]:
-    """A step of which the file gives at most one number, the change of the variable with the number `place`."""
+    """Return a reader of steps for which the file gives at most one number, the change of variable number `place`."""
 
     def read(reader: StepReader, common: StepHead) -> Phase:
         loads = np.zeros(6)
@@ -292,7 +292,7 @@ _KEYWORDS = {name.lower(): read for name, read in NAMES.items()}
 
 
 def _unknown(name: str) -> str:
-    """Why a word is not a keyword."""
+    """Say why a word is not a keyword."""
     if not name.startswith("*"):
         return f"{shortened(name)} is not a keyword: a step begins with one, e.g. *TriaxialE1"
     if name.lower() == "*repetition":

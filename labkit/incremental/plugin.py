@@ -1,4 +1,4 @@
-"""What the plug-in incremental adds to labkit."""
+"""The plug-in incremental: registers the command driver."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
     mt . dT + me . d(eps) = m
 
-Equations in stresses alone become held stresses, those in strains alone are solved for the strain rates: one solution
-is prescribed, and the servo adjusts the strain rates along which the equations in strains stay satisfied.
+Equations in stresses alone become held stresses. Equations in strains alone are solved for the strain rates: one
+solution is prescribed, and the servo adjusts the strain rates that keep these equations satisfied.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SINGULAR = 1e-9
 
 
 def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """mt (6, 6), me (6, 6) and m (6,) of the next six lines, in the driver's components. Raises InputError."""
+    """Read mt (6, 6), me (6, 6) and m (6,) from the next six lines, in the driver's components. Raises InputError."""
     mt, me, m = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     for row in range(6):
         line = source.data(f"restriction {row + 1} of 6")
@@ -44,7 +44,7 @@ def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _terms(line: Line, text: str) -> list[tuple[float, str, int]]:
-    """(factor, s or e, number of the component from 0) of each term of a left side."""
+    """Return (factor, s or e, number of the component from 0) for each term of a left side."""
     try:
         matches = signed_terms(_TERM, text, ": write a sum such as sd1 + 2.0*sd2 - sd3")
     except InputError as error:
@@ -56,9 +56,9 @@ def _terms(line: Line, text: str) -> list[tuple[float, str, int]]:
 
 
 def solved(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """A solution (6,) of the equations in strains me (r, 6) . e = m (r,), and a basis (6 - r, 6) of those with m = 0.
+    """Solve the equations in strains me (r, 6) . e = m (r,): a solution (6,), and a basis (6 - r, 6) for m = 0.
 
-    None if the equations contradict or repeat one another. Gauss-Jordan elimination keeps round numbers exact.
+    Returns None if the equations contradict or repeat one another. Gauss-Jordan elimination keeps round numbers exact.
     """
     rows, pivots = np.column_stack([me, m]).astype(float), []
     for k in range(len(rows)):
@@ -82,10 +82,10 @@ def solved(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | Non
 
 
 def strain_tensors(strains: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """labkit's strain tensors (..., 3, 3) of the driver's strain components (..., 6)."""
+    """Convert the driver's strain components (..., 6) to labkit's strain tensors (..., 3, 3)."""
     return tensor(np.asarray(strains), shear=0.5)
 
 
 def stress_measures(rows: np.ndarray) -> np.ndarray:
-    """Tensors M (k, 3, 3) with M : sigma = -(rows . T), for equations in the driver's stresses T, rows (k, 6)."""
+    """Return tensors M (k, 3, 3) with M : sigma = -(rows . T), for equations (k, 6) in the driver's stresses T."""
     return -tensor(rows, shear=0.5)

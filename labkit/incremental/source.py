@@ -1,7 +1,7 @@
 """Input files of the Incremental Driver as numbered lines, and the numbers in them as Fortran reads them.
 
-Values are separated by blanks or commas; the text after the values that a line needs is ignored, as is everything after
-# or !. Empty lines and lines with a comment only are skipped.
+Values are separated by blanks or commas; text after the values that a line needs is ignored, as is everything after #
+or !. Empty lines and lines with only a comment are skipped.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ class Line(NamedTuple):
 
     @property
     def words(self) -> list[str]:
-        """Its values."""
+        """Values of the line."""
         return separated(self.text)
 
     @property
     def first(self) -> str:
-        """Its first value, or the whole line if it consists of commas."""
+        """First value of the line, or the whole line if it consists of commas."""
         return (self.words or [self.text])[0]
 
     def error(self, problem: str) -> InputError:
-        """The InputError for a problem in this line."""
+        """Return the InputError for a problem in this line."""
         return InputError(f"{self.file}, line {self.number}: {problem}")
 
     def reals(self, count: int, what: str) -> list[float]:
@@ -67,14 +67,14 @@ class Source:
     """The lines of a file, read one after another."""
 
     def __init__(self, file: Path) -> None:
-        """Reads the whole file. Raises InputError if it is not a text file."""
+        """Read the whole file. Raises InputError if it is not a text file."""
         self.file = file
         self.raw = _text(file).splitlines()
         self._at = 0  # lines read so far
 
     @property
     def last(self) -> Line:
-        """The line read last; the first one before any was read."""
+        """The line read last, or the first line if none was read."""
         number = max(self._at, 1)
         return Line(self.file, number, without_comment("".join(self.raw[number - 1 : number])))
 
@@ -93,7 +93,7 @@ class Source:
         return None
 
     def need(self, what: str) -> Line:
-        """The next line that is not empty. Raises InputError, naming `what` it should hold, if there is none."""
+        """Return the next line that is not empty. Raises InputError, naming `what` it should hold, at the end."""
         line = self.next()
         if line is None:
             raise self.last.error(f"the file ends before {what}")
@@ -111,7 +111,7 @@ class Source:
         return self.data(what).reals(count, what)
 
     def count(self, what: str, low: int, high: int) -> int:
-        """The whole number that the next line of data begins with. Raises InputError."""
+        """Read the whole number at the start of the next line of data. Raises InputError."""
         line = self.data(what)
         return line.whole(line.first, low, high, what)
 
@@ -146,7 +146,7 @@ def separated(text: str) -> list[str]:
 
 
 def real_of(text: str) -> float:
-    """The number that a text matching REAL stands for. Raises InputError, without the line, if it is too large."""
+    """Return the number in a text that matches REAL. Raises InputError, without the line, if it is too large."""
     value = float(text.lower().replace("d", "e"))
     if not math.isfinite(value):
         raise InputError(f"{shortened(text)} is too large: give a smaller number")
@@ -154,7 +154,7 @@ def real_of(text: str) -> float:
 
 
 def signed_terms(pattern: re.Pattern[str], text: str, example: str) -> list[re.Match[str]]:
-    """The terms of a sum, of which the first group of the pattern is the sign. Raises InputError, without the line."""
+    """Split a sum into terms; the pattern's first group is the sign. Raises InputError, without the line."""
     terms: list[re.Match[str]] = []
     while rest := text[terms[-1].end() if terms else 0 :]:
         match = pattern.match(text, len(text) - len(rest))
@@ -165,5 +165,5 @@ def signed_terms(pattern: re.Pattern[str], text: str, example: str) -> list[re.M
 
 
 def shortened(text: str) -> str:
-    """A text in quotes, cut after 40 characters."""
+    """Quote a text, cut after 40 characters."""
     return repr(text if len(text) <= 40 else f"{text[:40]}...")

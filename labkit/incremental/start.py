@@ -1,4 +1,4 @@
-"""Starts of a test: labkit's model and its initial state from the driver's files, and the way to an initial stress."""
+"""The start of a test: labkit's model and its initial state from the driver's files, and the path to that stress."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from labkit.model.state import ModelState, isotropic_state
 from labkit.paths.steps import Steps
 from labkit.paths.variables import VARIABLES, mixed_step
 
-SAME = 0.01  # of the mean stress: a state whose stress differs more from the given one contradicts it
+SAME = 0.01  # of the mean stress: a state whose stress differs by more contradicts the given stress
 
 
 def way_to(stress: np.ndarray) -> Steps:
-    """The path from an isotropic stress to a stress (3, 3), Pa, with the same mean; it prescribes all components."""
+    """Return the path from an isotropic stress to a stress (3, 3), Pa, with the same mean; all stresses are held."""
     pressure = float(mean_stress(stress))
     variables = VARIABLES["cartesian"]
     values = np.einsum("aij,ij->a", variables.tensors, stress)
@@ -30,7 +30,7 @@ def way_to(stress: np.ndarray) -> Steps:
 
 
 def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") -> Model:
-    """The model with the constants of parameters.inp: Young's modulus, then the parameters of Table 2 in their order.
+    """Return the model with the constants of parameters.inp: Young's modulus, then the parameters of Table 2 in order.
 
     Raises InputError for another number of constants, or for values that are not valid.
     """
@@ -49,10 +49,10 @@ def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") 
 
 
 def model_state(initial: InitialConditions, model: Model) -> ModelState:
-    """The initial state of the model. Its stress is that of the file if that is isotropic, and its mean otherwise.
+    """Return the initial state of the model, whose stress is that of the file if isotropic, otherwise its mean.
 
     The first state variable is the void ratio; Z is then on the compression line and Lambda follows from the mean
-    stress. With 21 state variables they are the whole state, as in the output file. Raises InputError.
+    stress. If the file gives 21 state variables, they are the whole state, as in the output file. Raises InputError.
     """
     try:
         if len(initial.state) == STATE_VARIABLES:

@@ -50,7 +50,7 @@ def _is_running(number: int) -> bool:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Writes a text file atomically, as UTF-8. Raises OSError with `path` as its file name."""
+    """Write a text file atomically, as UTF-8. Raises OSError with `path` as its file name."""
     with whole_file(path) as temporary:
         try:
             temporary.write_text(text, encoding="utf-8")

@@ -1,8 +1,8 @@
-"""What the CF conventions (1.10) ask of our files beyond units and long names: title, history, comment, standard name.
+"""The CF conventions (1.10) beyond units and long names: title, history, comment, standard name.
 
 Of the variables of our files only `time` has a standard name. CF requires a date in the units of a variable with that
-name; ours is arbitrary, and labkit.open_run gives the time in s. Records and contacts are no features of geography, so
-that the files have no `featureType`. The components i and j have no coordinate variables; the comment names them.
+name; ours is arbitrary, and labkit.open_run gives the time in s. Records and contacts are not geographical features, so
+the files have no `featureType`. The components i and j have no coordinate variables; the comment names them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ NO_COMMAND = "created with the Python interface of labkit"
 
 
 def describe(dataset: netCDF4.Dataset, title: str, history: str) -> None:
-    """Write the global attributes of a netCDF file that CF asks for. history: commands, one a line, or empty."""
+    """Write the global attributes that CF requires; `history` holds commands, one per line, or is empty."""
     dataset.Conventions = CONVENTIONS
     dataset.title = title
     dataset.comment = COMMENT

@@ -18,12 +18,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def require_library(name: str, what: str, extra: str) -> types.ModuleType:
-    """An optional library. Raises InputError with the command that installs it.
+    """Import an optional library. Raises InputError with the command that installs it.
 
     Args:
-        name: Of the module.
-        what: What needs it, e.g. `ON-DEM files`.
-        extra: The extra of labkit that lists it.
+        name: Name of the module.
+        what: Feature that needs it, e.g. `ON-DEM files`.
+        extra: Extra of labkit that lists it.
     """
     try:
         return importlib.import_module(name)
@@ -32,7 +32,7 @@ def require_library(name: str, what: str, extra: str) -> types.ModuleType:
 
 
 def install_command(extra: str) -> str:
-    """The pip command that installs an extra of labkit.
+    """Return the pip command that installs an extra of labkit.
 
     `pip install labkit[extra]` would install whatever the public index lists under the name labkit. This command names
     the checkout or the file from which labkit was installed or, failing that, the packages of the extra.

@@ -1,4 +1,4 @@
-"""Whether a file can be written at a place, and folders that are created for outputs."""
+"""Checks that a file can be written, and creates folders for outputs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> None:
-    """Raises InputError unless a file can be written at `path`. Leaves no file behind.
+    """Raise InputError unless a file can be written at `path`. Leaves no file behind.
 
-    kind: the kind of labkit file that may be overwritten if `path` exists; None: any file that is not a labkit file.
+    An existing file may be overwritten if it is a labkit file of this `kind` or, if `kind` is None, if it is not a
+    labkit file.
     """
     path = Path(path)
     require_name(path)
@@ -42,7 +43,7 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
 
 
 def make_folder(path: str | os.PathLike[str], option: str) -> Path:
-    """Path of a folder, which is created if missing. Raises InputError, with the option, if it is not writable."""
+    """Create a folder if it is missing, and return its path. Raises InputError that names `option` if this fails."""
     path = Path(path)
     try:
         path.mkdir(parents=True, exist_ok=True)

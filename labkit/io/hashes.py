@@ -6,7 +6,7 @@ A netCDF-4 file may be longer than its content; HDF5 ignores what follows it. la
 
 to every netCDF file, also at each save of an unfinished run, and checks it before it opens the file. The seal covers
 what `data_sha256` and fletcher32 do not: attributes, the checkpoint and HDF5's own tables. It costs 0.5 ns per byte. A
-program that changes the file with the netCDF library removes the line; the attribute `seal` says that there was one.
+program that changes the file with the netCDF library removes the line; the attribute `seal` shows that it existed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
 LIMIT = 2  # s of processor time
 BYTES_PER_SECOND = 5e6  # more time for a larger file; HDF5 reads some 100 MB/s
-PATIENCE = 30  # times as long, on a busy computer
+PATIENCE = 30  # multiple of LIMIT allowed on a busy computer
 
 
 def file_sha256(file: Name) -> str:
@@ -78,12 +78,12 @@ def copy_unsealed(file: Name, to: Name) -> None:
 
 
 def seal_is_right(file: Name) -> bool | None:
-    """True if the bytes of a sealed file have its hash, False if not; None for a file without a seal."""
+    """True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
     return _check(os.fspath(file), *identity(file))
 
 
 def identity(file: Name) -> tuple[int, int, int]:
-    """What changes if a file is replaced or written: inode, time in ns, size in bytes."""
+    """Return inode, time in ns and size in bytes, one of which changes if a file is replaced or written."""
     state = os.stat(file)
     return state.st_ino, state.st_mtime_ns, state.st_size
 
@@ -100,7 +100,7 @@ def _check(file: str, *identity: int) -> bool | None:
 
 
 def _seal_of(file: Name) -> tuple[int, str] | None:
-    """Number of bytes before the seal, and the hash in it; None if the file has no seal."""
+    """Return the number of bytes before the seal, and the hash in it; None if the file has no seal."""
     size = os.path.getsize(file) - SEAL
     if size < 0:
         return None

@@ -1,4 +1,4 @@
-"""Small tables with which notebooks show values (`_repr_html_`)."""
+"""Small HTML tables in which notebooks show values (`_repr_html_`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 
 def html_table(title: str, rows: Mapping[str, object]) -> str:
-    """An HTML table with a title and one line per entry, name -> value; all texts are escaped."""
+    """Return an HTML table with a title and one line per entry, name -> value; all text is escaped."""
     cell = '<td style="text-align: left; padding-right: 1em">'
     lines = [
         f"<tr>{cell}{html.escape(name)}</td>{cell}{html.escape(str(value))}</td></tr>" for name, value in rows.items()

@@ -17,7 +17,7 @@ from labkit.errors import InputError, Interrupted
 
 
 class Signals:
-    """caught: number of the last signal received; 0 if none was received."""
+    """Holds in `caught` the number of the last signal received, or 0."""
 
     caught = 0
 
@@ -26,8 +26,8 @@ class Signals:
 def stop_on_signals() -> Iterator[Signals]:
     """Context in which SIGINT, SIGTERM and SIGHUP only store their number in the Signals object.
 
-    A context within another one shares its Signals, also in another thread. Python lets only the main thread handle
-    signals: in a thread without such a context around it none are caught.
+    A context within another one shares its Signals, even in another thread. Python lets only the main thread handle
+    signals: without such a context around it, a thread catches none.
     """
     if _CAUGHT:
         yield _CAUGHT[0]
@@ -106,7 +106,7 @@ MOST_TRIES = 100
 
 
 def _is_file(handle: IO[str], path: Path) -> bool:
-    """True if an open file is the one that has this name now."""
+    """True if an open file is the one that now has this name."""
     try:
         return os.fstat(handle.fileno()).st_ino == path.stat().st_ino
     except FileNotFoundError:
@@ -114,7 +114,7 @@ def _is_file(handle: IO[str], path: Path) -> bool:
 
 
 def busy(file: Path) -> InputError:
-    """The error for a file that another process is writing."""
+    """Return the error for a file that another process is writing."""
     return InputError(f"{file} is being written by another process: wait for it, or choose another -o")
 
 

@@ -1,7 +1,7 @@
-"""Where glibc keeps arrays: small ones in its heap, large ones in memory that returns to the system when freed.
+"""Makes glibc keep small arrays in its heap, and large ones in memory that returns to the system when freed.
 
-Without the second, the freed arrays of a large specimen would add to what the neighbour search needs. Without the
-first, every temporary array of a search or a record would get new pages, which the system fills with zeros.
+If large arrays were not returned, those of a large specimen would add to the memory that the neighbour search needs. If
+small arrays were, every temporary array of a search or a record would get new pages, which the system fills with zeros.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ SPARE = 64_000_000  # bytes of freed memory that stay with the process
 
 
 def return_large_arrays() -> None:
-    """Makes glibc allocate arrays above LARGE with mmap, and keep freed memory below SPARE for the next arrays.
+    """Make glibc allocate arrays above LARGE with mmap, and keep freed memory below SPARE for the next arrays.
 
     Has no effect with other C libraries.
     """

@@ -1,8 +1,8 @@
 """The gate through which every netCDF file is read and written.
 
 Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used, and an error
-of the netCDF library becomes one sentence with the file and the variable. A file without hashes, of another program or
-an unfinished run of an earlier version, is read with one line that says so. LABKIT_TRUST=1, which the option --trust
+of the netCDF library becomes one sentence with the file and the variable. A file without hashes, from another program
+or an unfinished run of an earlier version, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust
 sets, skips the hashes.
 
 Writing: a file gets its hashes and appears under its name only when it is complete.
@@ -34,7 +34,7 @@ netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 M
 
 CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values along a dimension
 TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
-NETCDF = "NetCDF:"  # how messages of the netCDF library begin
+NETCDF = "NetCDF:"  # start of messages of the netCDF library
 ADVICE = "restore a copy or create it again; --trust reads it anyway"
 
 
@@ -45,8 +45,12 @@ ADVICE = "restore a copy or create it again; --trust reads it anyway"
 def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) -> Iterator[netCDF4.Dataset]:
     """Context with a netCDF4.Dataset open for reading, whose hashes and schema are right.
 
-    kind: state, run, probes or statistics; verify: False to check only the hash of the bytes, for a command that shows
-    a file without computing from it. Raises InputError if the file is damaged or not a labkit `kind` file.
+    Raises InputError if the file is damaged or not a labkit file of this kind.
+
+    Args:
+        path: The file.
+        kind: Kind of file: "state", "run", "probes" or "statistics".
+        verify: False to check only the hash of the bytes, for a command that shows a file without computing from it.
     """
     path = Path(path)
     with _opened(path, f"give a labkit {kind} file") as dataset:
@@ -61,7 +65,7 @@ def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) ->
 
 
 def labkit_kind(path: str | os.PathLike[str]) -> str | None:
-    """Kind of a labkit file, e.g. `state` or `run`; None for any other file. Raises InputError if it is damaged."""
+    """Return the kind of a labkit file, e.g. `state`, or None for any other. Raises InputError if it is damaged."""
     path = Path(path)
     if not path.is_file():
         return None
@@ -75,13 +79,13 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
 
 
 def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
-    """A text among the attributes of any netCDF file, or None. Raises InputError if the file is damaged."""
+    """Read a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
     with _opened(Path(path), "give a netCDF file") as dataset:
         return _text(dataset, name)
 
 
 def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
-    """(item, `same` or `differs`) for each hash of its own content that a netCDF file has. Raises InputError."""
+    """Return (item, `same` or `differs`) for each hash of its own content in a netCDF file. Raises InputError."""
     verdicts = []
     with _opened(Path(path), "give a netCDF file") as dataset:
         if (right := seal_is_right(path)) or "seal" in dataset.ncattrs():
@@ -95,7 +99,7 @@ def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
 
 
 def require_name(path: str | os.PathLike[str]) -> None:
-    """Raises InputError for a file name that the netCDF library cannot be given."""
+    """Raise InputError for a file name that the netCDF library cannot handle."""
     try:
         os.fspath(path).encode(sys.getfilesystemencoding())
     except UnicodeEncodeError:
@@ -104,7 +108,7 @@ def require_name(path: str | os.PathLike[str]) -> None:
 
 
 def kind_in_words(kind: str | None) -> str:
-    """A kind of file in a sentence."""
+    """Describe a kind of file within a sentence."""
     return f"a labkit {kind} file" if kind else "not a labkit file"
 
 
@@ -115,7 +119,7 @@ def trusted() -> bool:
 
 @contextlib.contextmanager
 def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
-    """Context with an open file whose bytes have the hash in its seal, if it has one."""
+    """Context with an open file whose bytes match the hash in its seal, if it has one."""
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
     require_name(path)
@@ -148,12 +152,12 @@ def _is_of_library(error: Exception) -> bool:
 
 
 def damaged(path: str | os.PathLike[str], why: str) -> InputError:
-    """The error for a damaged file."""
+    """Return the error for a damaged file."""
     return InputError(f"{path} is damaged ({why}): {ADVICE}")
 
 
 def _require_seal(path: Path) -> None:
-    """Raises InputError if a file does not have the hash in its seal, or stops HDF5, before HDF5 sees it here."""
+    """Raise InputError if a file does not match the hash in its seal, or stops HDF5, before this process opens it."""
     right = trusted() or seal_is_right(path)
     if right is False:
         raise damaged(path, "its bytes differ from their hash")
@@ -174,11 +178,11 @@ def _read_all(file: str) -> None:
                     pass
 
 
-_told: set[Path] = set()  # files of which the command has said that they have no hash
+_told: set[Path] = set()  # files that the command has already reported as having no hash
 
 
 def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
-    """True if the content of an open file is what labkit wrote, False if it has no hashes. Raises InputError."""
+    """True if an open file is unchanged since labkit wrote it, False without hashes. Raises InputError."""
     if seal_is_right(path):
         return True
     if "seal" in dataset.ncattrs():
@@ -190,14 +194,14 @@ def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
 
 
 def _warn_once(path: Path) -> None:
-    """Say that a file has no hash, once in a command."""
+    """Report that a file has no hash, once per command."""
     if path.resolve() not in _told:
         _told.add(path.resolve())
         print(f"labkit: {path} has no hash: damage or changes would not be noticed", file=sys.stderr, flush=True)
 
 
 def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
-    """A text among the attributes of a file; None if it is missing or not text."""
+    """Return a text attribute of a file; None if it is missing or not text."""
     try:
         value = dataset.getncattr(name) if name in dataset.ncattrs() else None
     except (RuntimeError, OSError, UnicodeError, AttributeError):
@@ -212,8 +216,8 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
 def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
     """Context with a new netCDF4.Dataset, which becomes the file `path`, with its hashes, on success.
 
-    size: bytes that it may need, or 0; the file is not begun unless the disk has them. Raises OSError with `path` as
-    its file name if the disk is full or fails.
+    The file is not started unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
+    the disk is full or fails.
     """
     with whole_file(path) as temporary, failure_named(path), _on_disk(temporary, "w", size) as dataset:
         yield dataset
@@ -225,7 +229,7 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
 def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
     """Context with a netCDF4.Dataset open for changes, a copy of the file `path`, which it replaces on success.
 
-    more: bytes that may be added. Raises OSError as new_netcdf.
+    `more` is the number of bytes that may be added. Raises OSError as new_netcdf does.
     """
     with whole_file(path) as temporary, failure_named(path):
         copy_unsealed(path, temporary)
@@ -234,7 +238,7 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
 
 
 def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
-    """Write an xarray.Dataset as a netCDF file with its hashes, whole or not at all. Raises OSError as new_netcdf."""
+    """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
     with whole_file(path) as temporary, failure_named(path), netcdf_library():
         data.to_netcdf(temporary, engine="netcdf4", **encoding)
         finish(temporary)
@@ -266,7 +270,7 @@ def finish(file: Path) -> None:
 
 
 def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
-    """Write the attributes with hashes, last before a file is closed; `complete`: False for a run that goes on."""
+    """Write the attributes with hashes, just before a file is closed; `complete` is False for an unfinished run."""
     if complete:
         dataset.data_sha256 = data_sha256(dataset)
     elif "data_sha256" in dataset.ncattrs():
@@ -301,7 +305,7 @@ def create_variables(
     sizes: Mapping[str, int],
     compression: Literal["zlib"] | None = "zlib",
 ) -> None:
-    """Creates the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
+    """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
 
     Every chunk has a checksum (fletcher32), which any program that reads the file checks.
     """

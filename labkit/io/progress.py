@@ -13,7 +13,7 @@ from labkit.io.streams import show
 
 
 def reporter(title: str) -> Callable[[float, str], None]:
-    """A function (fraction, text) that reports progress in the form suited to standard output."""
+    """Return a function (fraction, text) that reports progress in the form suited to standard output."""
     if sys.stdout.isatty() or in_notebook():
         return Bar(title)
     return Lines(title)
@@ -36,7 +36,7 @@ class Clock:
     """Estimates the time left from the progress since the first call, because a resumed run starts in the middle."""
 
     def __init__(self) -> None:
-        """The clock starts at the first call of `left`."""
+        """Start the clock at the first call of `left`."""
         self.start: tuple[float, float] | None = None  # fraction, s
 
     def left(self, fraction: float) -> str:
@@ -57,13 +57,13 @@ class Lines:
     """Prints a line for every tenth of the progress, and at least every half minute."""
 
     def __init__(self, title: str, fraction_step: float = 0.1, seconds_step: float = 30.0) -> None:
-        """title: text at the start of each line."""
+        """Take the text at the start of each line."""
         self.title, self.fraction_step, self.seconds_step = title, fraction_step, seconds_step
         self.clock, self.last_time = Clock(), time.monotonic()
         self.last: float | None = None  # fraction in the last line
 
     def __call__(self, fraction: float, text: str) -> None:
-        """Prints a line if one is due."""
+        """Print a line if one is due."""
         now, left = time.monotonic(), self.clock.left(fraction)
         due = self.last is None or fraction - self.last >= self.fraction_step or fraction >= 1.0 > self.last
         if due or now - self.last_time >= self.seconds_step:
@@ -75,7 +75,7 @@ class Bar:
     """A tqdm bar, that of notebooks in a notebook."""
 
     def __init__(self, title: str) -> None:
-        """title: text before the bar."""
+        """Take the text before the bar."""
         self.title, self.clock = title, Clock()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a notebook without ipywidgets gets the bar of a terminal
@@ -83,7 +83,7 @@ class Bar:
         self.bar = tqdm(total=1.0, desc=title, bar_format="{desc}: {percentage:3.0f}%|{bar}| {postfix}")
 
     def __call__(self, fraction: float, text: str) -> None:
-        """Updates the bar."""
+        """Update the bar."""
         left = self.clock.left(fraction)
         self.bar.set_postfix_str(f"{left} left, {text}", refresh=False)
         self.bar.update(fraction - self.bar.n)

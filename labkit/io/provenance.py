@@ -36,10 +36,13 @@ LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotl
 def provenance_json(
     command: str | None = None, inputs: Iterable[Name] = (), output: Name | None = None, seed: int | None = None
 ) -> str:
-    """Provenance of a file that is being created, as JSON text.
+    """Return the provenance of a file that is being created, as JSON text.
 
-    command: the command as typed (default: the command of this process); inputs: the files that were read; output: the
-    file being created. The names of the inputs are relative to its folder.
+    Args:
+        command: Command as typed (default: that of this process).
+        inputs: Files that were read; their names become relative to the folder of the output.
+        output: File being created.
+        seed: Random seed.
     """
     folder = Path(output).resolve().parent if output else Path.cwd()
     record: dict[str, object] = {
@@ -60,13 +63,13 @@ def provenance_json(
 
 
 def write_with_provenance(file: Name, text: str, inputs: Iterable[Name] = (), command: str | None = None) -> None:
-    """Writes a text file and its provenance. inputs: the files that were read."""
+    """Write a text file and its provenance; `inputs` are the files that were read."""
     write_text(file, text)
     write_provenance(file, inputs, command)
 
 
 def write_provenance(file: Name, inputs: Iterable[Name] = (), command: str | None = None) -> None:
-    """Writes the provenance and the hash of an existing file to `file` + `.provenance.json`."""
+    """Write the provenance and the hash of an existing file to `file` + `.provenance.json`."""
     record = json.loads(provenance_json(command, inputs, file))
     write_text(f"{file}{BESIDE}", json.dumps({**record, "sha256": file_sha256(file)}, indent=1) + "\n")
 
@@ -151,7 +154,7 @@ def has_changed(file: Name) -> bool:
 
 
 def check(file: Name) -> list[tuple[str, str]]:
-    """(item, verdict) for every hash that a file stores: for its content or data, and for its input files.
+    """Return (item, verdict) for every hash that a file stores: for its content or data, and for its input files.
 
     The verdict is `same`, `differs` or `missing`.
     """
@@ -172,7 +175,7 @@ def _verdict(file: Path, sha256: str) -> str:
 
 
 def provenance_rows(known: Mapping[str, Any]) -> dict[str, str]:
-    """A provenance as label -> text; empty values are left out."""
+    """Return a provenance as label -> text, without empty values."""
     computer = known.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]
     labelled = {

@@ -1,7 +1,7 @@
 """Schema of state and run files: name, dimensions, type, units and long name of every variable, types of attributes.
 
-`require_schema` compares an open file with it. What the values of a State or of contacts must satisfy is in
-labkit.grains.state and labkit.micro.contacts.
+`require_schema` compares an open file with the schema. labkit.grains.state and labkit.micro.contacts check the values
+of a State and of contacts.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ NEEDED = {  # attributes without which a file cannot be used
 
 
 def require_schema(path: str | os.PathLike[str], dataset: netCDF4.Dataset, kind: str) -> None:
-    """Raises InputError, with the file, unless an open file has the variables, shapes and attributes of its kind."""
+    """Raise InputError, with the file, unless an open file has the variables, shapes and attributes of its kind."""
     for problem in _problems(dataset, kind):
         again = "repeat the run" if kind == "run" else "create it again"
         raise InputError(f"{path} is damaged ({problem}): {again}")
@@ -186,7 +186,7 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 
 
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
-    """(group, its table, variables that it needs, whether single precision is refused) of a kind of file."""
+    """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
         yield dataset, STATE, STATE, True
     if kind == "run":
@@ -198,7 +198,7 @@ def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[
 
 
 def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:
-    """What is wrong with the type or the shape of a variable, or None."""
+    """Say what is wrong with the type or the shape of a variable, or return None."""
     if variable.dimensions != known.dimensions:
         return (
             f"{known.name} has the dimensions ({', '.join(variable.dimensions)}), not ({', '.join(known.dimensions)})"
@@ -221,7 +221,7 @@ def _attribute_problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 
 
 def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:
-    """What is wrong with the sizes of the snapshots of a run, or with its grains."""
+    """Say what is wrong with the sizes of the snapshots of a run, or with its grains."""
     contacts, records = dataset["contacts"], len(dataset.dimensions["time"])
     record, sizes = (np.ma.getdata(contacts[name][...]) for name in ("record", "row_size"))
     if len(record) and not (0 <= record.min() and record.max() < records and (np.diff(record) > 0).all()):

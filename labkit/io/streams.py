@@ -19,7 +19,7 @@ def prepare_streams() -> None:
 
 
 def show(text: str, end: str = "\n") -> None:
-    """Print progress; if nobody reads it any more, or the disk behind it is full, it is silently dropped."""
+    """Print progress, or drop it silently if its reader has stopped or the disk is full."""
     try:
         print(text, end=end, flush=True)
     except OSError:
@@ -27,7 +27,7 @@ def show(text: str, end: str = "\n") -> None:
 
 
 def flushed() -> OSError | None:
-    """The error of writing the last lines of a command to standard output, or None; a reader may stop early."""
+    """Write the last lines of a command to standard output; returns the error, or None. A reader may stop early."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:

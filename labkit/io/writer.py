@@ -7,20 +7,20 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 LEAST_PAUSE = 5.0  # s between the starts of two writes
-SHARE = 0.05  # of the time may be spent on writing
+SHARE = 0.05  # largest share of the time spent on writing
 
 
 class Writer:
     """Runs one function at a time in a thread of its own."""
 
     def __init__(self) -> None:
-        """Starts no thread yet."""
+        """Start no thread yet."""
         self._executor = ThreadPoolExecutor(1)
         self._running: Future[None] | None = None
         self._started, self._took = -LEAST_PAUSE, 0.0  # s, of the last write
 
     def start(self, write: Callable[[], None]) -> None:
-        """Start to run a function; the previous one must have ended (`wait`)."""
+        """Start running a function; the previous one must have ended (`wait`)."""
         self._started = time.monotonic()
         self._running = self._executor.submit(self._timed, write)
 
@@ -37,7 +37,7 @@ class Writer:
             running.result()
 
     def close(self) -> None:
-        """Wait for the running function and end the thread. Raises the exception with which the function ended."""
+        """Wait for the running function and end the thread. Raises the exception that ended the function."""
         try:
             self.wait()
         finally:
