@@ -1,4 +1,4 @@
-"""A campaign: specimens and runs that are defined in one file and carried out by a workflow engine.
+"""A campaign: specimens and runs defined in one file, which a workflow engine carries out.
 
 document      YAML with line numbers: the fields of a mapping, and every error
 keys          keys allowed in an entry, from the central parameter table

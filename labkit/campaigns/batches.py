@@ -1,7 +1,7 @@
 """Batches of a campaign: runs that an engine advances together on one GPU, as one job.
 
-The job loads all runs of a batch and leaves each in the folder of unfinished runs, complete or not. The job of each
-run then finds it there: a finished one is moved into place, one that failed says why.
+The job loads all runs of a batch and leaves each in the folder of unfinished runs, complete or not. The job of each run
+then finds its file there, and moves a finished run into place or reports why it failed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from labkit.errors import InputError, Interrupted, PhysicsError, sentence
 from labkit.runs.batches import execute_together, packed
 from labkit.runs.tasks import RunTask
 
-BATCHES = "batches"  # folder of the marks of batches that have been carried out
+BATCHES = "batches"  # folder with one marker file per finished batch
 GB = 1e9
 
 
@@ -30,7 +30,7 @@ GB = 1e9
 class RunBatch:
     """Runs that are carried out together.
 
-    name: differs for other runs or other parameters; memory: bytes that they need on the GPU, about.
+    The `name` differs for other runs or parameters; `memory` is the approximate number of bytes needed on the GPU.
     """
 
     name: str
@@ -59,9 +59,9 @@ def on_gpu(job: Job) -> bool:
 
 
 def batches_of(plan: Plan) -> tuple[RunBatch, ...]:
-    """The batches of a plan: as few as fit the memory of the GPU, which is that of the campaign file, if given there.
+    """Divide the runs of a plan into as few batches as fit the GPU's memory, by default that of this computer's GPU.
 
-    Raises InputError if it is not, and this computer has no GPU.
+    Raises InputError if the campaign file does not give the memory and this computer has no GPU.
     """
     groups: dict[tuple[str, str], list[Job]] = defaultdict(list)
     for job in filter(batched, plan.runs):
@@ -89,9 +89,9 @@ def _batch(engine: str, jobs: list[Job], memory: float) -> RunBatch:
 
 
 def carry_out(batch: RunBatch, task_of: Callable[[Job], RunTask]) -> None:
-    """Carry out the runs of a batch that are not finished, in the campaign folder; write the mark.
+    """Carry out the unfinished runs of a batch in the campaign folder, and write the mark.
 
-    What fails is written to the log of the run, and does not stop the others. Raises Interrupted after a signal, once
+    A failure is written to the log of the run, and does not stop the others. Raises Interrupted after a signal, once
     the runs have written their checkpoints.
     """
     tasks: dict[Job, RunTask] = {}
@@ -116,7 +116,7 @@ def carry_out(batch: RunBatch, task_of: Callable[[Job], RunTask]) -> None:
 
 
 def _is_due(job: Job) -> bool:
-    """True unless the result of a run is there, and newer than what it is made from."""
+    """True unless the result of a run exists and is newer than its source."""
     with contextlib.suppress(FileNotFoundError):
         made = os.stat(job.output).st_mtime
         return any(os.stat(file).st_mtime > made for file in (job.recipe, str(job.source)))

@@ -53,13 +53,13 @@ class _File(NamedTuple):
 
 
 def open_campaign(*places: str | Path) -> xr.Dataset:
-    """The runs of campaign folders, or run files, as one lazy xarray.Dataset.
+    """Open the runs of campaign folders, or run files, as one lazy xarray.Dataset.
 
-    Dimensions: `run` (coordinate: the name), `time` (records; shorter runs are padded with NaN), `i`, `j`. Variables:
-    those of labkit.io.schema.RECORD present in at least one run, and user-defined statistics. Coordinates along `run`:
-    parameters of the paths, scenes and specimens. A parameter whose name clashes with a recorded variable gets a
-    prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the recipe. Raises
-    InputError for a path that does not exist or contains no run files.
+    Its dimensions are `run` (with the name as coordinate), `time` (records; shorter runs are padded with NaN), `i` and
+    `j`. Its variables are those of labkit.io.schema.RECORD present in at least one run, and user-defined statistics.
+    Its coordinates along `run` are parameters of the paths, scenes and specimens. A parameter whose name clashes with a
+    recorded variable gets a prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the
+    recipe. Raises InputError for a path that does not exist or contains no run files.
     """
     files = run_files(places)
     known = [_read(file) for file in files]
@@ -73,7 +73,7 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
 
 
 def run_files(places: Sequence[str | Path]) -> list[Path]:
-    """Run files in campaign folders and in folders of run files, and any given by name."""
+    """List the run files in campaign folders and in folders of run files, and any given by name."""
     if not places:
         raise InputError("open_campaign() needs a path: give a campaign folder or run files")
     files: list[Path] = []
@@ -101,7 +101,7 @@ def _attributes(units: str, long_name: str) -> dict[str, str]:
 
 
 def _column(cells: Sequence[tuple[object, dict[str, str]] | None]) -> tuple[str, list[object], dict[str, str]]:
-    """A coordinate along `run`; NaN or an empty string for a run that lacks it."""
+    """Return a coordinate along `run`, with NaN or an empty string for a run that lacks it."""
     first = next(cell for cell in cells if cell is not None)
     is_text = any(isinstance(cell[0], str) for cell in cells if cell is not None)
     values = [("" if is_text else np.nan) if cell is None or cell[0] is None else cell[0] for cell in cells]
@@ -138,7 +138,7 @@ def _read(file: Path) -> _File:
 def _parameters(
     of: str, values: Mapping[str, object], known: Mapping[str, Parameter]
 ) -> dict[str, tuple[object, dict[str, str]]]:
-    """Coordinates for all parameters of a path, scene or recipe in a file; those that are known have units and help."""
+    """Return coordinates for all parameters of a path, scene or recipe in a file; known ones have units and help."""
     coordinates = {}
     for name, value in values.items():
         if isinstance(value, (list, tuple)):
@@ -149,7 +149,7 @@ def _parameters(
 
 
 def _described(variable: netCDF4.Variable) -> Variable:
-    """A recorded variable as labkit defines it, or else as the file describes it."""
+    """Return a recorded variable as labkit defines it or, if it is not labkit's, as the file describes it."""
     attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
     own = Variable(variable.name, variable.dimensions, "f8", *attributes)
     return RECORD.get(variable.name, own)
@@ -190,18 +190,18 @@ class Runs:
     """Operations on a campaign, or on a selection of its runs, as `campaign.runs`."""
 
     def __init__(self, campaign: xr.Dataset) -> None:
-        """`campaign`: Dataset from labkit.open_campaign, or a selection of it."""
+        """Take a Dataset from labkit.open_campaign, or a selection of it."""
         self._campaign = campaign
 
     def open(self, name: str) -> xr.Dataset:
-        """Opens one run with its contacts, as labkit.open_run does."""
+        """Open one run with its contacts, as labkit.open_run does."""
         return open_run(str(self._campaign["file"].sel(run=name).values))
 
     def over(self, function: Callable[[xr.Dataset], Numbers]) -> xr.Dataset:
-        """Applies `function(records)` to every run, one run in memory at a time; a Dataset along `run`.
+        """Apply `function(records)` to every run, one run in memory at a time; returns a Dataset along `run`.
 
-        `records`: records of one run as a Dataset along `time`, with the accessor `.lab` but without contacts. The
-        function returns name -> (value, units, long name). The result keeps the parameters as coordinates.
+        The function gets the records of one run as a Dataset along `time`, with the accessor `.lab` but without
+        contacts, and returns name -> (value, units, long name). The result keeps the parameters as coordinates.
         """
         files = np.atleast_1d(self._campaign["file"].values)
         rows = []
@@ -222,5 +222,5 @@ class Runs:
         return xr.Dataset(columns, coords={name: c for name, c in self._campaign.coords.items() if c.dims == ("run",)})
 
     def summary(self) -> xr.Dataset:
-        """The numbers reported for every run: end values, peaks, the critical state, the error of C0."""
+        """Compute the numbers reported for every run: end values, peaks, the critical state, the error of C0."""
         return self.over(numbers)

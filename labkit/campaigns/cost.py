@@ -25,7 +25,7 @@ from labkit.runs.pace import expected_pace
 from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 
 SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
-PRODUCT_SECONDS = 6.0  # statistics and figures of a run; half of it is the start of Python
+PRODUCT_SECONDS = 6.0  # for statistics and figures of a run; Python takes half of it to start
 MEMORY = {"yade": (350, 0.02)}  # MB: of a process, and per grain
 OTHER_MEMORY = (450, 0.02)
 CONTACTS_PER_GRAIN = 2.8
@@ -33,8 +33,8 @@ RECORD_BYTES = 60 * 8
 SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 DAYS = 10 * 86400.0  # s; a longer time is given in days
-ENDLESS = 30 * 86400.0  # s; a command that takes longer says that it cannot finish
-MUCH_FASTER = 3.0  # times; from here on a command suggests the fused engine
+ENDLESS = 30 * 86400.0  # s; the announcement of a longer command says that it cannot finish
+MUCH_FASTER = 3.0  # speed ratio from which a command suggests the fused engine
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,10 +49,10 @@ class Cost:
 
 @dataclasses.dataclass(frozen=True)
 class _Work:
-    """What a job or a command computes.
+    """The work of a job or a command.
 
-    slower: time steps of a run divided by the planned ones, which differ if it has an inertial number; servo: steps
-    between two stress sums, None without a servo.
+    `slower` is the number of time steps of a run divided by the planned number, which differs if the run has an
+    inertial number. `servo` is the number of steps between two stress sums, or None.
     """
 
     grains: int
@@ -74,7 +74,7 @@ class _Work:
 
 
 def _of_run(path: Path, scene: Scene, options: Options, grains: int, pressure: float) -> _Work:
-    """The work of a run at a mean stress of `pressure`, Pa."""
+    """Return the work of a run at a mean stress of `pressure`, Pa."""
     schedule = Schedule.of(path, scene.time_step, grains, options)
     slower = 1.0 / expected_pace(path, options, scene, pressure)
     servo = options.servo.interval if holds_stress(path) else None
@@ -82,7 +82,7 @@ def _of_run(path: Path, scene: Scene, options: Options, grains: int, pressure: f
 
 
 def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
-    """The Cost of a job of a Plan. `speeds`: engine -> Speed. For a path that ends at a stress it is an upper bound."""
+    """Estimate the Cost of a job from speeds, engine -> Speed; for a path that ends at a stress, an upper bound."""
     item = job.item
     origin = campaign.origin(_specimen_of(item))
     grains = origin.expected_grains
@@ -99,14 +99,14 @@ def cost_of(job: Job, campaign: Campaign, speeds: Mapping[str, Speed]) -> Cost:
 
 
 def _specimen_of(item: Item) -> str:
-    """Name of the specimen that a job starts from, or that it makes."""
+    """Return the name of the specimen from which a job starts, or that it makes."""
     if isinstance(item, PlannedRun):
         return item.specimen
     return item.source if isinstance(item, Consolidated) else item.name
 
 
 def expected_seconds(plan: Plan, costs: Mapping[Job, Cost], cores: int) -> float:
-    """Time for the plan on these cores, s; a job starts once the jobs it depends on are done and a core is free."""
+    """Estimate the time of the plan, s; a job starts once the jobs that it needs are done and a core is free."""
     free = [0.0] * cores
     done: dict[str, float] = {}
     for job in (*plan.specimens, *plan.consolidations, *sorted(plan.runs, key=lambda run: -costs[run].seconds)):
@@ -117,7 +117,7 @@ def expected_seconds(plan: Plan, costs: Mapping[Job, Cost], cores: int) -> float
 
 
 def cost_table(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
-    """Table printed by `--dry-run`, as text."""
+    """Return the table printed by `--dry-run`."""
     costs = {job: cost_of(job, plan.campaign, speeds) for job in plan.jobs}
     lines = [f"{'kind':<14} {'name':<40} {'engine':<7} {'grain-steps':>11} {'time':>9} {'disk':>9}"]
     for job in plan.jobs:
@@ -140,13 +140,13 @@ def cost_table(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
 
 
 def time_text(seconds: float) -> str:
-    """A time in s as hours:minutes:seconds."""
+    """Format a time in s as hours:minutes:seconds."""
     seconds = round(seconds)
     return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
 def size_text(size: float) -> str:
-    """A number of bytes with a suitable unit."""
+    """Format a number of bytes with a suitable unit."""
     for unit in ("B", "kB", "MB", "GB"):
         if size < 1000.0:
             return f"{size:.3g} {unit}"
@@ -155,9 +155,9 @@ def size_text(size: float) -> str:
 
 
 def announcement(task: Task, steps_done: int = 0) -> str:
-    """One line on what a task will take: engine, grains, steps and time; suggests the fused engine if much faster.
+    """Announce engine, grains, steps and time of a task in one line; suggests the fused engine if it is much faster.
 
-    steps_done: steps of the run already completed.
+    `steps_done` is the number of completed steps of a run.
     """
     work, engine = work_of(task), task.start
     left = max(1.0 - steps_done / work.steps, 0.0)
@@ -180,7 +180,7 @@ def announcement(task: Task, steps_done: int = 0) -> str:
 
 
 def work_of(task: Task) -> _Work:
-    """The work of a task; approximate for a specimen and a consolidation."""
+    """Return the work of a task, approximately for a specimen or a consolidation."""
     if isinstance(task, SpecimenTask):
         return _Work(task.recipe.expected_grains(task.material), SPECIMEN_STEPS)
     assert isinstance(task, (ConsolidationTask, RunTask))
@@ -193,7 +193,7 @@ def work_of(task: Task) -> _Work:
 
 
 def rough_time(seconds: float) -> str:
-    """A time in s as text, rounded, in a single unit."""
+    """Format a time in s, rounded, in a single unit."""
     if seconds < 100.0:
         return f"{max(seconds, 1.0):.0f} s"
     if seconds > DAYS:

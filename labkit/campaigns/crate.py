@@ -1,7 +1,7 @@
 """A campaign as an RO-Crate 1.1: one JSON-LD file that describes all files of its folder and how each was made.
 
-Archives such as Zenodo and WorkflowHub read `ro-crate-metadata.json` (https://w3id.org/ro/crate). It is made from the
-provenance that each file contains, with ro-crate-py.
+Archives such as Zenodo and WorkflowHub read `ro-crate-metadata.json` (https://w3id.org/ro/crate). ro-crate-py makes it
+from the provenance that each file contains.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from labkit.io.extras import install_command
 from labkit.io.hashes import file_sha256
 from labkit.io.provenance import provenance_of
 
-COPY = "campaign.yaml"  # of the campaign file, in its folder
+COPY = "campaign.yaml"  # copy of the campaign file in its folder
 KINDS = {".nc": "application/netcdf", ".csv": "text/csv", ".png": "image/png", ".md": "text/markdown",
          ".yaml": "application/yaml", ".json": "application/json"}  # fmt: skip
 METADATA = "ro-crate-metadata.json"
@@ -25,8 +25,8 @@ METADATA = "ro-crate-metadata.json"
 def write_crate(folder: str | os.PathLike[str], license: str = "https://creativecommons.org/licenses/by/4.0/") -> Path:
     """Write `ro-crate-metadata.json` into the folder of a campaign; returns its path.
 
-    license: address of the licence of the data. Raises InputError if it is not the folder of a campaign, or if
-    ro-crate-py is missing.
+    `license` is the address of the licence of the data. Raises InputError if the folder is not that of a campaign, or
+    if ro-crate-py is missing.
     """
     folder = Path(folder)
     if not (folder / COPY).is_file():
@@ -55,7 +55,7 @@ def write_crate(folder: str | os.PathLike[str], license: str = "https://creative
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Results and the files they were made from, without logs, caches and results of an earlier version of the file."""
+    """List results and their sources, without logs, caches and results of an earlier version of the campaign file."""
     for path in sorted(folder.rglob("*")):
         parts = path.relative_to(folder).parts
         hidden = any(part.startswith(".") or part in ("outdated", "logs") for part in parts)
@@ -73,7 +73,7 @@ def _properties(path: Path) -> dict[str, object]:
 
 
 def _add_action(crate: Any, made: dict[str, object], result: Any, sources: list[object]) -> None:
-    """Add what made a file: command, program, time and inputs."""
+    """Add the origin of a file: command, program, time and inputs."""
     from rocrate.model.contextentity import ContextEntity
 
     version = {"softwareVersion": made["labkit_version"], "identifier": made["commit"]}

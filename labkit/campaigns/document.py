@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 MOST_ERRORS = 100  # shown in one report
 MOST_BYTES = 1_000_000  # of a file
-MOST_NODES = 100_000  # values in a file, each alias counted with all that it stands for
-MOST_SIMILAR = 1000  # names among which a similar one is looked for
+MOST_NODES = 100_000  # values in a file, including all values that its aliases stand for
+MOST_SIMILAR = 1000  # largest number of names to search for a similar one
 Made = TypeVar("Made")
 
 
@@ -25,11 +25,11 @@ class Errors:
     """The errors in a file, with their lines."""
 
     def __init__(self) -> None:
-        """No errors yet."""
+        """Start without errors."""
         self.all: dict[tuple[int, str], None] = {}
 
     def add(self, line: int, text: str) -> None:
-        """Adds an error unless it is already listed."""
+        """Add an error unless it is already listed."""
         self.all[line, text] = None
 
     @property
@@ -38,7 +38,7 @@ class Errors:
         return len(self.all)
 
     def report(self, file: Path) -> str:
-        """One line per error, in the order of the file."""
+        """Report one line per error, in the order of the file."""
         number = "an error" if self.count == 1 else f"{self.count} errors"
         lines = [f"{file} has {number}, nothing was started"]
         lines += [f"  line {line}: {text}" for line, text in sorted(self.all)[:MOST_ERRORS]]
@@ -59,7 +59,7 @@ CAMPAIGN = Kind("campaign", "PyYAML and Snakemake", "`specimens:` and `runs:`", 
 
 
 def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
-    """Text of a file. Raises InputError if it cannot be read."""
+    """Read the text of a file. Raises InputError if it cannot be read."""
     try:
         if file.exists() and not file.is_file():
             raise InputError(f"{file} cannot be read (not a regular file): give a {kind.name} file")
@@ -73,7 +73,7 @@ def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
 
 
 class Text(str):
-    """A single value, with its line; empty: True if YAML reads it as no value."""
+    """A single value, with its line; `empty` is True if YAML reads it as no value."""
 
     line: int
     size = 1
@@ -81,14 +81,14 @@ class Text(str):
 
 
 class Rows(list["Node"]):
-    """A list, with the line at which it begins; size: number of values that it stands for through its aliases."""
+    """A list, with its first line; `size` is the number of its values, including those of its aliases."""
 
     line: int
     size: int
 
 
 class Block(dict[str, "Node"]):
-    """A mapping, with the line at which it begins and those of its names; size: as for Rows."""
+    """A mapping, with its first line and the lines of its names; `size` is that of Rows."""
 
     line: int
     size: int
@@ -111,7 +111,7 @@ class Entry(NamedTuple):
 
 
 def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
-    """The YAML mapping in a text, or None after a syntax error. Raises InputError if PyYAML is not installed."""
+    """Parse the YAML mapping in a text, or return None after a syntax error. Raises InputError without PyYAML."""
     try:
         import yaml
     except ImportError:
@@ -144,9 +144,9 @@ def _line(node: YamlNode) -> int:
 
 
 def _marked(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Node:
-    """A node as text, list or mapping with lines; adds an error for each name that is no word, or is there twice.
+    """Convert a node to text, list or mapping with lines; adds an error for each name that is not a word or not unique.
 
-    done: id of a node -> its content, None for one that contains the node. Raises TooManyValues.
+    `done` maps the id of a node to its content, or None while that node is being converted. Raises TooManyValues.
     """
     if id(node) in done:
         if (known := done[id(node)]) is None:
@@ -181,7 +181,7 @@ def _marked(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Nod
 
 
 def kind_of(node: Node) -> str:
-    """What a node is, for messages."""
+    """Describe a node, for messages."""
     if isinstance(node, Text):
         return "empty" if node == "" else "a single value"
     return "a list" if isinstance(node, Rows) else "a mapping"
@@ -191,8 +191,13 @@ def kind_of(node: Node) -> str:
 class Fields:
     """The fields of one mapping.
 
-    where: name of the mapping in messages; line: where it begins; values: name -> value in SI units, a list where
-    several values were given; lines: name -> line; broken: names whose value cannot be read.
+    Args:
+        where: Name of the mapping in messages.
+        line: First line of the mapping.
+        errors: Errors of the file.
+        values: Values in SI units, name -> value, a list where several values were given.
+        lines: Lines of the fields, name -> line.
+        broken: Names whose values cannot be read.
     """
 
     where: str
@@ -207,23 +212,23 @@ class Fields:
         return name in self.values or name in self.broken
 
     def listed(self, name: str) -> list[Any]:
-        """Values of a field, as a list: empty if the field is missing or broken."""
+        """Return the values of a field as a list, which is empty if the field is missing or broken."""
         value = self.values.get(name, [])
         return value if isinstance(value, list) else [value]
 
     def error(self, problem: str, name: str | None = None, where: str | None = None) -> None:
-        """Adds an error at the line of a field, or of the mapping. where: replaces the mapping's name."""
+        """Add an error at the line of a field, or of the mapping; `where` replaces the mapping's name."""
         self.errors.add(self.lines.get(name or "", self.line), f"{where or self.where}: {problem}")
 
     def require(self, needed: Iterable[Parameter], example: str | None = None) -> bool:
-        """True if all these fields are given; adds an error for each missing one. example: a value to suggest."""
+        """True if all these fields are given; adds an error, which suggests `example`, for each missing one."""
         missing = [known for known in needed if not self.has(known.name)]
         for known in missing:
             self.error(f"{known.name} is missing: give it, e.g. {example or known.example}")
         return not missing
 
     def attempt(self, make: Callable[[], Made], where: str | None = None) -> Made | None:
-        """Result of `make`, or None after adding the error that it raised. where: replaces the mapping's name."""
+        """Return the result of `make`, or None after adding its error; `where` replaces the mapping's name."""
         try:
             return make()
         except InputError as error:
@@ -242,9 +247,16 @@ def read_fields(
     sections: Collection[str] = (),
     line: int | None = None,
 ) -> Fields:
-    """Reads the fields of a mapping; adds an error for each name or value that is not valid and leaves it out.
+    """Read the fields of a mapping; adds an error for each name or value that is not valid and leaves it out.
 
-    known: name -> Parameter; several: names that accept a list of values; sections: names that are read elsewhere.
+    Args:
+        node: The mapping.
+        known: Valid fields, name -> Parameter.
+        where: Name of the mapping in messages.
+        errors: Errors of the file.
+        several: Names that accept a list of values.
+        sections: Names that are read elsewhere.
+        line: Line of the mapping, if it differs from that of the node.
     """
     fields = Fields(where, line or node.line, errors)
     if not isinstance(node, Block):
@@ -260,7 +272,7 @@ def read_fields(
 
 
 def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
-    """Reads one field: a value, or a list of values."""
+    """Read one field: a value, or a list of values."""
     name, errors, is_list = known.name, fields.errors, isinstance(node, Rows) and (several or known.kind is tuple)
     where = f"{fields.where}: {name}"
     nodes: Sequence[Node] = node if is_list and isinstance(node, Rows) else [node]
@@ -286,7 +298,7 @@ def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
 
 
 def scalar(node: Node, where: str, errors: Errors) -> str | None:
-    """Text of a single value, or None after adding an error."""
+    """Return the text of a single value, or None after adding an error."""
     if isinstance(node, Text) and not node.empty:
         return str(node)
     problem = "empty: give a value, or leave it out" if isinstance(node, Text) else f"{kind_of(node)}: give one value"
@@ -295,7 +307,7 @@ def scalar(node: Node, where: str, errors: Errors) -> str | None:
 
 
 def similar(name: str, known: Collection[str]) -> str:
-    """A suggestion for a misspelled name, to append to the message."""
+    """Suggest a name for a misspelled one, for the end of the message."""
     if not 0 < len(known) <= MOST_SIMILAR:
         return ""
     close = nearest(name, known)

@@ -10,7 +10,7 @@
       cp: {path: cp, specimen: dense, pressure: [0.5 MPa, 1 MPa], engine: [yade, fused]}
 
 Lists are expanded: `cp` stands for eight runs, cp-dense-s1-p500kPa-yade and so on. Keys are the parameters of Recipe,
-Scene, Options and the path (labkit.parameters). Values are read as on the command line: with a unit, or in SI units.
+Scene, Options and the path (labkit.parameters). Values have a unit or are in SI units, as on the command line.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def campaign_file(name: str) -> Path:
 
 
 def read_campaign(file: str | os.PathLike[str]) -> Campaign:
-    """Reads a campaign file and loads the files that it uses. Raises InputError with every error and its line."""
+    """Read a campaign file and load the files that it uses. Raises InputError with every error and its line."""
     file = Path(file)
     errors = Errors()
     root = compose(read_text(file), errors)
@@ -61,7 +61,7 @@ def read_campaign(file: str | os.PathLike[str]) -> Campaign:
 
 
 def _use(root: Block, folder: Path, errors: Errors) -> bool:
-    """Loads the files under `use`, whose paths are relative to the campaign file; True if all could be loaded."""
+    """Load the files under `use`, whose paths are relative to the campaign file; True if all could be loaded."""
     node, before = root.get(USE, Rows()), errors.count
     for one in node if isinstance(node, Rows) else [node]:
         name = scalar(one, f"the file: {USE}", errors)

@@ -18,7 +18,7 @@ TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not 
 
 @dataclasses.dataclass(frozen=True)
 class _Work:
-    """What every item has: its name, and how it is computed."""
+    """Fields of every item: its name, and how it is computed."""
 
     name: str
     engine: str = dataclasses.field(default="yade", kw_only=True)
@@ -51,7 +51,7 @@ class Consolidated(_Work):
 class PlannedRun(_Work):
     """A loading path applied to a specimen, or to the grains at the end of another run.
 
-    changes: (parameter, value) pairs of the Scene that may differ from the specimen's.
+    `changes` are (parameter, value) pairs of the Scene that may differ from the specimen's.
     """
 
     specimen: str
@@ -60,13 +60,13 @@ class PlannedRun(_Work):
     changes: tuple[tuple[str, Any], ...] = ()
 
     def scene(self, specimen: Specimen) -> Scene:
-        """The Scene of the run, for the Specimen that it starts from."""
+        """Return the Scene of the run, for the Specimen from which it starts."""
         return dataclasses.replace(specimen.scene, **dict(self.changes))
 
     def loading(self, specimen: Specimen) -> Path:
-        """The path with its rate.
+        """Return the path with its rate.
 
-        A typical value stands in for a pressure that is not known until the specimen has been made.
+        A typical value replaces a pressure that is unknown until the specimen has been made.
         """
         return on_grains(self.path, self.scene(specimen)).starting_at(TYPICAL_PRESSURE)
 
@@ -78,8 +78,8 @@ Item = Specimen | Consolidated | PlannedRun
 class Campaign:
     """Contents of a campaign file with its lists expanded; specimen names are unique, and so are run names.
 
-    use: user-supplied Python files that it needs, see labkit.extensions; gpu_memory: of the GPU that its runs use
-    together, GB, None for that of the GPU of this computer.
+    `use` lists the user-supplied Python files that it needs (labkit.extensions). `gpu_memory` is the memory of the GPU
+    that its runs share, GB, or None for that of this computer's GPU.
     """
 
     name: str
@@ -134,7 +134,7 @@ def consolidation_name(run: PlannedRun, pressure: float) -> str:
 
 
 def schedule_of(run: PlannedRun, specimen: Specimen) -> Schedule:
-    """The Schedule (steps and records) of a PlannedRun of a Specimen.
+    """Return the Schedule (steps and records) of a PlannedRun of a Specimen.
 
     Raises InputError if rate, strain and time step are incompatible.
     """

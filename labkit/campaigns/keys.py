@@ -43,12 +43,12 @@ GPU_MEMORY = Parameter("gpu_memory", help=GPU, unit="GB", above=0.0, high=1e6)
 
 
 def options_of(kind: type) -> Keys:
-    """Parameters of a dataclass that a user may set."""
+    """Return the parameters of a dataclass that a user may set."""
     return {name: known for name, known in parameters_of(kind).items() if known.option}
 
 
 def given(values: Mapping[str, object], kind: type) -> dict[str, Any]:
-    """The subset of the values that are parameters of a dataclass and may be set by a user."""
+    """Select the values that are parameters of a dataclass and that a user may set."""
     known = options_of(kind)
     return {name: value for name, value in values.items() if name in known}
 
@@ -84,9 +84,9 @@ def any_run_keys() -> Keys:
 
 
 def run_keys(path: type[Path] | None) -> Keys:
-    """Keys of a run along a path, or along an unknown path (None).
+    """Return the keys of a run along a path, or along an unknown path (None).
 
-    They include the parameters of all other paths, so that messages can name the path a parameter belongs to.
+    They include the parameters of all other paths, so that messages can name the path to which a parameter belongs.
     """
     others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
     return {**others, **any_run_keys(), **({} if path is None else options_of(path))}

@@ -32,7 +32,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
 
 
 def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
-    """Writes the campaign file with this text and the files that it uses to the folder, unless they are up to date."""
+    """Write the campaign file with this text and the files that it uses to the folder, unless they are up to date."""
     if campaign.use:
         (folder / FOLDER).mkdir(exist_ok=True)
     for name, content in to_write(campaign, text, folder).items():
@@ -40,7 +40,7 @@ def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
 
 
 def to_write(campaign: Campaign, text: str, folder: Path) -> dict[str, str]:
-    """Copies that are missing in the folder or not up to date: name -> content."""
+    """Return copies that are missing in the folder or not up to date, name -> content."""
     names = copied_names(campaign.use)
     copies = dict(zip(names, map(read_text, campaign.use), strict=True)) | {CAMPAIGN: with_use(text, names)}
     missing = (name for name in copies if not (folder / name).exists() or read_text(folder / name) != copies[name])
@@ -48,7 +48,7 @@ def to_write(campaign: Campaign, text: str, folder: Path) -> dict[str, str]:
 
 
 def with_use(text: str, names: Sequence[str]) -> str:
-    """Text of a campaign file with its `use:` replaced by these files; nothing else is changed."""
+    """Return the text of a campaign file with its `use:` replaced by these files; nothing else is changed."""
     import yaml
 
     root = yaml.compose(text, Loader=yaml.SafeLoader)
@@ -68,9 +68,9 @@ def with_use(text: str, names: Sequence[str]) -> str:
 
 
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """The Campaign of a folder, read only from the copies stored there; ignores LABKIT_USE.
+    """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE.
 
-    Used by jobs that run in separate processes.
+    Jobs that run in separate processes use this function.
     """
     os.environ[VARIABLE] = ""
     return read_campaign(Path(folder) / CAMPAIGN)

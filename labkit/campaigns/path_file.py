@@ -46,13 +46,13 @@ def is_path_file(name: str) -> bool:
 
 
 def read_path(file: str | os.PathLike[str]) -> Path:
-    """The loading path in a path file. Raises InputError with every error and its line."""
+    """Read the loading path in a path file. Raises InputError with every error and its line."""
     kind, values = path_values(file)
     return make_path(kind.name, values)
 
 
 def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, object]]:
-    """The path that a path file names, and the values of its parameters in SI units.
+    """Read the path that a path file names, and the values of its parameters in SI units.
 
     Raises InputError with every error and its line.
     """
@@ -98,9 +98,12 @@ class _Keys:
 
 
 def read_steps(node: Node, fields: Fields, where: str) -> None:
-    """Adds the steps of a path, each once, and their order to its fields; adds every error with its line.
+    """Add the steps of a path, each once, and their order to its fields, and every error with its line.
 
-    node: the mapping that has the list `steps`; where: name of the list in messages.
+    Args:
+        node: The mapping that has the list `steps`.
+        fields: Fields of the path.
+        where: Name of the list in messages.
     """
     before, steps = fields.errors.count, list[Phase]()
     if not isinstance(node, Block) or STEPS not in node:
@@ -167,7 +170,7 @@ def _made(fields: Fields, changes: dict[str, dict[str, float]]) -> Phase | None:
 
 
 def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ...], unit: str) -> dict[str, float]:
-    """Changes of named stresses or strains in SI units."""
+    """Read changes of named stresses or strains, in SI units."""
     if node is None:
         return {}
     known = {name: Parameter(name, unit=unit) for name in names}

@@ -71,7 +71,7 @@ class Job:
 
     @property
     def unfinished(self) -> str:
-        """Path written to until the job is finished; it differs for different parameters."""
+        """Path of the unfinished result, which differs for different parameters."""
         return f"{UNFINISHED}/{self.name}.{self.digest[:12]}.{self.ending}"
 
     @property
@@ -109,7 +109,7 @@ class Plan:
 
 
 def plan_of(campaign: Campaign) -> Plan:
-    """The Plan of a Campaign. Runs of a specimen that hold the same stress share one consolidation."""
+    """Plan a Campaign. Runs of a specimen that hold the same stress share one consolidation."""
     hashes = tuple(map(file_sha256, campaign.use))
     made = {item.name: _specimen_job(item, hashes) for item in campaign.specimens}
     consolidated: dict[str, Job] = {}
@@ -153,7 +153,7 @@ def _run_job(item: PlannedRun, source: Job, origin: Specimen, hashes: tuple[str,
 
 
 def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]) -> tuple[str, ...]:
-    """Hashes of the user-supplied files, if the contact law or the engine is user-defined."""
+    """Return the hashes of the user-supplied files if the contact law or the engine is user-defined."""
     kinds = (type(scene.contact_law), ENGINES[item.engine])
     return () if all(map(is_labkits, kinds)) else hashes
 
@@ -161,7 +161,7 @@ def _needed(item: Specimen | Consolidated, scene: Scene, hashes: tuple[str, ...]
 def _options(
     known: Mapping[str, Parameter], values: Mapping[str, object], defaults: Mapping[str, object] = {}
 ) -> list[str]:
-    """Command-line options for the values that are not None and differ from the defaults."""
+    """Return command-line options for the values that are not None and differ from the defaults."""
     return [
         f"{option_name(name)}={_text(values[name], one.unit)}"
         for name, one in known.items()
@@ -170,7 +170,7 @@ def _options(
 
 
 def _text(value: object, unit: str) -> str:
-    """A value as the text of an option, to the last digit; a pressure has its unit."""
+    """Format a value as the text of an option, to the last digit; a pressure has its unit."""
     if isinstance(value, tuple) and value and isinstance(value[0], dict):
         return json.dumps(value)
     if isinstance(value, tuple):
@@ -191,7 +191,7 @@ def _job(kind: str, item: Item, arguments: list[str], source: Job | None, extens
 
 
 def deciding(arguments: list[str], engine: str) -> list[str]:
-    """Arguments that determine the result.
+    """Return the arguments that determine the result.
 
     The number of threads is left out for the fused engine, whose results are bit-identical for any number of threads.
     """
@@ -199,9 +199,9 @@ def deciding(arguments: list[str], engine: str) -> list[str]:
 
 
 def require_campaign_folder(folder: Path, others: Sequence[str] = ()) -> None:
-    """Raises InputError if a folder holds files that a campaign replaces or deletes, and that none has written.
+    """Raise InputError if a folder holds files that a campaign would replace or delete but that no campaign wrote.
 
-    others: names of further files that the campaign writes there.
+    `others` are names of further files that the campaign writes there.
     """
     recipes = list((folder / RECIPES).glob("*.json"))
     foreign = [file for file in recipes if not _is_recipe(file)]
@@ -222,7 +222,7 @@ def _is_recipe(file: Path) -> bool:
 
 
 def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
-    """Makes the folders, writes new and changed recipes, and removes recipes of jobs that are no longer planned."""
+    """Make the folders, write new and changed recipes, and remove recipes of jobs that are no longer planned."""
     folder = Path(folder)
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
@@ -238,7 +238,7 @@ def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
 
 
 def _set_aside(folder: Path, job: Job) -> None:
-    """Moves the results of a job with earlier parameters into the folder OUTDATED."""
+    """Move the results of a job with earlier parameters into the folder OUTDATED."""
     products = [f"{STATISTICS}/{job.name}.nc", f"{FIGURES}/{job.name}.png"] if job.kind == "run" else []
     for name in [job.output, *products]:
         if (folder / name).exists():
@@ -247,7 +247,7 @@ def _set_aside(folder: Path, job: Job) -> None:
 
 
 def recipe_text(job: Job) -> str:
-    """Everything that determines the result of a job, as JSON."""
+    """Return everything that determines the result of a job, as JSON."""
     recipe: dict[str, object] = {"command": ["labkit", *deciding(job.command, job.item.engine)], "digest": job.digest}
     if job.extensions:
         recipe["extensions"] = list(job.extensions)

@@ -20,7 +20,7 @@ Numbers = dict[str, tuple[float, str, str]]  # name -> (value, units, long name)
 
 
 def write_statistics(name: str) -> None:
-    """Writes the statistics of a run: one value per variable, with units."""
+    """Write the statistics of a run: one value per variable, with units."""
     file = Path(RUNS) / f"{name}.run.nc"
     output = Path(STATISTICS) / f"{name}.nc"
     run = open_run(file)
@@ -45,7 +45,7 @@ def write_statistics(name: str) -> None:
 
 
 def numbers(run: xr.Dataset) -> Numbers:
-    """Statistics of a run, name -> (value, units, long name). `run`: from labkit.open_run; only records are needed.
+    """Compute statistics of a run, opened with labkit.open_run, from its records: name -> (value, units, long name).
 
     User-defined statistics that the run recorded are included with their final value.
     """
@@ -81,7 +81,7 @@ def numbers(run: xr.Dataset) -> Numbers:
 
 
 def _cyclic(run: xr.Dataset) -> Numbers:
-    """Numbers of a cyclic test, and of its liquefaction if it is undrained."""
+    """Compute the numbers of a cyclic test, and of its liquefaction if it is undrained."""
     if run.lab.path is None or not run.lab.path.cyclic:
         return {}
     values: Numbers = {"cycles": (float(run.lab.cycles()[-1]), "1", "number of cycles")}

@@ -29,7 +29,7 @@ Limits = Mapping[str, Sequence[Exceeded]]  # name of a run -> limits that it exc
 
 
 def write_report(plan: Plan) -> None:
-    """Writes the report: a summary, one row per run, limits exceeded, what failed and why, and the provenance."""
+    """Write the report: a summary, one row per run, limits exceeded, failures with reasons, and the provenance."""
     finished = [job for job in plan.runs if Path(job.output).exists()]
     limits = {job.name: exceeded_in(job.output) for job in finished}
     rates = {
@@ -55,7 +55,7 @@ def write_report(plan: Plan) -> None:
 
 
 def _summary(planned: int, rates: Mapping[str, float], failed: int, limits: Limits) -> str:
-    """Sentence on finished runs, failures and limits. rates: run -> its rate divided by the standard one."""
+    """Summarise finished runs, failures and limits; `rates` maps a run to its rate divided by the standard rate."""
     failures = f", {failed} {'job' if failed == 1 else 'jobs'} failed" if failed else ""
     start = f"{len(rates)} of {planned} runs are finished{failures}."
     if not rates:
@@ -74,7 +74,7 @@ def _summary(planned: int, rates: Mapping[str, float], failed: int, limits: Limi
 
 
 def _limits_section(rates: Mapping[str, float], limits: Limits) -> list[str]:
-    """Lines of the section on limits: one table row per limit, and how many runs exceed it because of their rate."""
+    """Write the section on limits: one table row per limit, and how many runs exceed it because of their rate."""
     names = dict.fromkeys(one.name for ones in limits.values() for one in ones)
     if not names:
         return []
@@ -104,13 +104,13 @@ def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, object]:
 
 
 def _rate_factor(run: PlannedRun, campaign: Campaign) -> float:
-    """Rate of a run divided by the default rate of its path for these grains."""
+    """Return the rate of a run divided by the default rate of its path for these grains."""
     scene = run.scene(campaign.origin(run.specimen))
     return float(f"{rate_of(on_grains(run.path, scene)) / default_rate(type(run.path), scene):.6g}")
 
 
 def markdown_table(rows: Sequence[Mapping[str, object]]) -> list[str]:
-    """Lines of a Markdown table, with the keys of the first row as columns."""
+    """Return the lines of a Markdown table, with the keys of the first row as columns."""
     cells = [list(rows[0]), ["---"] * len(rows[0]), *([_cell(value) for value in row.values()] for row in rows)]
     return [f"| {' | '.join(line)} |" for line in cells]
 
@@ -154,7 +154,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
 
 
 def _origin(rows: Sequence[Mapping[str, object]]) -> Iterator[str]:
-    """Lines on the software and the computers behind the runs and the report."""
+    """Yield lines on the software and the computers behind the runs and the report."""
     here = machine()
     made = {
         (known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])

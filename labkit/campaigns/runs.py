@@ -30,7 +30,7 @@ EXPANDED = "pressure"  # the parameter of a path that accepts a list of values
 def read_runs(
     section: Iterable[Entry], top: Mapping[str, object], specimens: Specimens, errors: Errors
 ) -> list[tuple[PlannedRun, Fields]]:
-    """Reads the section: every run, with the fields of its entry. `top`: the defaults at the top of the file."""
+    """Read every run of the section, with the fields of its entry; `top` holds the defaults of the file."""
     runs: list[tuple[PlannedRun, Fields]] = []
     for name, line, node in section:
         kind, where = _path_of(node), f"run {name}"
@@ -49,7 +49,7 @@ def read_runs(
 
 
 def _path_of(node: Node) -> type[Path] | None:
-    """The path named by an entry, or None if it is missing or unknown."""
+    """Return the path named by an entry, or None if it is missing or unknown."""
     named = node.get(PATH.name) if isinstance(node, Block) else None
     return PATHS[named] if isinstance(named, Text) and named in PATHS else None
 
@@ -57,7 +57,7 @@ def _path_of(node: Node) -> type[Path] | None:
 def _runs(
     name: str, kind: type[Path] | None, fields: Fields, top: Mapping[str, object], specimens: Specimens
 ) -> list[PlannedRun]:
-    """The Runs of one entry; empty if the entry has errors."""
+    """Return the runs of one entry, none if the entry has errors."""
     fields.require([PATH], example="cv")
     fields.require([SPECIMEN], example=next(iter(specimens.groups), "dense"))
     for one in fields.listed(SPECIMEN.name):
@@ -87,7 +87,7 @@ def _runs(
 
 
 def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Iterator[tuple[float | None, Path]]:
-    """(pressure, path) for each listed pressure, from the parameters that could be read."""
+    """Yield (pressure, path) for each listed pressure, from the parameters that could be read."""
     known, values = options_of(kind), given(fields.values, kind)
     for name in set(fields.values) - set(known) - set(any_run_keys()):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
@@ -107,7 +107,7 @@ def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Itera
 
 
 def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
-    """Changes to the specimen's Scene. The time step is that of the run's settings, never the specimen's."""
+    """Return changes to the specimen's Scene. The time step is that of the run's settings, never the specimen's."""
     factor = top.get("time_step_factor", chosen_settings(fields.values, top).time_step_factor)
     known = changes_of_runs()
     own = {name: value for name, value in fields.values.items() if name in known}
@@ -115,7 +115,7 @@ def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any]
 
 
 def _workings(fields: Fields, top: Mapping[str, object]) -> list[dict[str, Any]]:
-    """Engine, threads and precision for each listed engine."""
+    """Return engine, threads and precision for each listed engine."""
     engines = fields.listed("engine")
     return [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]
 
@@ -123,14 +123,14 @@ def _workings(fields: Fields, top: Mapping[str, object]) -> list[dict[str, Any]]
 def _suffixes(
     fields: Fields, names: list[str], specimen: str, pressure: float | None, working: Mapping[str, Any]
 ) -> list[str]:
-    """Parts of the name that distinguish a run from the others of its entry."""
+    """Return the parts of the name that distinguish a run from the others of its entry."""
     parts = [specimen] * (len(names) > 1)
     parts += [f"p{pressure / 1e3:g}kPa"] if pressure is not None else []
     return [*parts, working["engine"]] if isinstance(fields.values.get("engine"), list) else parts
 
 
 def check_run(campaign: Campaign, run: PlannedRun, fields: Fields) -> None:
-    """Checks that also need the specimen: the contact law, and whether the number of steps suits the path."""
+    """Make the checks that also need the specimen: of the contact law, and of the number of steps."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
     fields.attempt(lambda: require_engine(run.engine, run.scene(origin), run.precision), where)
     if campaign.consolidation(run):

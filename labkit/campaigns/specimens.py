@@ -34,8 +34,8 @@ LONGEST_LOOP = 10  # names shown of specimens that are derived from each other
 class Specimens:
     """The parsed contents of the section.
 
-    groups: name in the file -> names of its specimens, empty if the entry is invalid; origins: name of any specimen ->
-    the Specimen from which it is derived.
+    `groups` maps a name in the file to the names of its specimens, none if the entry is invalid. `origins` maps the
+    name of any specimen to the Specimen from which it is derived.
     """
 
     made: tuple[Specimen, ...]
@@ -57,7 +57,7 @@ class Specimens:
 
 
 def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: Errors) -> Specimens:
-    """Reads the section. `top`: the defaults at the top of the file."""
+    """Read the section; `top` holds the defaults of the file."""
     groups: dict[str, list[str]] = {}
     made: list[Specimen] = []
     lines: dict[str, int] = {}
@@ -85,12 +85,12 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
 
 
 def chosen_settings(values: Mapping[str, Any], top: Mapping[str, object]) -> Settings:
-    """The Settings of an entry, or else those at the top of the file."""
+    """Return the Settings of an entry, or those at the top of the file."""
     return SETTINGS[values.get("settings", top.get("settings", Common.settings))]
 
 
 def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, Any]:
-    """Engine, threads and precision of an entry, or else those at the top of the file.
+    """Return engine, threads and precision of an entry, or those at the top of the file.
 
     An engine over MPI has `ranks` where the others have `threads`.
     """
@@ -101,7 +101,7 @@ def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, An
 
 
 def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen]:
-    """The Specimens of one entry, one per seed; empty if the entry has errors."""
+    """Return the Specimens of one entry, one per seed, none if the entry has errors."""
     errors_before = fields.errors.count
     chosen = chosen_settings(fields.values, top)
     fields.require(known for known in specimen_keys().values() if known.default is dataclasses.MISSING)
@@ -135,7 +135,7 @@ def _all_consolidated(
     top: Mapping[str, object],
     errors: Errors,
 ) -> list[Consolidated]:
-    """The Consolidated of these entries, each after its source; adds them to the groups and the origins."""
+    """Return the Consolidated of these entries, each after its source; adds them to the groups and the origins."""
     consolidated = []
     for name in _sources_first(others, errors):
         fields = others[name]
@@ -158,7 +158,7 @@ def _all_consolidated(
 
 
 def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
-    """The names, each after its source; adds an error for specimens that are derived from each other."""
+    """Return the names, each after its source; adds an error for specimens that are derived from each other."""
     ordered: dict[str, None] = {}
     for name in others:
         chain: dict[str, None] = {}
@@ -177,7 +177,7 @@ def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
 
 
 def require_unique(named: Iterable[tuple[str, int]], what: str, errors: Errors) -> None:
-    """Adds an error for each name that occurs twice. `named`: (name, line) pairs."""
+    """Add an error for each name that occurs twice in the (name, line) pairs."""
     first: dict[str, int] = {}
     for name, line in named:
         if name in first:

@@ -32,8 +32,12 @@ OTHER_STEPS = 500  # of any other engine
 class Speed:
     """Speed of one engine on one thread.
 
-    start: time to start, s; step, grain_step: time per step and per grain and step, s; record_steps, stress_steps:
-    cost of a record, and of the stress sum for the servo, in equivalent steps.
+    Args:
+        start: Time to start, s.
+        step: Time per step, s.
+        grain_step: Time per grain and step, s.
+        record_steps: Cost of a record, in equivalent steps.
+        stress_steps: Cost of the stress sum for the servo, in equivalent steps.
     """
 
     start: float
@@ -47,7 +51,7 @@ class Speed:
         return steps * (self.step + self.grain_step * grains)
 
 
-# Measured on two cores of a Xeon at 2.8 GHz; used where nothing was measured, for example on a cluster.
+# Measured on two cores of a Xeon at 2.8 GHz; used if nothing was measured, for example on a cluster.
 TYPICAL = {
     "fused": Speed(3.0, 1.2e-5, 4.3e-8, 45.0, 0.35),
     "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),
@@ -56,12 +60,12 @@ TYPICAL = {
 
 
 def typical_speeds(engines: Iterable[str]) -> dict[str, Speed]:
-    """engine -> typical Speed; an unknown engine is assumed to be as slow as the slowest known one."""
+    """Return typical speeds, engine -> Speed; an unknown engine is assumed to be as slow as the slowest known one."""
     return {engine: TYPICAL.get(engine, TYPICAL["yade"]) for engine in engines}
 
 
 def known_speeds(engines: Iterable[str]) -> dict[str, Speed] | None:
-    """engine -> Speed measured earlier on this computer, or None if any engine has not been measured."""
+    """Return speeds measured earlier on this computer, engine -> Speed, or None if any has not been measured."""
     try:
         known = json.loads(cache_file().read_text())[computer()]
         return {engine: Speed(**known[engine]) for engine in engines}
@@ -70,14 +74,14 @@ def known_speeds(engines: Iterable[str]) -> dict[str, Speed] | None:
 
 
 def likely_speed(engine: str) -> Speed:
-    """Speed of an engine: measured earlier on this computer, or else the typical one."""
+    """Return the speed of an engine, measured earlier on this computer or typical."""
     return (known_speeds([engine]) or typical_speeds([engine]))[engine]
 
 
 def cache_file() -> Path:
-    """File that stores the measured speeds, in $XDG_CACHE_HOME/labkit or ~/.cache/labkit.
+    """Return the file that stores the measured speeds, in $XDG_CACHE_HOME/labkit or ~/.cache/labkit.
 
-    Without a home folder, as for an unknown user of a container, it is in the folder for temporary files.
+    Without a home directory, as in some containers, the temporary directory is used.
     """
     home = os.path.expanduser("~")
     default = tempfile.gettempdir() if home == "~" else os.path.join(home, ".cache")
@@ -85,13 +89,13 @@ def cache_file() -> Path:
 
 
 def computer() -> str:
-    """A string that identifies this computer."""
+    """Return a string that identifies this computer."""
     here = machine()
     return f"{here['name']}, {here['processor']}, {here['cores']} cores"
 
 
 def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Speed]:
-    """engine -> Speed, measured now and stored. Raises PhysicsError if an engine does not run."""
+    """Measure and store speeds, engine -> Speed. Raises PhysicsError if an engine does not run."""
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         speeds = {}
         for number, engine in enumerate(engines):
@@ -114,7 +118,7 @@ def supports(engine: str, scene: Scene) -> bool:
 
 
 def _specimen(grains: int, law: str, folder: Path) -> Path:
-    """State file of a specimen, made unless it is there."""
+    """Return the state file of a specimen, which is made if it is missing."""
     file = folder / f"n{grains}-{law}.state.nc"
     if not file.exists():
         make_specimen(
@@ -135,7 +139,7 @@ def _speed_of(engine: str, files: Sequence[Path]) -> Speed:
 
 
 def _timed(engine: str, file: Path, steps: int) -> tuple[float, dict[str, float]]:
-    """(seconds, {quantity: value}) of a measurement in a separate process."""
+    """Measure in a separate process; returns (seconds, {quantity: value})."""
     begin = time.monotonic()
     values = speed(engine, file, steps)
     return time.monotonic() - begin, values

@@ -14,7 +14,7 @@ SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": 
 
 
 def write_tables(plan: Plan, folder: Path) -> list[Path]:
-    """Writes a table per kind of job into the folder; returns the files.
+    """Write a table per kind of job into the folder; returns the files.
 
     Raises InputError if a job needs an engine other than yade, which yade-batch cannot start.
     """
@@ -36,7 +36,7 @@ def write_tables(plan: Plan, folder: Path) -> list[Path]:
 
 
 def table_text(kind: str, jobs: Sequence[Job]) -> str:
-    """Text of a table: a line with the columns, then a row per job. `*` stands for the default of an option."""
+    """Return a table: a line with the columns, then a row per job; `*` stands for the default of an option."""
     rows = [_row(job) for job in jobs]
     columns = list(dict.fromkeys(name for row in rows for name in row))
     script = f"yade_scripts/{SCRIPTS[kind]}"

@@ -1,4 +1,4 @@
-"""Runs Snakemake on a campaign and reports at the end what failed and why."""
+"""Runs Snakemake on a campaign and finally reports what failed and why."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quie
 
 
 def require_snakemake(profile: str | None = None) -> None:
-    """Raises InputError if Snakemake, or anything else that the profile needs, is not installed."""
+    """Raise InputError if Snakemake, or anything else that the profile needs, is not installed."""
     slurm = profile is not None and uses_slurm(profile)
     needed = ["snakemake"] + ["snakemake_executor_plugin_slurm"] * slurm
     if any(importlib.util.find_spec(name) is None for name in needed):
@@ -43,11 +43,18 @@ def require_snakemake(profile: str | None = None) -> None:
 def run_workflow(
     plan: Plan, text: str, folder: Path, cores: int, profile: str | None = None, progress: Progress = silent
 ) -> int:
-    """Brings the campaign described by the text up to date in its folder; returns Snakemake's exit code.
+    """Bring the campaign described by the text up to date in its folder; returns Snakemake's exit code.
 
-    profile: None for this computer, `slurm`, or the folder of a Snakemake profile. Raises InputError if another
-    process is running a campaign in the folder, or if it holds files that no campaign has written; Interrupted after
-    Ctrl-C.
+    Raises InputError if another process is running a campaign in the folder, or if it holds files that no campaign has
+    written, and Interrupted after Ctrl-C.
+
+    Args:
+        plan: The jobs.
+        text: Text of the campaign file.
+        folder: Folder of the campaign.
+        cores: Number of cores to use.
+        profile: None for this computer, `slurm`, or the folder of a Snakemake profile.
+        progress: Called with the progress.
     """
     require_snakemake(profile)
     require_campaign_folder(folder, list(to_write(plan.campaign, text, folder)))
@@ -75,9 +82,9 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 def _watched(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
-    """Runs Snakemake, reports its progress and writes its output to the log; returns its exit code.
+    """Run Snakemake, report its progress and write its output to the log; returns its exit code.
 
-    Snakemake and its jobs form a process group, so that Ctrl-C reaches each of them exactly once.
+    Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
     """
     with open(folder / LOG, "w") as log:
         child = subprocess.Popen(
@@ -110,7 +117,7 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
 
 
 def snakemake_command(cores: int, profile: str | None) -> list[str]:
-    """Snakemake's command line, to be run in the campaign folder.
+    """Return Snakemake's command line, to be run in the campaign folder.
 
     labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
     move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
@@ -120,13 +127,13 @@ def snakemake_command(cores: int, profile: str | None) -> list[str]:
 
 
 def uses_slurm(profile: str) -> bool:
-    """True if a profile submits its jobs to SLURM. Raises InputError if there is no such profile."""
+    """True if a profile submits its jobs to SLURM. Raises InputError for an unknown profile."""
     text = (profile_folder(profile) / "config.yaml").read_text(encoding="utf-8", errors="replace")
     return re.search(r"""^executor:\s*["']?slurm\b""", text, re.MULTILINE) is not None
 
 
 def profile_folder(profile: str) -> Path:
-    """Folder of a Snakemake profile: one of labkit's, by its name, or a user's. Raises InputError for any other."""
+    """Return the folder of a Snakemake profile: one of labkit's, by name, or a user's. Raises InputError for others."""
     for folder in (PROFILES / profile, Path(profile).resolve()):
         if (folder / "config.yaml").is_file():
             return folder
@@ -137,7 +144,7 @@ def profile_folder(profile: str) -> Path:
 
 
 def tell(plan: Plan, folder: Path, code: int) -> int:
-    """Reports the status of the campaign after Snakemake ended with `code`; returns the exit code of the command."""
+    """Report the status of the campaign after Snakemake ended with `code`; returns the exit code of the command."""
     failed, waiting = failures(plan, folder)
     for kind, name, reason in failed:
         print(f"labkit: {kind} {name} failed: {reason}", file=sys.stderr)
@@ -153,7 +160,7 @@ def tell(plan: Plan, folder: Path, code: int) -> int:
 
 
 def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Missing results: (kind, name, reason) of the jobs that failed, and names of those that were not started."""
+    """Return (kind, name, reason) of the jobs that failed, and names of those that were not started."""
     folder = Path(folder)
     failed: list[tuple[str, str, str]] = []
     waiting: list[str] = []
@@ -172,7 +179,7 @@ def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]]
 
 
 def reason(log: Path) -> str:
-    """The last message of a job, without the prefix `labkit: `."""
+    """Return the last message of a job, without the prefix `labkit: `."""
     lines = log.read_text(errors="replace").strip().splitlines()
     messages = [line for line in lines if line.startswith("labkit: ")]
     if messages:

@@ -12,7 +12,7 @@ from labkit.runs.tasks import RunTask, Task
 
 
 def announcing(task: Task, title: str) -> Progress:
-    """A progress function that first prints one line to standard error: engine, grains, steps and expected time.
+    """Return a progress function that first prints one line to standard error: engine, grains, steps, expected time.
 
     It prints with the first progress report, so that an input error, found before that, appears without it.
     """
@@ -34,7 +34,7 @@ def announcing(task: Task, title: str) -> Progress:
 
 
 def _steps_done(file: str) -> int:
-    """Number of steps stored in a run file; 0 if there is no such file."""
+    """Number of steps stored in a run file; 0 if the file does not exist."""
     if labkit_kind(file) != "run":
         return 0
     with open_netcdf(file, "run", verify=False) as dataset:

@@ -7,8 +7,8 @@
         computation: Annotated[Start, Made(start_of_options)],
     ) -> int:
 
-What stands before `*` is an argument, the rest are options; a default makes either optional. A Section stands for
-several options, for example one for each parameter of a dataclass, whose texts it collects.
+Parameters before `*` are arguments, the rest are options; a default makes either optional. A Section stands for several
+options, for example one for each parameter of a dataclass, whose texts it collects.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
 
 Value = TypeVar("Value")
-Reader = Callable[[str], object]  # makes a value of the text on the command line
-Texts = dict[str, str]  # parameter -> its text on the command line, for those that are given
+Reader = Callable[[str], object]  # converts text on the command line to a value
+Texts = dict[str, str]  # given parameter -> its text on the command line
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,10 +43,10 @@ class Option:
     """An argument or an option with one value.
 
     Args:
-        help: its help; the default is added.
-        metavar: its value in the help (default: N for a number, else the name).
-        type: makes the value of the text (default: the type of the annotation, for `int` a whole number above 0).
-        group: title of its group in the help.
+        help: Help text; the default is added.
+        metavar: Name of the value in the help (default: N for a number, else the name of the option).
+        type: Converts text to the value (default: the type of the annotation, for `int` a whole number above 0).
+        group: Title of its group in the help.
     """
 
     help: str
@@ -57,18 +57,18 @@ class Option:
 
 @runtime_checkable
 class Section(Protocol):
-    """Several options that make one argument of a command's function."""
+    """Several options from which one argument of a command's function is made."""
 
     def add(self, parser: Parser) -> None:
         """Adds the options."""
 
     def read(self, options: argparse.Namespace) -> object:
-        """The argument, from the values of the options."""
+        """Return the argument, from the values of the options."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Single:
-    """The section of one option: a parameter of a function and what its annotation says."""
+    """The section of one option: a parameter of a function and its annotation."""
 
     parameter: inspect.Parameter
     kind: object
@@ -101,12 +101,12 @@ class Single:
         group.add_argument(*names, **given)
 
     def read(self, options: argparse.Namespace) -> object:
-        """The value of the option."""
+        """Return the value of the option."""
         return getattr(options, self.parameter.name)
 
 
 def _value(kind: object) -> tuple[Reader, str | None, bool]:
-    """What reads a value of a type, its name in the help, and whether the type is a list of values."""
+    """Return the reader of values of a type, their name in the help, and True if the type is a list of values."""
     origin, parts = typing.get_origin(kind), [part for part in typing.get_args(kind) if part is not NoneType]
     if origin is Literal:
         return one_of(parts), f"{{{','.join(parts)}}}", False
@@ -117,7 +117,7 @@ def _value(kind: object) -> tuple[Reader, str | None, bool]:
 
 
 def sections_of(function: Callable[..., object]) -> dict[str, Section]:
-    """The section of each argument of a command's function, name -> Section."""
+    """Return the section of each argument of a command's function, name -> Section."""
     hints = typing.get_type_hints(function, include_extras=True)
     sections: dict[str, Section] = {}
     for name, parameter in inspect.signature(function).parameters.items():
@@ -135,11 +135,12 @@ class ParameterTexts:
     """An option for each parameter of a dataclass; the argument is their texts.
 
     Args:
-        kind: the dataclass.
-        title: of the group in the help; note: the line below it.
-        leave_out: parameters without an option.
+        kind: The dataclass.
+        title: Title of the group in the help.
+        note: Line below the title.
+        leave_out: Parameters without an option.
         unset: True if the defaults are determined at run time, so that the help omits them.
-        made: True to make an instance of the dataclass of the texts.
+        made: True to make an instance of the dataclass from the texts.
     """
 
     kind: type
@@ -156,7 +157,7 @@ class ParameterTexts:
             _add(group, known, help_of(known, None if self.unset else known.default))
 
     def read(self, options: argparse.Namespace) -> object:
-        """The texts that are given, or the instance. Raises InputError."""
+        """Return the given texts, or the instance. Raises InputError."""
         texts = _given(options, self._known())
         return self.kind(**texts) if self.made else texts
 
@@ -174,7 +175,7 @@ class PathOptions:
     leave_out: Collection[str] = ()
 
     def add(self, parser: Parser) -> None:
-        """Adds the options, whose help gives the meaning for each path."""
+        """Add the options, whose help gives the meaning for each path."""
         explained = paths_explained(parser.words)
         helps: dict[str, dict[str, list[str]]] = {}
         first: dict[str, Parameter] = {}
@@ -189,7 +190,7 @@ class PathOptions:
             _add(parser.group("loading path"), first[name], "; ".join(texts) if texts else argparse.SUPPRESS)
 
     def read(self, options: argparse.Namespace) -> Texts:
-        """The texts that are given."""
+        """Return the given texts."""
         return _given(options, [known for kind in PATHS.values() for known in self._of(kind)])
 
     def _of(self, kind: type[Path]) -> list[Parameter]:
@@ -197,13 +198,13 @@ class PathOptions:
 
 
 def paths_explained(words: Collection[str]) -> list[type[Path]]:
-    """The loading paths in the help: the one that is named, else all."""
+    """Return the loading paths for the help: the one that the words name, or all."""
     named = [PATHS[word] for word in words if word in PATHS][:1] if HELP & set(words) else []
     return named or list(PATHS.values())
 
 
 def list_of_paths(words: Collection[str]) -> str:
-    """The loading paths for the end of the help of a command."""
+    """List the loading paths, for the end of the help of a command."""
     return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_explained(words)})
 
 
@@ -219,7 +220,7 @@ def _given(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
 
 @dataclasses.dataclass(frozen=True)
 class Made:
-    """The arguments and options of a function, which makes one argument of a command of them."""
+    """The arguments and options of a function that makes one argument of a command."""
 
     function: Callable[..., object]
 
@@ -229,22 +230,22 @@ class Made:
             section.add(parser)
 
     def arguments(self, options: argparse.Namespace) -> dict[str, Any]:
-        """Arguments of the function, from the values of the options. Raises InputError."""
+        """Return arguments of the function, from the values of the options. Raises InputError."""
         return {name: section.read(options) for name, section in sections_of(self.function).items()}
 
     def read(self, options: argparse.Namespace) -> object:
-        """What the function makes. Raises InputError."""
+        """Return the result of the function. Raises InputError."""
         return self.function(**self.arguments(options))
 
 
 class CommandLine:
-    """No option: the command as typed, for the history of a file."""
+    """The command as typed, for the history of a file; it adds no option."""
 
     def add(self, parser: Parser) -> None:
-        """Adds nothing."""
+        """Add nothing."""
 
     def read(self, options: argparse.Namespace) -> str:
-        """The command as typed."""
+        """Return the command as typed."""
         return str(options.command_line)
 
 
@@ -252,7 +253,7 @@ class CommandLine:
 
 
 def one_of(choices: Collection[str]) -> Callable[[str], str]:
-    """Type of an option that accepts these values; for a registry, the message mentions --use."""
+    """Return the type of an option that accepts these values; for a registry, the message mentions --use."""
 
     def read(text: str) -> str:
         if text not in choices:
@@ -264,14 +265,14 @@ def one_of(choices: Collection[str]) -> Callable[[str], str]:
 
 
 def positive_int(text: str) -> int:
-    """A positive integer."""
+    """Convert text to a positive integer."""
     if not (text.isascii() and text.isdecimal() and len(text) <= 18 and int(text) >= 1):
         raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a whole number above 0")
     return int(text)
 
 
 def fraction(text: str) -> float:
-    """A number above 0 and at most 1."""
+    """Convert text to a number above 0 and at most 1."""
     try:
         value = float(text)
     except ValueError:
@@ -282,7 +283,7 @@ def fraction(text: str) -> float:
 
 
 def threads(text: str) -> int:
-    """A number of threads that this computer can support."""
+    """Convert text to a number of threads that this computer supports."""
     value, most = positive_int(text), 4 * (os.cpu_count() or 1)
     if value > most:
         raise argparse.ArgumentTypeError(f"{value} threads are too many for this computer: give at most {most}")
@@ -290,7 +291,7 @@ def threads(text: str) -> int:
 
 
 def require(value: Value | None, field: str, example: str | None = None) -> Value:
-    """Returns the value. Raises InputError if it was not given. example: what to give."""
+    """Return the value. Raises InputError, with an example of what to give, if it was not given."""
     if value is None:
         raise InputError(f"is missing: give {example or 'it'} (see --help)", field=field)
     return value
@@ -311,7 +312,7 @@ def start_of_options(
     ] = None,
     precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
 ) -> Start:
-    """The engine that is asked for. Raises InputError for ranks of an engine with threads, or the opposite."""
+    """Return the requested engine. Raises InputError for ranks of an engine with threads, or the opposite."""
     return start_of(engine, threads, precision, ranks)
 
 

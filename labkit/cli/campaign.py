@@ -78,7 +78,7 @@ def campaign_command(
 
 
 def require_resources(plan: Plan, folder: Path, profile: str | None, dry_run: bool) -> None:
-    """Raises InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
+    """Raise InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
     from labkit.campaigns import workflow
     from labkit.campaigns.batches import batched
     from labkit.engines import ENGINES, find_yade

@@ -69,7 +69,7 @@ def _quoted(file: Path) -> str:
 
 
 def _typed(steps: list[str]) -> int:
-    """Run commands as if typed; the exit code of the first one that fails, else 0."""
+    """Run commands as if typed; returns the exit code of the first one that fails, or 0."""
     for step in steps:
         print(f"$ {os.environ.get('LABKIT_COMMAND', 'labkit')} {step}", flush=True)
         code = main(shlex.split(step))
@@ -79,7 +79,7 @@ def _typed(steps: list[str]) -> int:
 
 
 def _comparison(fused: Path, yade: Path, file: Path) -> str:
-    """The table of both engines, also written to a CSV file."""
+    """Tabulate both engines, and write the table to a CSV file."""
     import pandas
 
     from labkit.io.provenance import write_with_provenance
@@ -96,7 +96,7 @@ def _comparison(fused: Path, yade: Path, file: Path) -> str:
 
 
 def _column(run: Run) -> dict[str, float]:
-    """Quantity -> value of a run."""
+    """Return quantities of a run, name -> value."""
     data = run.data
     p = data.lab.mean_stress()
     quantities = {

@@ -58,7 +58,7 @@ def density_command(
 
 
 def _void_ratio(file: str) -> float:
-    """Nominal void ratio of a specimen: of a state file, or of the first record of a run file."""
+    """Read the nominal void ratio of a state file, or of the first record of a run file."""
     if labkit_kind(file) != "run":
         return void_ratio_nominal(read_state(file).snapshot())
     with open_netcdf(file, "run") as dataset:

@@ -28,7 +28,7 @@ LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue"
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Runs a command line and reports an error in one line.
+    """Run a command line and report an error in one line.
 
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _reported(argv: list[str]) -> int:
-    """Runs a command line and reports its error; returns its exit code."""
+    """Run a command line and report its error; returns its exit code."""
     try:
         with ended_by_signals():
             return _call(argv)
@@ -68,7 +68,7 @@ def _reported(argv: list[str]) -> int:
 
 
 def _call(argv: list[str]) -> int:
-    """Runs a command line and returns its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
+    """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
     os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
     require_environment(os.environ)
     for file in files_to_use(argv):
@@ -81,7 +81,7 @@ def _call(argv: list[str]) -> int:
 
 
 def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
-    """The function that a command line calls and its arguments. Raises InputError for a line that is not valid."""
+    """Return the function that a command line calls and its arguments. Raises InputError for an invalid line."""
     known = find_command(argv[0])
     if known is None:
         allowed = f"{instead_of(summaries(), argv[0])}{missing()}"
@@ -98,7 +98,7 @@ def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
 
 
 def parser_for(command: Command, words: Sequence[str]) -> Parser:
-    """The parser with the options of a command, for these words."""
+    """Return the parser with the options of a command, for these words."""
     from labkit.cli.arguments import Made
 
     parser = Parser(f"labkit {command.name}", words, command.description)
@@ -114,7 +114,7 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
 
 
 def _overview() -> Parser:
-    """The parser of `labkit` without a command, for its help."""
+    """Return the parser of `labkit` without a command, for its help."""
     parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
     parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
     parser.epilog = f"{name_list('command', summaries())}\n\n{EPILOG}"
@@ -122,7 +122,7 @@ def _overview() -> Parser:
 
 
 def require_environment(variables: Mapping[str, str]) -> None:
-    """Raises InputError for environment variables with which Numba cannot start."""
+    """Raise InputError for environment variables with which Numba cannot start."""
     threads, layer = variables.get("NUMBA_NUM_THREADS"), variables.get("NUMBA_THREADING_LAYER")
     if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
         raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")
@@ -132,6 +132,6 @@ def require_environment(variables: Mapping[str, str]) -> None:
 
 
 def files_to_use(argv: list[str]) -> list[str]:
-    """Files named with --use; they are loaded first, because the options of a command may depend on them."""
+    """Return the files named with --use, which are loaded first because options of a command may depend on them."""
     separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
     return separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]

@@ -20,7 +20,7 @@ from labkit.runs.figures import FIGURES
 
 
 def list_of_figures(words: Collection[str]) -> str:
-    """The figures for the end of the help; it needs matplotlib."""
+    """List the figures, for the end of the help; this needs matplotlib."""
     return name_list("figure", {name: summary_of(FIGURES[name]) for name in FIGURES})
 
 
@@ -70,14 +70,14 @@ def figure_command(
     own = _own_options(figure, draw, {"variable": variable, "strength": strength})
     drawn, table = draw(runs if len(runs) > 1 else first, groups, snapshot, **own)
     if len(runs) == 1:
-        plots.name_run(drawn, first)  # a figure of the user may not name its run
+        plots.name_run(drawn, first)  # a user's figure may not name its run
     write_outputs(drawn, output, table, csv, run)
     if not csv:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
 
 
 def _own_options(figure: str, draw: Callable[..., object], options: dict[str, object]) -> dict[str, object]:
-    """The options that are given and for some figures only. Raises InputError if this figure is not one of them."""
+    """Return given options that only some figures have. Raises InputError if this figure is not one of them."""
     given = {name: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if name not in inspect.signature(draw).parameters:

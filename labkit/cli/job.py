@@ -1,7 +1,7 @@
 """One job of a workflow: `python -m labkit.cli.job KIND [NAME]`, in the folder of a campaign.
 
 For a specimen, a consolidation or a run, the job runs the command of its recipe. It writes to a temporary file that is
-moved into place when finished, so that a workflow engine that removes the outputs of a failed job does not delete its
+moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete its
 checkpoint. Its output goes to its log. The other kinds are `batch`, the runs of a batch together, `statistics` and
 `figure` of a run, and `report`.
 """
@@ -26,7 +26,7 @@ from labkit.runs.tasks import RunTask
 
 
 def run_job(kind: str, name: str = "") -> int:
-    """Carries out the job; returns the exit code of its command."""
+    """Carry out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     die_with_parent()  # after a kill of the workflow, no job continues to write files
     if not campaign_lives():  # killed while this job was starting
@@ -64,7 +64,7 @@ def campaign_lives() -> bool:
 
 
 def simulate(job: Job) -> int:
-    """Runs the command of a job, with its output in the log; returns its exit code."""
+    """Run the command of a job, with its output in the log; returns its exit code."""
     with open(job.log, "w") as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
         code = _run_and_move(job)
     if code:
@@ -74,7 +74,7 @@ def simulate(job: Job) -> int:
 
 
 def _run_and_move(job: Job) -> int:
-    """Runs the command of a job and moves its output into place; returns its exit code."""
+    """Run the command of a job and move its output into place; returns its exit code."""
     try:
         code = run_command(job.command)
     except Exception as error:  # the traceback follows in the log
@@ -88,13 +88,13 @@ def _run_and_move(job: Job) -> int:
 
 
 def task_of(job: Job) -> RunTask:
-    """The task of a run that its command describes. Raises InputError."""
+    """Return the task of a run that its command describes. Raises InputError."""
     task: RunTask = parse(job.command)[1]["task"]
     return task
 
 
 def report(plan: Plan) -> None:
-    """Draws the overview of all finished runs and writes the report."""
+    """Draw the overview of all finished runs and write the report."""
     from labkit.campaigns.report import write_report
     from labkit.figures import plots
     from labkit.figures.campaign_figure import overview

@@ -67,7 +67,7 @@ class InitialState:
     tolerance: float = parameter(1e-6, above=0.0, high=1.0, help="relative error allowed in one integration step")
 
     def __post_init__(self) -> None:
-        """Checks every parameter. Raises InputError."""
+        """Check every parameter. Raises InputError."""
         check_parameters(self)
 
 
@@ -82,7 +82,7 @@ ModelParameters = Annotated[
 
 
 def list_of_tests(words: Collection[str]) -> str:
-    """The loading paths for the end of the help."""
+    """List the loading paths, for the end of the help."""
     texts = {kind.name: summary_of(kind) for kind in paths_explained(words)}
     return name_list("loading path", texts | OEDOMETER if len(texts) > 1 else texts)
 
@@ -197,7 +197,7 @@ def calibrate_command(
 
 
 def require_output(file: str) -> None:
-    """Raises InputError if the file cannot be written or holds a simulation, which is never overwritten."""
+    """Raise InputError if the file cannot be written or holds a simulation, which is never overwritten."""
     require_writable(file, "run")
     if File(file).exists() and labkit_kind(file) == "run":
         with open_netcdf(file, "run") as dataset:

@@ -24,7 +24,7 @@ SHORT = {
 
 
 def specimen_name(recipe: Recipe, scene: Scene) -> str:
-    """Name of a state file, built from the recipe and from those parameters of the scene that differ from Table 1."""
+    """Build the name of a state file from the recipe and the parameters of the scene that differ from Table 1."""
     size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
     parts = [
         f"e{recipe.void_ratio:g}",
@@ -47,7 +47,7 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
 def run_name(
     path: str, specimen: str, kind: type[Path], loading: Texts, material: Texts, settings: str | None = None
 ) -> str:
-    """Name of a run file, built from the specimen, the path or its file, and the parameters that were given."""
+    """Build the name of a run file from the specimen, the path or its file, and the given parameters."""
     of_path = {name: _part(name, value) for name, value in _read(loading, kind).items()}
     parts = [stem(specimen), File(path).stem if File(path).suffix else kind.name]
     parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
@@ -57,7 +57,7 @@ def run_name(
 
 
 def _read(given: Texts, kind: type) -> dict[str, object]:
-    """Parameters of a dataclass given as text, in SI units, without conditions and other free text."""
+    """Convert given parameters of a dataclass to SI units, without conditions and other free text."""
     known = parameters_of(kind)
     return {
         name: known[name].read(given[name])
@@ -67,7 +67,7 @@ def _read(given: Texts, kind: type) -> dict[str, object]:
 
 
 def _part(name: str, value: object) -> str:
-    """A parameter as part of a file name."""
+    """Format a parameter as part of a file name."""
     if name == "law":
         return str(value)
     if name == "grading":
@@ -84,7 +84,7 @@ def consolidated_name(specimen: str, pressure: float) -> str:
 
 
 def model_name(path: str, kind: type[Path], start: type, given: Texts) -> str:
-    """Name of a run file of the constitutive model, built from the parameters that were given."""
+    """Build the name of a run file of the constitutive model from the given parameters."""
     known = {**_read(given, start), **_read(given, kind)}
     return "_".join(["model", path, *(_part(name, value) for name, value in known.items())]) + ".run.nc"
 

@@ -1,4 +1,4 @@
-"""Figures and tables that commands write: whether they can be written, and the tables."""
+"""Figures and tables that commands write, and checks that they can be written."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def require_outputs(figure: str, csv: str | None, *other: str) -> None:
-    """Raises InputError if the figure, or the CSV file that was asked for, cannot be written; other: formats."""
+    """Raise InputError if the figure, or the requested CSV file, cannot be written; `other` are further formats."""
     from labkit.figures.plots import require_format
 
     require_format(figure, *other)
@@ -28,7 +28,7 @@ def require_outputs(figure: str, csv: str | None, *other: str) -> None:
 
 
 def write_outputs(drawn: Figure, figure: str, table: pandas.DataFrame, csv: str | None, inputs: Sequence[str]) -> None:
-    """Writes a figure and says where it is, and writes the table behind it if `csv` is given."""
+    """Write a figure and print its name, and write the table behind it if `csv` is given."""
     from labkit.figures.plots import save
 
     save(drawn, figure, inputs)
@@ -37,6 +37,6 @@ def write_outputs(drawn: Figure, figure: str, table: pandas.DataFrame, csv: str 
 
 
 def write_table(table: pandas.DataFrame, file: str | None, inputs: Sequence[str], digits: int = 5) -> None:
-    """Writes a table as CSV if a file is given; inputs: the files it was made from."""
+    """Write a table as CSV if a file is given; `inputs` are the files from which it was made."""
     if file:
         write_with_provenance(file, table.to_csv(index=False, float_format=f"%.{digits}g"), inputs)

@@ -72,7 +72,7 @@ def probe_command(
 
 
 def summary_text(probes: Probes) -> str:
-    """The summary as text, with the stiffness in MPa, or the compliance in 1/GPa."""
+    """Format the summary, with the stiffness in MPa, or the compliance in 1/GPa."""
     name, factor, unit = ("stiffness", 1e-6, "MPa") if probes.kind == "strain" else ("compliance", 1e9, "1/GPa")
     table = probes.summary()
     for column in ("least", "largest"):
@@ -83,7 +83,7 @@ def summary_text(probes: Probes) -> str:
 
 
 def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool, computation: Start) -> Probes:
-    """The probes of all materials that are asked for; the model first, as it may refuse the state."""
+    """Probe all requested materials, the model first, because it may refuse the state."""
     from labkit.io.progress import reporter
     from labkit.model import probes as of_model
     from labkit.model.state import state_of

@@ -55,10 +55,10 @@ class Command:
     """A command.
 
     Args:
-        name: its name on the command line.
-        summary: its line in `labkit --help`.
-        function: what it does; returns an exit code, or None for 0.
-        epilog: makes lists for the end of its help, such as that of the loading paths, from the words typed.
+        name: Name on the command line.
+        summary: Line in `labkit --help`.
+        function: Carries out the command; returns an exit code, or None for 0.
+        epilog: Makes lists for the end of its help, such as that of the loading paths, from the words typed.
     """
 
     name: str
@@ -87,7 +87,7 @@ REGISTERED: dict[str, Command] = {}
 def command(
     name: str, summary: str = "", epilog: Callable[[list[str]], str] | None = None
 ) -> Callable[[Function], Command]:
-    """A decorator that registers a function as a command; summary: of a command that is not labkit's own."""
+    """Return a decorator that registers a function as a command; only commands outside labkit need a summary here."""
 
     def register(function: Function) -> Command:
         known = offered().get(name)
@@ -100,19 +100,19 @@ def command(
 
 
 def offered() -> dict[str, tuple[str, str]]:
-    """labkit's own commands and those of its plug-ins, name -> (module, summary)."""
+    """Return labkit's own commands and those of its plug-ins, name -> (module, summary)."""
     load_plugins()
     return BUILT_IN | COMMANDS
 
 
 def summaries() -> dict[str, str]:
-    """Summary of every command that is installed or loaded, name -> text."""
+    """Return the summary of every installed or loaded command, name -> text."""
     own = {name: summary for name, (_, summary) in offered().items()}
     return own | {name: known.summary for name, known in REGISTERED.items()}
 
 
 def find_command(name: str) -> Command | None:
-    """The command of that name, or None if it is unknown."""
+    """Return the command of that name, or None if it is unknown."""
     if name not in REGISTERED and name in offered():
         importlib.import_module(offered()[name][0])
     if name not in REGISTERED:

@@ -214,7 +214,7 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
 
 
 def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
-    """The path of that name, or the path of a path file and the parameters that the file gives. Raises InputError."""
+    """Return the path of that name, or that of a path file and the parameters in the file. Raises InputError."""
     from labkit.campaigns.path_file import is_path_file, path_values
 
     return path_values(word) if is_path_file(word) else (PATHS.require(word), {})
@@ -271,7 +271,7 @@ def _made(task: Task, progress: Progress) -> State:
 
 
 def one_line(state: State) -> str:
-    """One-line summary of a specimen."""
+    """Summarise a specimen in one line."""
     texts = {
         name: f"{value}" if isinstance(value, int) else f"{value:.4g}"
         for name, (value, _) in specimen_summary(state).items()

@@ -112,7 +112,7 @@ def info_command(
 
 
 def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
-    """Name -> run, in command-line order. Names are file names, or full paths where two file names are the same."""
+    """Open runs in command-line order, name -> run; names are file names, or full paths where these are not unique."""
     import labkit
 
     short = [Path(file).name.removesuffix(".run.nc") for file in files]

@@ -62,7 +62,7 @@ def _snapshots(source: Run | State | Snapshot | Iterable[Snapshot]) -> list[Snap
 
 def _page(snapshots: list[Snapshot], title: str) -> str:
     if not snapshots or any(snapshot.position is None for snapshot in snapshots):
-        raise InputError("no snapshot has positions of grains: give a State, or a Run that has snapshots")
+        raise InputError("there is no snapshot with positions of grains: give a State, or a Run that has snapshots")
     size = sum(14 * len(one.radius) + 21 * len(one.contacts) for one in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")

@@ -30,7 +30,7 @@ class OfRecords:
     """The part of the accessor `run.lab` that needs only records. The path of the run determines the quantities."""
 
     def __init__(self, run: xr.Dataset) -> None:
-        """Take the run; xarray does this when `run.lab` is first used."""
+        """Called by xarray when `run.lab` is first used."""
         self._run = run
 
     @functools.cached_property
