@@ -24,6 +24,10 @@ STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and m
         "analysis.critical_state.study",
         "shear specimens to 100 % strain on many paths; is there one critical state?",
     ),
+    "contact-limits": (
+        "analysis.contact_limits.study",
+        "what the limits of Eqs. 2 and 3 apply to, in pairs of specimens",
+    ),
     "initial-fabric": ("analysis.initial_fabric.study", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
     "size-scatter": ("analysis.size_scatter.study", "scatter and bias of the critical state against the grains"),
     "three-engines": ("analysis.three_engines.command", "compare LAMMPS, YADE and fused on the same specimens"),

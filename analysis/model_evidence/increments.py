@@ -19,7 +19,8 @@ from analysis.paper.ends import Runs
 from analysis.paper.specimens import specimen_of
 from labkit.model import ROOT_3_2
 
-FIRST, GROWTH, LONGEST = 0.001, 0.1, 0.01  # length of an interval: strain; share of the strain so far; strain
+LENGTHS = (0.002, 0.005, 0.01)  # of an interval, strain
+LENGTH = LENGTHS[1]
 ISOTROPIC = ("isoc", "isod")
 LEAST_PRESSURE = 20e3  # Pa
 STEEPEST = 5.0  # largest exponent in the exponentials of a fit
@@ -51,11 +52,11 @@ class Increments:
         return np.add.reduceat(rate, self.first)
 
 
-def increments(runs: Runs) -> Increments:
-    """Increments of axisymmetric runs (name -> run from analysis.paper.ends.in_memory)."""
+def increments(runs: Runs, length: float = LENGTH) -> Increments:
+    """Increments of axisymmetric runs (name -> run from analysis.paper.ends.in_memory); length: of an interval."""
     parts, first, start = [], [], 0
     for name, run in runs.items():
-        part, ends = _of_run(name, run)
+        part, ends = _of_run(name, run, length)
         parts.append(part)
         first.append(start + ends[:-1])
         start += len(part.s)
@@ -74,7 +75,7 @@ def _joined(values: Sequence[Any]) -> Any:
     return np.concatenate(values)
 
 
-def _of_run(name, run):
+def _of_run(name, run, length):
     tensors = {"A": "contact_anisotropy", "F": "normal_force_anisotropy", "T": "mobilisation"}
     values = {key: _zz(run[variable].values) for key, variable in tensors.items()}
     names = {
@@ -91,7 +92,7 @@ def _of_run(name, run):
     deviatoric, volumetric = np.diff(ROOT_3_2 * 2.0 / 3.0 * (axial - radial)), np.diff(axial + 2.0 * radial)
     if run.attrs["path"] in ISOTROPIC:
         deviatoric = np.zeros_like(deviatoric)
-    ends = _intervals(deviatoric, volumetric)
+    ends = _intervals(deviatoric, volumetric, length)
     values = {key: value[:last] for key, value in values.items()}
     labels = {"run": name, "path": run.attrs["path"], "specimen": specimen_of(name)}
     return Increments(
@@ -111,15 +112,14 @@ def _zz(tensor: np.ndarray) -> np.ndarray:
     return (2.0 * tensor[:, 2, 2] - tensor[:, 0, 0] - tensor[:, 1, 1]) / 3.0
 
 
-def _intervals(deviatoric: np.ndarray, volumetric: np.ndarray) -> np.ndarray:
-    """Records at which intervals begin and end: short at first, and never across a reversal."""
+def _intervals(deviatoric: np.ndarray, volumetric: np.ndarray, length: float) -> np.ndarray:
+    """Records at which intervals of a strain begin and end; none goes across a reversal."""
     travelled = np.concatenate([[0.0], np.cumsum(np.abs(deviatoric) + np.abs(volumetric))])
     sign = np.sign(deviatoric)
     ends = [0]
     for k in range(1, len(travelled)):
-        enough = min(LONGEST, max(FIRST, GROWTH * travelled[ends[-1]]))
         turned = k < len(sign) and sign[k] * sign[k - 1] < 0.0
-        if travelled[k] - travelled[ends[-1]] >= enough - 1e-9 or turned:
+        if travelled[k] - travelled[ends[-1]] >= length - 1e-9 or turned:
             ends.append(k)
     ends[-1] = len(travelled) - 1
     return np.array(ends)

@@ -10,14 +10,22 @@ import xarray as xr
 
 from analysis.critical_state.ends import packing
 from analysis.critical_state.questions import direction
-from analysis.model_evidence.calibrations import VARIANTS, Calibrations
-from analysis.model_evidence.errors import combined, readings_of_table_2
+from analysis.model_evidence.calibrations import (
+    AMENDED,
+    CALIBRATED,
+    FROM_Z_AND_A,
+    TABLE_2,
+    VARIANTS,
+    Calibrations,
+)
+from analysis.model_evidence.errors import QUANTITIES, combined, judged, readings_of_table_2
 from analysis.paper.ends import Runs
 from analysis.paper.model_comparison import compare
 
 STRAIN = 0.4  # of the paper's tests, to which the models were fitted
 NOT_FITTED = "cyclic_cp"  # no calibration uses cyclic tests: the fits without them are fits to all other tests
 DIRECTIONS = ("compression", "extension")
+COMPARED = ((CALIBRATED, TABLE_2), (AMENDED, CALIBRATED), (FROM_Z_AND_A, CALIBRATED))
 
 
 def new_tests(data: xr.Dataset, strain: float = STRAIN) -> Runs:
@@ -59,3 +67,19 @@ def new_combined(errors: pandas.DataFrame) -> pandas.DataFrame:
     """`combined` of the tests in compression, and of those in extension: a column `direction` and a row per pair."""
     parts = {name: errors[errors["direction"] == name] for name in DIRECTIONS}
     return pandas.concat([combined(part).assign(direction=name) for name, part in parts.items() if len(part)])
+
+
+def new_parts(errors: pandas.DataFrame) -> pandas.DataFrame:
+    """`combined` of parts of the tests in compression, a row per part and pair of COMPARED, corrected over all (Holm).
+
+    part: a path, a quantity, or `by seed`, where the specimens of one seed count once.
+    """
+    own = errors[errors["direction"] == "compression"]
+    parts = {f"{path.upper()} tests": own[own["path"] == path] for path in ("cv", "cp", "cr")}
+    for quantity in QUANTITIES:
+        others = [other for other in QUANTITIES if other != quantity]
+        parts[f"error of {quantity[0]}"] = own.assign(**dict.fromkeys(others, np.nan))
+    parts["by seed"] = own.assign(specimen=own["specimen"].str.rpartition("-")[2])
+    table = pandas.concat([combined(part).assign(part=name) for name, part in parts.items()], ignore_index=True)
+    table = table[[pair in COMPARED for pair in zip(table["model"], table["against"], strict=True)]]
+    return judged(table, table["ratio"] < 1.0)

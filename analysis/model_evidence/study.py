@@ -16,9 +16,9 @@ from analysis.critical_state.study import STUDY as CRITICAL_STATE
 from analysis.model_evidence.calibrations import calibrate_all
 from analysis.model_evidence.errors import combined, error_summary, test_errors
 from analysis.model_evidence.figures import NAMES, error_figure
-from analysis.model_evidence.increments import increments
+from analysis.model_evidence.increments import LENGTH, LENGTHS, increments
 from analysis.model_evidence.inversion import inversion_errors
-from analysis.model_evidence.new_tests import STRAIN, new_combined, new_errors, new_tests
+from analysis.model_evidence.new_tests import STRAIN, new_combined, new_errors, new_parts, new_tests
 from analysis.model_evidence.residuals import forms_of_c4, missing_elements
 from analysis.paper import runs, sources
 from analysis.paper.ends import ends, in_memory, sheared
@@ -68,19 +68,21 @@ class ModelEvidence(Study):
         errors = test_errors(known, calibrations)
         progress(0.9, "fitting the increments")
         changes, fitted = increments(known), both_lines(ends(sheared(known)))
+        forms = [forms_of_c4(increments(known, length), fitted).assign(length=length) for length in LENGTHS]
         monotonic = {name: run for name, run in known.items() if run.attrs["path"] != "cyclic_cp"}
         tables = {
             "errors": errors,
             "summary": error_summary(errors),
             "combined": combined(errors),
             "missing_elements": missing_elements(changes, fitted),
-            "forms_of_c4": forms_of_c4(changes, fitted),
+            "forms_of_c4": pandas.concat(forms),
             "inversion": inversion_errors(monotonic),
         }
         if self.new.exists():
             progress(0.95, "comparing the models with new tests")
             found = new_errors(new_tests(xr.load_dataset(self.new)), calibrations)
             tables |= {"new_errors": found, "new_summary": error_summary(found), "new_combined": new_combined(found)}
+            tables["new_parts"] = new_parts(found)
         return tables
 
     def figures(self, data: object, tables: Tables) -> Mapping[str, Figure]:
@@ -91,10 +93,12 @@ class ModelEvidence(Study):
         of_F = missing[(missing["equation"] == "C1") & missing["candidate"].str.startswith("F")]
         return {
             "summary": wide(tables["summary"]),
+            "specimens": tables["errors"]["specimen"].nunique(),
             "new": new_numbers(tables) if "new_combined" in tables else None,
             "missing": missing,
             "better": list(of_F["candidate"][of_F["verdict"] == "better"]),
             "largest": of_F.loc[of_F["high"].idxmax()],
+            "length": LENGTH,
             "forms": with_gain(tables["forms_of_c4"]),
         }
 
@@ -111,6 +115,7 @@ def new_numbers(tables: Tables) -> dict[str, Any]:
         "specimens": tests["specimen"].nunique(),
         "summary": wide(tables["new_summary"]),
         "combined": tables["new_combined"].groupby("direction", sort=False),
+        "parts": tables["new_parts"],
     }
 
 
@@ -125,10 +130,9 @@ def wide(summary: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def with_gain(table: pandas.DataFrame) -> pandas.DataFrame:
-    """The table with the gain and its interval in % as text; none, and no verdict, for what was not tested."""
-    tested = np.isfinite(table["p_value"])
+    """The table with the gain and its interval in % as text; none for what is compared with itself."""
     gains = [f"{percent(row.gain)} ({percent(row.low)} to {percent(row.high)})" for row in table.itertuples()]
-    return table.assign(gain_text=np.where(tested, gains, ""), verdict=table["verdict"].where(tested, ""))
+    return table.assign(gain_text=np.where(np.isfinite(table["gain"]), gains, ""))
 
 
 def percent(value: float, within: float = np.nan) -> str:

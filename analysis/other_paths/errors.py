@@ -110,8 +110,9 @@ def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Whether C0 is less accurate on a path than in compression; a row per test and quantity (p, q).
 
     A specimen counts once: `difference` is the mean over the specimens of the absolute error on the path minus that in
-    compression on the same specimen, `within` its 95 % half-width (paired t), `p_value` of the paired t-test, and
-    `corrected` the same after Benjamini and Hochberg over all rows.
+    compression on the same specimen, `within` its 95 % half-width (paired t), `limit` the largest difference that the
+    interval allows, `p_value` of the paired t-test, and `corrected` the same after Benjamini and Hochberg over all
+    rows.
     """
     rows = []
     for quantity in ("p", "q"):
@@ -127,6 +128,7 @@ def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
                 row |= {"within": t_interval(result), "p_value": float(result.pvalue)}
             rows.append(row)
     frame = pandas.DataFrame(rows, columns=["test", "quantity", "specimens", "difference", "within", "p_value"])
+    frame.insert(5, "limit", frame["difference"].abs() + frame["within"])
     frame["corrected"] = adjusted(frame["p_value"].to_numpy(dtype=float), "fdr_bh")
     frame["verdict"] = [
         "not tested"

@@ -56,6 +56,16 @@ def summary(of: Callable[..., Any]) -> Values:
     return values | {"any": bool(there)}
 
 
+INDEPENDENT = {  # of the measured numbers; the others follow from the same lines
+    "M": "M",
+    "A_zz": "A_zz",
+    "F_zz": "F_zz",
+    "Ft_zz": "F^t_zz",
+    "Z residual": "the line of Z",
+    "Lambda residual": "the line of Lambda",
+}
+
+
 def simulated(runs: pandas.DataFrame) -> Values:
     """Numbers of tests, and the paper's tests by path."""
     own = main(runs)
@@ -121,7 +131,7 @@ def hard_cases(cases: pandas.DataFrame) -> Values:
 # The paper's numbers and ours
 
 NEEDED = (
-    "label ours within paper_says paper_rounding difference judged agrees kind uncertainty_of explanation"
+    "number label ours within paper_says paper_rounding difference judged agrees kind uncertainty_of explanation"
 ).split()
 
 
@@ -135,7 +145,12 @@ def fidelity(numbers: pandas.DataFrame) -> Values:
     measured = numbers["kind"].fillna("measured") == "measured"
     others = verdicts[measured].value_counts().to_dict()
     explained = numbers[numbers["explanation"].fillna("") != ""]
+    facts = numbers[numbers["number"].isin(INDEPENDENT)]
     return {
+        "facts": {
+            verdict: [INDEPENDENT[str(number)] for number in facts["number"][facts["agrees"] == verdict]]
+            for verdict in ("yes", "no", "not resolved")
+        },
         "measured": int(measured.sum()),
         "yes": others.pop("yes", 0),
         "no": others.pop("no", 0),

@@ -1,9 +1,9 @@
 """Specimen and density of each test of the campaign, from the names of the runs; a specimen counts once.
 
 Tests that start from the same packing are tests of one specimen, also after consolidation to different pressures or
-with other contact laws and engines. `dense_high`, `medium_high` and `loose_low` count as packings of their own: they
-have the diameters and the random starting positions of `dense`, `medium` and `loose`, but another friction in the first
-step of their preparation.
+with other contact laws and engines. So are those of `dense_high` and `dense`, `medium_high` and `medium`, `loose_low`
+and `loose`: they have the same diameters and random starting positions, and differ by the friction in the first step of
+their preparation.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ SHARED = ("share", "full")  # tests of one specimen on several engines: share_cv
 
 
 def specimen_of(run: str) -> str:
-    """Specimen of a run, e.g. `dense` for `cr_1MPa-dense`, `medium_more-s2` for `cv-medium_more-s2`."""
-    test, _, specimen = re.sub(r" \d+$", "", run).partition("-")
+    """The specimen: `dense` for `cr_1MPa-dense` and `isod-dense_high`, `medium_more-s2` for `cv-medium_more-s2`."""
+    test, _, specimen = re.sub(r"(_high|_low)?( \d+)?$", "", run).partition("-")
     kind = test.partition("_")[0]
     return kind if kind in SHARED else specimen
 

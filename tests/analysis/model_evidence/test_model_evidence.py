@@ -29,9 +29,9 @@ def test_the_inversion_of_c0_is_exact_without_mobilisation():
 
 def test_intervals_do_not_cross_a_reversal():
     step = np.concatenate([np.full(50, 1e-3), np.full(80, -1e-3)])
-    ends = _intervals(step, 0.0 * step)
+    ends = _intervals(step, 0.0 * step, 0.007)
     assert 50 in ends and ends[0] == 0 and ends[-1] == 130
-    assert np.diff(ends)[:3].max() == 1 and np.diff(ends)[40 < ends[:-1]].max() <= 20
+    assert set(np.diff(ends)[:6]) == {7}  # the same at small and at large strains
 
 
 def made(rng, c):
@@ -79,7 +79,7 @@ def test_a_missing_term_of_c4_is_found_and_a_present_one_is_not():
     left = data.change["L"] - data.total(force(plain, data, lines))
     assert np.abs(left).max() > 0.05 * np.abs(data.change["L"]).max()
     forms = forms_of_c4(data, LINES).set_index("form")
-    assert forms["verdict"]["amended"] == "better" and forms["gain"]["amended"] > 0.9
+    assert forms["gain"]["amended"] > 0.9 and forms["low"]["amended"] > 0.0
     assert np.isnan(forms["gain"]["paper"]) and np.abs(excess(data)).max() > 0.5
 
 

@@ -1,0 +1,111 @@
+"""`./lab contact-limits`: runs the campaign, or uses the stored values, and writes results/contact_limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas
+from matplotlib.figure import Figure
+
+import labkit as lk
+from analysis.critical_state.ends import quantities_of
+from analysis.curves import accumulated_strain
+from analysis.initial_fabric.study import in_bold
+from analysis.paper.lines import critical_Z
+from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, paired_difference, verdict
+from analysis.study import Study, Tables
+from labkit.engines import Progress
+from labkit.figures import WIDTH, new_figure
+from labkit.io import write_with_provenance
+
+WINDOWS = {"before shear": (0.0, 0.0), "20-30 %": (0.2, 0.3), "30-40 %": (0.3, 0.4)}
+PLANNED = "30-40 %"
+MARGIN = 0.02  # of Z
+LINE = 0.04  # to which the paper's rounding leaves Z^c(e) known
+SECOND = ("M", "A", "F", "Ft", "Lambda", "p_MPa", "rattlers")
+RELATIVE, OF_RATTLERS = 0.01, 0.005  # differences that matter
+ROUNDING = 1e-6  # of a strain
+
+
+class ContactLimits(Study):
+    """What the limits of Eqs. 2 and 3 apply to, in pairs of specimens."""
+
+    data = "values.csv"
+
+    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+        rows = []
+        for one in runs:
+            reading, _, seed = one.name.removesuffix(".run.nc").removeprefix("cv-").partition("-")
+            with lk.open_run(one) as run:
+                values = pandas.DataFrame({"strain": accumulated_strain(run), **quantities_of(run)})
+                values["rattlers"] = run["rattler_fraction"].values
+            for window, (begin, end) in WINDOWS.items():
+                inside = values[values["strain"].between(begin, end + ROUNDING)]
+                rows.append({"reading": reading, "specimen": seed, "window": window, **inside.mean().to_dict()})
+        text = pandas.DataFrame(rows).to_csv(index=False, float_format="%.7g")
+        write_with_provenance(file, text, runs, command)
+
+    def read(self, file: Path) -> pandas.DataFrame:
+        values = pandas.read_csv(file)
+        return values.assign(Z_off=values["Z"] - critical_Z(values["e"]))
+
+    def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
+        return {"differences": differences(data), "offsets": offsets(data)}
+
+    def figures(self, data: pandas.DataFrame, tables: Tables) -> Mapping[str, Figure]:
+        wide = data[data["window"] == PLANNED].pivot(index="specimen", columns="reading", values="Z")
+        figure = new_figure(0.5 * WIDTH, 2.8)
+        axes = figure.subplots()
+        axes.plot(range(2), wide[["springs", "forces"]].T, "o-", color="0.5", ms=3, lw=0.8)
+        axes.set(xticks=range(2), xticklabels=["springs", "forces"], xlim=(-0.3, 1.3), ylabel="coordination number $Z$")
+        return {"pairs": figure}
+
+    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+        rows = in_bold(tables["differences"])
+        return {
+            "asked": rows[rows["comparison"] == 1].iloc[0],
+            "second": rows[rows["comparison"] == 2],
+            "robust": rows[rows["comparison"] == 4],
+        }
+
+
+STUDY = ContactLimits()
+
+
+def differences(values: pandas.DataFrame) -> pandas.DataFrame:
+    """`forces` minus `springs` on the same seeds, a row per comparison of the plan (1, 2 and 4), quantity and window.
+
+    Columns: comparison, quantity, window, springs (mean), difference, within (95 %), specimens (pairs), p_value,
+    corrected (comparison 2: Holm; else as p_value), judged (the smallest difference that matters), resolved, equivalent
+    (the whole interval is within `judged`).
+    """
+    asked = [(1, "Z", PLANNED)] + [(2, name, PLANNED) for name in SECOND]
+    asked += [(4, "Z", window) for window in WINDOWS if window != PLANNED]
+    rows = []
+    for comparison, quantity, window in asked:
+        own = values[values["window"] == window]
+        mean = float(own.loc[own["reading"] == "springs", quantity].mean())
+        found = paired_difference(own, quantity, "reading", "springs", "forces")
+        judged = {"Z": MARGIN, "rattlers": OF_RATTLERS}.get(quantity, RELATIVE * abs(mean))
+        row = {"comparison": comparison, "quantity": quantity, "window": window, "springs": mean}
+        rows.append(row | found.columns("difference") | {"judged": judged})
+    table = pandas.DataFrame(rows)
+    second = table["comparison"] == 2
+    table["corrected"] = table["p_value"].mask(second, pandas.Series(adjusted(table["p_value"].where(second))))
+    table["resolved"] = table["corrected"] <= SIGNIFICANT
+    table["equivalent"] = table["difference"].abs() + table["within"] <= table["judged"]
+    return table
+
+
+def offsets(values: pandas.DataFrame) -> pandas.DataFrame:
+    """Comparison 3: Z - Z^c(e) of the paper with either reading. Columns: reading, offset, within, ..., verdict."""
+    own = values[values["window"] == PLANNED]
+    rows = []
+    for reading, group in own.groupby("reading", sort=False):
+        rows.append({"reading": reading, **cluster_mean(group["Z_off"], group["specimen"]).columns("offset")})
+    table = pandas.DataFrame(rows)
+    table["corrected"] = adjusted(table["p_value"])
+    table["verdict"] = [verdict(row.offset, row.within, LINE, row.corrected) for row in table.itertuples()]
+    return table
