@@ -157,3 +157,12 @@ def test_corrections_and_verdicts():
     assert verdict(0.06, 0.01, 0.05, p_value=0.2) == "not resolved"
     assert verdict(0.0, 0.06, 0.05) == "not resolved"
     assert verdict(0.02, np.nan, 0.05) == "not resolved"
+
+
+def test_a_large_offset_of_a_group_does_not_widen_its_own_interval(rng):
+    specimen = np.repeat(np.arange(12), 2)
+    group = np.where(specimen < 6, "compression", "extension")
+    y = 0.2 * (specimen < 6) + 0.005 * rng.normal(size=12)[specimen] + 0.005 * rng.normal(size=24)
+    found = one_line(y, np.ones((24, 1)), group, specimen, draws=19).offsets.set_index("group").loc["compression"]
+    difference = cluster_mean(y[:12], specimen[:12]).value - cluster_mean(y[12:], specimen[12:]).value
+    assert found["offset"] == pytest.approx(difference) and 0.003 < found["within"] < 0.015
