@@ -52,7 +52,7 @@ def test_table_2_is_recovered(tables):
     for name in CRITICAL:
         assert numbers["agrees"][name] in ("yes", "not resolved"), name
         assert abs(numbers["difference"][name]) < max(0.02 * abs(numbers["paper"][name]), 0.01), name
-        assert 0.0 < numbers["within"][name] < max(0.1 * abs(numbers["paper"][name]), 0.03), name  # 7 specimens
+        assert 0.0 < numbers["within"][name] < max(0.12 * abs(numbers["paper"][name]), 0.03), name  # 7 specimens
     assert numbers["ours"]["M"] == pytest.approx(0.9295, abs=2e-3)  # C0's coupled terms, see results/README.md
     assert numbers["agrees"]["M"] == "yes"  # within the 2 % that matter
     assert list(numbers["kind"][["M", "e dense", "p0 dense", "overlap", "reversals"]]) == [
