@@ -154,3 +154,11 @@ NUMBERS = (
     _start("e cyclic dense", "cyclic CP: e0, dense", 0.60, 0.005, "cyclic-cyclic_dense", "e"),
     _start("p cyclic", "cyclic CP: mean stress held (MPa)", 0.5, 0.05, "cyclic-.*", "held_MPa"),
 )
+INDEPENDENT = {  # of the measured numbers; the others follow from the same lines
+    "M": "M",
+    "A_zz": "A_zz",
+    "F_zz": "F_zz",
+    "Ft_zz": "F^t_zz",
+    "Z residual": "the line of Z",
+    "Lambda residual": "the line of Lambda",
+}

@@ -16,6 +16,7 @@ from analysis import markdown
 from analysis.paper.ends import OTHERS
 from analysis.paper.estimates import text
 from analysis.paper.model_comparison import FAR_ENOUGH, LABELS, OURS, TABLE_2
+from analysis.paper.numbers import INDEPENDENT
 from analysis.paper.specimens import specimens_of
 from analysis.statistics import cluster_mean
 from labkit.runs import SFF_TOLERANCE, SHEAR
@@ -54,16 +55,6 @@ def summary(of: Callable[..., Any]) -> Values:
     }
     there = of("fidelity.csv", len) or any(value is not None for value in values.values())
     return values | {"any": bool(there)}
-
-
-INDEPENDENT = {  # of the measured numbers; the others follow from the same lines
-    "M": "M",
-    "A_zz": "A_zz",
-    "F_zz": "F_zz",
-    "Ft_zz": "F^t_zz",
-    "Z residual": "the line of Z",
-    "Lambda residual": "the line of Lambda",
-}
 
 
 def simulated(runs: pandas.DataFrame) -> Values:
