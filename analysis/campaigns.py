@@ -1,4 +1,4 @@
-"""What the commands of the studies share: their options, their campaign, and the files that they write."""
+"""Parts shared by the commands of the studies: their options, their campaign, and the files that they write."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from labkit.io import open_netcdf, write_with_provenance
 
 
 def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwise: str) -> None:
-    """Adds `campaign`, --as-is, --cores and --output.
+    """Add `campaign`, --as-is, --cores and --output.
 
-    results: folder in results/; otherwise: what happens without a campaign folder.
+    `results` is the folder in results/; `otherwise` says what happens without a campaign folder.
     """
     parser.add_argument("campaign", nargs="?", help=f"campaign folder, created or resumed (default: none; {otherwise})")
     parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
@@ -47,7 +47,7 @@ def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path) ->
 
 
 def finished(campaign: str | Path) -> list[Path]:
-    """Files of the finished runs of the campaign in a folder. Raises InputError if there are none."""
+    """Return the files of the finished runs of the campaign in a folder. Raises InputError if it has none."""
     files = [file for file in sorted((Path(campaign) / RUNS).glob("*.run.nc")) if ended(file)]
     if not files:
         raise InputError(f"{campaign} contains no finished runs: give a folder in which the campaign was run")

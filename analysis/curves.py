@@ -81,9 +81,14 @@ def write_data(data: xr.Dataset, files: Sequence[Path], output: Path, command: s
 
 
 def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: float) -> dict[str, xr.Dataset]:
-    """Curves of tests that results/critical_state has stored, at POINTS strains up to `strain`, by their name there.
+    """Read curves of tests stored in results/critical_state, at POINTS strains up to `strain`, by their name there.
 
-    results: folder of all results; grains: name -> number of grains. Tests that are not there are left out.
+    Tests that are missing there are left out.
+
+    Args:
+        results: Folder of all results.
+        grains: Number of grains, name -> number.
+        strain: Largest strain.
     """
     file = results / AT_FULL_STRAIN
     if not file.exists():

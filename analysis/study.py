@@ -37,7 +37,7 @@ class StoredTables(dict[str, pandas.DataFrame]):
 class Study:
     """A study in a folder of analysis/, with `campaign.yaml` and the template `page.md`.
 
-    A subclass says what it gathers, computes and draws, and which numbers its page names.
+    A subclass defines what it gathers, computes and draws, and which numbers its page contains.
     """
 
     data: str  # the data set in the folder of the results, from which everything else follows
@@ -60,7 +60,7 @@ class Study:
         raise NotImplementedError
 
     def numbers(self, tables: Tables) -> Mapping[str, Any]:
-        """Values for the page, beside `tables`, `command` and `planned`, the number of tests in the campaign."""
+        """Values for the page besides `tables`, `command` and `planned`, the number of tests in the campaign."""
         return {}
 
     @property

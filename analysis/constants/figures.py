@@ -60,7 +60,7 @@ def lines_figure(ends: pandas.DataFrame, cells: Cells) -> Figure:
 
 
 def changes_figure(table: pandas.DataFrame) -> Figure:
-    """Constants of every material with 95 % intervals, a panel per constant; band: those of Table 1's grains."""
+    """Draw the constants of every material with 95 % intervals, one panel each; the band shows Table 1's grains."""
     figure = new_figure(WIDTH * 1.3, 7.0)
     axes = figure.subplots(3, 3, sharex=True)
     base = table[table["parameter"] == PAPER].set_index("constant")

@@ -1,1 +1,1 @@
-"""What the limits of Eqs. 2 and 3 apply to: the forces of the springs, or those with their dashpots; in pairs."""
+"""Do the limits of Eqs. 2 and 3 apply to the spring forces, or to those including the dashpots? Tests in pairs."""

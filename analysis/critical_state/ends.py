@@ -17,7 +17,7 @@ DENSITIES = ("dense", "medium", "loose")
 
 
 def factors(test: str, specimen: str) -> dict[str, str]:
-    """What a test of the campaign is, by its name: path, density, stiffness rule, size, and shape of the cell."""
+    """A test of the campaign, from its name: path, density, stiffness rule, size, and shape of the cell."""
     density = next((name for name in DENSITIES if name in specimen), "medium")
     return {
         "path": test.split("_")[0],

@@ -97,8 +97,9 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
     """Do all tests end in one critical state? A row per quantity, factor and group.
 
     Z and Lambda are compared with lines of e, e with a line of p, and M, A, F and Ft with straight lines of e, each
-    fitted to the tests compared. offset, within: of a group from all others; p_value: that no group is off, corrected
-    for the number of quantities and factors (Holm); direction: extension against compression.
+    fitted to the tests compared. The columns `offset` and `within` compare a group with all others, and `p_value` tests
+    that no group is off, corrected for the number of quantities and factors (Holm). The factor `direction` compares
+    extension with compression.
     """
     rows = []
     for factor, (tests, groups) in questions(ends).items():
@@ -151,10 +152,11 @@ def inertia(data: xr.Dataset) -> pandas.DataFrame:
 
 
 def same_cubes(data: xr.Dataset) -> pandas.DataFrame:
-    """Extension minus compression of the same cubes at the end of 40 % of strain, a row per quantity.
+    """Compare extension with compression of the same cubes at 40 % of strain, one row per quantity.
 
-    data: of ./lab other-paths. M, A, F and Ft, and Z and Lambda off the paper's lines of e; difference, within (paired,
-    95 %), specimens, p_value, corrected (Holm). No difference in the shape of the cell is part of it.
+    The quantities are M, A, F and Ft, and Z and Lambda relative to the paper's lines of e. The columns are difference,
+    within (paired, 95 %), specimens, p_value and corrected (Holm). The shape of the cell does not differ. `data` is
+    that of ./lab other-paths.
     """
     both = data.isel(run=data["test"].isin(["compression", "extension"]).values)
     ends = end_table(both, records(both), BEGIN + 0.05)

@@ -30,7 +30,7 @@ GOOD = ("same", "used", "refused", "failed")  # outcomes that are as they should
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """One input. kind: its class; seed: makes it again; what: the file to keep if it fails, or its text."""
+    """One input: its class (`kind`), the `seed` that makes it again, and `what` to keep if it fails, a file or text."""
 
     kind: str
     seed: int

@@ -44,9 +44,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Run the cases until done or Ctrl-C, print and write the counts, keep what failed; 1 if something failed.
+    """Run the cases until done or Ctrl-C, print and write the counts, and keep failed cases; returns 1 if any failed.
 
-    With a number of cases and a seed, a command that is repeated goes on where it was stopped.
+    With a number of cases and a seed, a repeated command continues where it was stopped.
     """
     seed = options.seed or int(time.time())
     command = command if options.seed or options.extremes else f"{command} --seed {seed}"

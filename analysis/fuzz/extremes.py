@@ -1,8 +1,8 @@
-"""Scenes far outside the usual: each run must be right, or say which limit it exceeds, or be refused in one sentence.
+"""Extreme scenes: each run must be right, or report which limit it exceeds, or be refused in one sentence.
 
-Every case is a specimen and a run on the command line, in a process of its own with a limit of time. A run is right if
-it passes the checks of `./lab hard-cases`. Cases that differ from the usual grains in the unit of stress or of density
-by a power of four must give the same numbers in these units.
+Every case is a specimen and a run on the command line, in a separate process with a time limit. A run is right if it
+passes the checks of `./lab hard-cases`. Cases that differ from the usual grains in the unit of stress or of density by
+a power of four must give the same numbers in these units.
 """
 
 from __future__ import annotations
@@ -38,9 +38,12 @@ CV, CP = "cv --strain 0.02", "cp --strain 0.02 --pressure"
 class Extreme:
     """A specimen and a run.
 
-    material: options of both; path: words of `labkit run`; edges: numbers of grains along the edges of the cell,
-    for a simple cubic lattice instead of a random specimen; stress: factor of all stresses in comparison with the usual
-    grains, if all else must be the same; limit: s, after which the case is stopped.
+    Args:
+        material: Options of both.
+        path: Words of `labkit run`.
+        edges: Numbers of grains along the edges of the cell, for a simple cubic lattice instead of a random specimen.
+        stress: Factor of all stresses relative to the usual grains, if all else must be equal.
+        limit: Time after which the case is stopped, s.
     """
 
     name: str

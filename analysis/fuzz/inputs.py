@@ -90,13 +90,13 @@ def numbers(values: Mapping[str, Any]) -> str:
 
 
 def read_state(file: Path) -> str:
-    """What a state file gives to a run."""
+    """Read from a state file what a run uses."""
     state = lk.read_state(file)
     return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.time_step})
 
 
 def read_run(file: Path) -> str:
-    """What a run file gives to statistics."""
+    """Read from a run file what statistics use."""
     run = lk.Run.open(file)
     try:
         values = {str(name): run.data[name].values for name in run.data.variables if run.data[name].dtype.kind in "fiu"}
@@ -107,7 +107,7 @@ def read_run(file: Path) -> str:
 
 
 def resume(file: Path) -> str:
-    """What the checkpoint of a run gives to its continuation."""
+    """Read from the checkpoint of a run what its continuation uses."""
     state = read_checkpoint(file)
     return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.step})
 

@@ -102,7 +102,7 @@ runs: {cv: {path: cv, specimen: dense, strain: 0.005}}
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """A command. kind: its class in the table; words: with the output, a file or a folder, at the end."""
+    """A command: its class in the table (`kind`), and its `words`, which end with the output, a file or a folder."""
 
     kind: str
     words: tuple[str, ...]
@@ -133,7 +133,7 @@ def _words(text: str) -> tuple[str, ...]:
 
 @dataclasses.dataclass
 class Chain:
-    """What happened to a command: number of kills that hit it, and what was wrong."""
+    """The fate of a command: the number of kills that hit it, and what was wrong."""
 
     job: Job
     kills: int
@@ -152,7 +152,7 @@ class Chain:
 
 @dataclasses.dataclass(frozen=True)
 class Undisturbed:
-    """A command without interruption: its output, its exit code and the seconds that it takes."""
+    """Run a command without interruption; returns its output, its exit code and its duration, s."""
 
     output: Path
     code: int
@@ -295,7 +295,7 @@ def _same(job: Job, output: Path, expected: Path) -> bool:
 
 
 def _content(file: Path) -> object:
-    """What must be the same in a file: the data of labkit's own, the dots of a picture, else all bytes."""
+    """Return the part of a file that must be the same: data of labkit's files, dots of a picture, or all bytes."""
     kind = labkit_kind(file)
     if kind == "state":
         return lk.read_state(file).digest()

@@ -20,11 +20,11 @@ Judged = tuple[str, list[Check]]  # a description of what happened in a case, an
 
 
 class Laboratory:
-    """Makes the specimens and runs of a scene on an engine, in a separate folder; `engine`: a key of ENGINES.
+    """Makes the specimens and runs of a scene on an engine, a key of ENGINES, in a separate folder.
 
-    shared: folder of the specimens and reference runs, always made with the `fused` engine; extent: fraction of the
-    scene's strain to apply, 1 for all of it. `runs`: run files of the case; `exceeded`: limits that they exceeded;
-    `messages`: all messages of labkit.
+    `shared` is the folder of the specimens and reference runs, always made with the `fused` engine, and `extent` the
+    fraction of the scene's strain to apply. The case collects its run files in `runs`, the limits that they exceeded in
+    `exceeded`, and all messages of labkit in `messages`.
     """
 
     def __init__(

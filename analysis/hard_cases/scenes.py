@@ -24,10 +24,18 @@ CORRECT, CLEAR_ERROR, LIMIT_REPORTED, SILENT_WRONG = "correct", "clear error", "
 class HardScene:
     """A specimen and a loading path. Scenes that are not plain tests have no path; their case builds the run.
 
-    should: what the physics requires; verdict: the verdict if the run completes and all checks hold; void_ratio,
-    step1_friction: of the specimen; path: name of the loading path; strain: axial strain, or the largest of the
-    reversals; rate: 1/s; pressure: Pa, for paths that need one; reversals: of cyclic_cp, as fractions of `strain`;
-    cycles: number of cycles between +-`strain`; judges_c0: True if C0 must be close to Love's stress.
+    Args:
+        should: What the physics requires.
+        verdict: Verdict if the run completes and all checks hold.
+        void_ratio: Void ratio of the specimen.
+        step1_friction: Friction of the specimen in step 1.
+        path: Name of the loading path.
+        strain: Axial strain, or the largest of the reversals.
+        rate: Strain rate, 1/s.
+        pressure: Pressure, for paths that need one, Pa.
+        reversals: Reversals of cyclic_cp, as fractions of `strain`.
+        cycles: Number of cycles between +-`strain`.
+        judges_c0: True if C0 must be close to Love's stress.
     """
 
     name: str

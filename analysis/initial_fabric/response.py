@@ -129,9 +129,9 @@ def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def coefficient(y: np.ndarray, design: np.ndarray, specimens: int) -> Tested:
-    """The first coefficient of a least-squares fit, with its interval and t test; NaN without degrees of freedom.
+    """Fit by least squares; returns the first coefficient with its interval and t test, NaN without degrees of freedom.
 
-    y: (n,), NaN values are left out; design: (n, k).
+    NaN values of y (n,) are left out; the design is (n, k).
     """
     known = np.isfinite(y)
     freedom = int(known.sum()) - np.linalg.matrix_rank(design[known])

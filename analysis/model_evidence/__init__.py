@@ -1,1 +1,1 @@
-"""What the constitutive model is worth: errors on paths it was not calibrated on, readings, and what C1 to C5 lack."""
+"""How well the model predicts tests it was not fitted to, which readings fit best, and what C1 to C5 lack."""

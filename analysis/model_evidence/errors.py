@@ -48,10 +48,10 @@ def readings_of_table_2() -> dict[str, Model]:
 def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Mean errors over specimens, a pandas.DataFrame with a row per path, quantity and model.
 
-    A specimen counts once. value, within: mean with its 95 % half-width. against: the model it is compared with,
-    difference and difference_within: of the errors on the same specimens, p_value: paired t test, corrected: for all
-    rows (Holm), verdict: `better`, `worse` or `not resolved`. Tests that a model does not complete are left out:
-    completed.
+    A specimen counts once. `value` and `within` are the mean and its 95 % half-width. `against` names the model for
+    comparison; `difference` and `difference_within` compare the errors on the same specimens, `p_value` is that of a
+    paired t test, `corrected` is corrected for all rows (Holm), and the `verdict` is `better`, `worse` or `not
+    resolved`. Tests that a model does not complete are left out; `completed` counts the others.
     """
     rows = []
     for path in dict.fromkeys(errors["path"]):
@@ -84,9 +84,10 @@ def judged(table: pandas.DataFrame, better: pandas.Series) -> pandas.DataFrame:
 def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Each model against another over all paths and quantities at once, a pandas.DataFrame with a row per comparison.
 
-    ratio: of the errors, geometric mean over the quantities of a test, its tests and then the specimens, with low and
-    high, its 95 % interval; only tests that both complete; p_value: t test over specimens that the logarithm of the
-    ratio is zero; corrected: for the number of rows (Holm); failed: tests that only `model` does not complete.
+    `ratio` is the ratio of the errors, the geometric mean over the quantities of a test, its tests and then the
+    specimens, for tests that both complete; `low` and `high` bound its 95 % interval. `p_value` is that of a t test
+    over specimens that the logarithm of the ratio is zero, `corrected` for the number of rows (Holm). `failed` counts
+    tests that only `model` does not complete.
     """
     long = errors.melt(["run", "specimen", "path", "model", "reached"], QUANTITIES, "quantity", "error")
     long = long[np.isfinite(long["error"])]

@@ -30,10 +30,17 @@ STEEPEST = 5.0  # largest exponent in the exponentials of a fit
 class Increments:
     """Records of several tests, differences between neighbouring records along `step`, summed over intervals.
 
-    state: e, reported (void ratio), Z, L (Lambda), A, F and T (F^t), means of two neighbouring records (steps,); s, n,
-    v: norm of the deviatoric strain increment, its sign along z, and the volumetric one (steps,); first: first step of
-    each interval; change: of Z, L, A, F and T over the intervals (intervals,); run, path, specimen: of the intervals;
-    lengths: |dA| (steps,).
+    Args:
+        state: e, reported (void ratio), Z, L (Lambda), A, F and T (F^t), means of two neighbouring records, (steps,).
+        s: Norm of the deviatoric strain increment, (steps,).
+        n: Its sign along z, (steps,).
+        v: Volumetric strain increment, (steps,).
+        first: First step of each interval, (intervals,).
+        change: Change of Z, L, A, F and T over each interval, (intervals,).
+        run: Run of each interval.
+        path: Path of each interval.
+        specimen: Specimen of each interval.
+        lengths: |dA|, (steps,).
     """
 
     state: dict[str, np.ndarray]

@@ -44,11 +44,11 @@ def observe_inverted(name: str, run: xr.Dataset) -> Observation:
 
 
 def inversion_errors(runs: Runs) -> pandas.DataFrame:
-    """How well Lambda and F follow from the stress, e, Z and A, a pandas.DataFrame with a row per quantity.
+    """Test how well Lambda and F follow from the stress, e, Z and A; a pandas.DataFrame with a row per quantity.
 
-    Lambda: relative error; F: inverted minus measured F_zz; F + 7.5 F^t: inverted F minus F_zz + 15/2 F^t_zz, the
-    combination that C0 contains. mean, within: over specimens (95 %); rms: mean over tests. Records with p > 50 kPa,
-    and q/p > 0.2 for F.
+    The error of Lambda is relative, that of F is the inverted minus the measured F_zz, and that of F + 7.5 F^t the
+    inverted F minus F_zz + 15/2 F^t_zz, the combination that C0 contains. `mean` and `within` are over specimens (95
+    %), `rms` is the mean over tests. Only records with p > 50 kPa, and q/p > 0.2 for F, are used.
     """
     rows = []
     for name, run in runs.items():

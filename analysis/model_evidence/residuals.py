@@ -50,10 +50,11 @@ def missing_elements(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
     """Do further quantities explain what an equation leaves? A pandas.DataFrame with a row per equation and candidate.
 
     For each path the equation and the coefficient of the candidate are fitted to the tests along all other paths and
-    judged on this path. gain: 1 - (sum of squares with the candidate)/(without), geometric mean over specimens, and low
-    and high, its 95 % interval; p_value: t test over specimens that it is zero; corrected: for the number of rows
-    (Holm); a column per path with the gain there; explained: share of the squared changes that the equation explains
-    on the left-out paths, the median over tests. fitted: parameters of the lines.
+    judged on this path. `gain` is 1 - (sum of squares with the candidate)/(without), the geometric mean over specimens;
+    `low` and `high` bound its 95 % interval. `p_value` is that of a t test over specimens that the gain is zero,
+    `corrected` for the number of rows (Holm). A column per path gives the gain there. `explained` is the share of the
+    squared changes that the equation explains on the left-out paths, the median over tests. The argument `fitted` holds
+    the parameters of the lines.
     """
     lines, rows = lines_of(data, fitted), []
     for equation, (rate, variable, start) in EQUATIONS.items():

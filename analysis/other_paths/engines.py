@@ -116,12 +116,12 @@ def distance(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def agreement(found: Mapping[tuple[str, str, str], Mapping[str, np.ndarray]]) -> pandas.DataFrame:
-    """Difference of the engines beside that of the specimens; a pandas.DataFrame with a row per test and quantity.
+    """Compare the engines, and two specimens on one engine; a pandas.DataFrame with a row per test and quantity.
 
-    engines: root mean square along the test of YADE minus fused, from the same specimen, mean over the specimens;
-    specimens: the same between two specimens on one engine, mean over all pairs; difference: YADE minus fused in the
-    mean over the last quarter, mean over the specimens; p_value: of the paired t-test over the specimens that it is
-    zero; corrected: the same after Benjamini and Hochberg over all rows.
+    `engines` is the root mean square along the test of YADE minus fused, from the same specimen, the mean over the
+    specimens; `specimens` is the same between two specimens on one engine, the mean over all pairs. `difference` is
+    YADE minus fused in the mean over the last quarter, the mean over the specimens; `p_value` is that of the paired
+    t-test over the specimens that it is zero, and `corrected` the same after Benjamini and Hochberg over all rows.
     """
     rows = []
     for test in dict.fromkeys(test for test, _, _ in found):

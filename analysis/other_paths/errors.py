@@ -25,11 +25,12 @@ def direction(stress: np.ndarray) -> np.ndarray:
 
 
 def errors_of(stress: np.ndarray, love: np.ndarray) -> dict[str, Any]:
-    """Errors of a stress against Love's, both (n, 3, 3), Pa: means along the test.
+    """Return errors of a stress against Love's, both (n, 3, 3), Pa, as means along the test.
 
-    p and q: relative errors, signed; ratio: of q/p; norm: Frobenius norm of the difference over that of Love's stress;
-    xx ... xy: root mean square of the difference over the mean stress; angle: mean absolute difference of the
-    directions of the major principal stress in the x-z plane, degrees.
+    `p`, `q` and `ratio` (of q/p) are relative errors with their sign, and `norm` is the Frobenius norm of the
+    difference over that of Love's stress. `xx` to `xy` are root mean squares of the difference over the mean stress,
+    and `angle` is the mean absolute difference of the directions of the major principal stress in the x-z plane,
+    degrees.
     """
     p, q = mean_stress(love), equivalent_stress(love)
     judged = p > LEAST_PRESSURE

@@ -37,8 +37,9 @@ def c0_errors(runs: Runs) -> pandas.DataFrame:
 def c0_bias(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Bias over independent specimens, a pandas.DataFrame with a row per path (and `shear`) and quantity.
 
-    errors: of c0_errors. bias, within: mean over specimens with its 95 % half-width; p_value: t test that it is zero,
-    corrected: for the number of rows (Holm); rms: mean of the tests'; low: tests with a negative bias.
+    `errors` is the table of c0_errors. `bias` and `within` are the mean over specimens with its 95 % half-width,
+    `p_value` is that of the t test that the bias is zero, `corrected` for the number of rows (Holm), `rms` is the mean
+    of the tests' values, and `low` counts tests with a negative bias.
     """
     rows = []
     shear = errors[errors["path"].isin(("cv", "cr", "cp"))].assign(path="shear")

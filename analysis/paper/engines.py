@@ -16,8 +16,8 @@ COMPARED = ("peak", "M", "e", "Z", "Lambda")
 def engine_table(runs: Runs) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per test and kind of KINDS, from the runs NAME-KIND.
 
-    peak: the largest |q|/p; M, e, Z, Lambda: means over the last quarter of the strain of a monotonic shear test; for
-    any other test, e, Z and Lambda of its last record. off_*: relative differences from YADE.
+    `peak` is the largest |q|/p. M, e, Z and Lambda are means over the last quarter of the strain of a monotonic shear
+    test; for any other test, e, Z and Lambda are those of its last record. `off_*` are relative differences from YADE.
     """
     rows = []
     for name, run in matching(runs, r"(share|full)_\w+-(yade|fused|paper)").items():

@@ -23,9 +23,9 @@ def jackknife(
 ) -> Tested:
     """Estimate of `statistic(rows)`, rows an array of indices into n tests, by leaving out one specimen at a time.
 
-    For a mean of specimens tested once each this is the Student t interval. `parameters`: number of parameters that the
-    statistic fits at once; `clusters`: the specimens of the tests (default: every test has its own). The degrees of
-    freedom are specimens - parameters; width and p-value are NaN if there are none.
+    For a mean of specimens tested once each this is the Student t interval. The statistic fits a number of `parameters`
+    at once; `clusters` are the specimens of the tests (default: every test has its own). The degrees of freedom are
+    specimens - parameters; width and p-value are NaN without degrees of freedom.
     """
     if n == 0:
         return NOTHING

@@ -33,13 +33,15 @@ COLUMNS = (
 def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFrame, pandas.DataFrame]:
     """Two pandas.DataFrames: the numbers (COLUMNS) and the tested causes (CAUSES).
 
-    `runs`: name -> run from analysis.paper.ends.in_memory; `study`: data set of ./lab speed-error, or None.
-    kind: `measured`, `limit`, or `input` and `tuned` for what was put in. within: half-width of our 95 % interval, from
-    the source named in `uncertainty_of`; judged: the smallest difference that would matter. in_units: absolute value of
-    the difference divided by `within`. seed_scatter, window_scatter: standard deviations of one test, between seeds and
-    within its averaging window. agrees: for a measured number `yes`, `no` or `not resolved`, the verdict of
-    analysis.statistics; for the others `yes` if the difference does not exceed `within` plus the paper's rounding;
-    `not determined` if the runs do not determine the number; `no runs`.
+    The runs, by name, are those of analysis.paper.ends.in_memory; `study` is the data set of ./lab speed-error, or
+    None.
+
+    The `kind` is `measured`, `limit`, or `input` and `tuned` for numbers that were put in. `within` is the half-width
+    of our 95 % interval, from the source named in `uncertainty_of`, `judged` the smallest difference that would matter,
+    and `in_units` the absolute value of the difference divided by `within`. `seed_scatter` and `window_scatter` are
+    standard deviations of one test, between seeds and within its averaging window. `agrees` is, for a measured number,
+    `yes`, `no` or `not resolved`, the verdict of analysis.statistics; for the others `yes` if the difference does not
+    exceed `within` plus the paper's rounding; `not determined` if the runs do not determine the number; or `no runs`.
     """
     comparisons = end_comparisons(runs)
     parts: dict[str, pandas.DataFrame] = {}

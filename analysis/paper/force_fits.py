@@ -49,8 +49,8 @@ def force_fits(runs: Runs) -> pandas.DataFrame:
 def printed_force(runs: Runs) -> pandas.DataFrame:
     """f~ of section 3 as printed, (3 lambda'/2) E delta/D*, over f~ = 3 lambda' f/(pi D^2), a row per snapshot.
 
-    printed_over_defined: mean over all contact sides of both; f = (pi/2) E D* delta, no dashpot. corrected: the
-    same for the printed formula times (D*/D)^2, which is 1/4 for equal grains: it is the factor that is missing.
+    `printed_over_defined` is the ratio of the means over all contact sides, with f = (pi/2) E D* delta and no dashpot.
+    `corrected` is the same for the printed formula times (D*/D)^2, the missing factor, which is 1/4 for equal grains.
     """
     rows = []
     for name, strain, snapshot in _sheared(runs):

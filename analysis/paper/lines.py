@@ -152,11 +152,11 @@ FACTORS: dict[str, Callable[[pandas.DataFrame], list[str]]] = {  # factor -> gro
 def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
     """Tests whether all paths, and all densities, end on the same line; a row per line of LINES, factor and group.
 
-    tests, specimens: of the group; offset: distance of its ends from those of all others, with the line refitted at the
-    same time (to first order); within: its 95 % half-width; scatter: standard deviation around the line; shared: part
-    of that variance which the tests of one specimen share; p_value: of the test that no group has an offset
-    (analysis.statistics.one_line), the same in all rows of a line and factor; corrected: for the number of tests
-    (Holm). NaN for too few tests or a single group.
+    `tests` and `specimens` count those of the group. `offset` is the distance of its ends from those of all others,
+    with the line refitted at the same time (to first order), and `within` its 95 % half-width. `scatter` is the
+    standard deviation around the line, and `shared` the part of that variance which the tests of one specimen share.
+    `p_value` is that of the test that no group has an offset (analysis.statistics.one_line), the same in all rows of a
+    line and factor, `corrected` for the number of tests (Holm). Values are NaN for too few tests or a single group.
     """
     rows = []
     specimens = specimens_of(ends["run"])

@@ -33,7 +33,7 @@ STORED = (
 def calibrate(runs: Runs) -> tuple[Fit | None, Fit | None]:
     """(Fit to the tests of CALIBRATED_ON, Fit to other tests), to show how much parameters depend on the choice.
 
-    Either is None if there are no such tests. `runs`: from analysis.paper.ends.in_memory.
+    Either is None without such tests. The runs are those of analysis.paper.ends.in_memory.
     """
     own = main(runs)
     first = {name: run for name, run in own.items() if re.fullmatch(CALIBRATED_ON, name)}
@@ -84,11 +84,11 @@ def models(found: Fit | None) -> dict[str, Model]:
 def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, xr.Dataset]:
     """Runs the models (name -> Model) along every run: (pandas.DataFrame of errors, xarray.Dataset of their records).
 
-    Errors are root mean squares over the accumulated strain that both cover. q_error: relative to the largest |q| of
-    the simulation; p_error: relative to its mean p; e_error: of the nominal void ratio, absolute; e_error_of_change:
-    relative to the range of e in the simulation. NaN if the path prescribes the quantity. reached: share of the run's
-    strain that the model completes; status: why it stops early. In rows with parameters `seed` the simulation of the
-    first seed replaces the model; they show the error due to chance.
+    Errors are root mean squares over the accumulated strain that both cover: `q_error` relative to the largest |q| of
+    the simulation, `p_error` relative to its mean p, `e_error` of the nominal void ratio, absolute, and
+    `e_error_of_change` relative to the range of e in the simulation. They are NaN if the path prescribes the quantity.
+    `reached` is the share of the run's strain that the model completes, and `status` says why it stops early. In rows
+    with parameters `seed` the simulation of the first seed replaces the model; they show the error due to chance.
     """
     rows: list[dict[str, Any]] = []
     results: dict[tuple[str, str], Result] = {}

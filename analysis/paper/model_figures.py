@@ -52,8 +52,8 @@ def run_of(
 ) -> tuple[str, xr.Dataset]:
     """(label, run) of the model with Table 2 along a path; the label gives the initial state.
 
-    pressure: MPa; a1: size of the inherent anisotropy, its axis at `angle` (degrees) from the axial direction;
-    parameters: passed to labkit.model.model_path.
+    The pressure is in MPa. `a1` is the size of the inherent anisotropy, whose axis is at `angle` (degrees) from the
+    axial direction; `parameters` are passed to labkit.model.model_path.
     """
     state = isotropic_state(FLAT, void_ratio, pressure * MPA, Z)
     state = with_inherent_anisotropy(FLAT, state, a1, math.radians(angle))

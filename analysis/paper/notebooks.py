@@ -47,7 +47,7 @@ def main(options: argparse.Namespace, command: str) -> None:
 
 
 def notebook_files(folder: str | Path) -> list[Path]:
-    """Notebooks in a folder, sorted by name. Raises InputError if there are none."""
+    """List the notebooks in a folder, sorted by name. Raises InputError if it has none."""
     files = sorted(Path(folder).glob("*.ipynb"))
     if not files:
         raise InputError(f"{folder} contains no notebooks: use the `analysis` folder of labkit's repository")

@@ -21,12 +21,12 @@ Statistic = Callable[[pandas.DataFrame], float]  # of a table of analysis.paper.
 class Number:
     """A number of the paper, measured at the ends of shear tests along `paths` or at the starts of runs.
 
-    rounding: half a unit of the last digit that the paper prints, including the rounding of e_cmax; statistic:
-    function of a table of analysis.paper.ends, which fits `parameters` parameters; column: the table column behind
-    the number, if there is only one; pattern: regular expression for the runs whose start is measured; kind:
-    `measured`, or `input` or `tuned` for numbers that we set, or adjusted a specimen to, and that cannot count as
-    agreement; judged: the smallest difference that would matter (default: RELATIVE of the paper's number, or its
-    rounding if larger).
+    `rounding` is half a unit of the last digit that the paper prints, including the rounding of e_cmax. `statistic` is
+    a function of a table of analysis.paper.ends, which fits `parameters` parameters; `column` is the table column
+    behind the number, if there is only one; `pattern` is a regular expression for the runs whose start is measured. The
+    `kind` is `measured`, or `input` or `tuned` for numbers that we set, or adjusted a specimen to, and that cannot
+    count as agreement. `judged` is the smallest difference that would matter (default: RELATIVE of the paper's number,
+    or its rounding if larger).
     """
 
     name: str

@@ -22,10 +22,10 @@ COLUMNS = (*RECORDED, *BETTER, *PARTS, "explanation")
 def sff_errors(runs: Runs) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per monotonic test: the error of C0 over the records with p > 50 kPa.
 
-    worst (at worst_strain and worst_p_MPa) and mean: Frobenius norm of the error divided by the norm of Love's stress;
-    over: number of records above 2 %. At the worst snapshot with contacts: snapshot_error; the error of the forms of
-    labkit.sff that drop an assumption of C0; and the share of each part of the error budget. The shares add up to 1; a
-    negative share reduces the error.
+    `worst` (at worst_strain and worst_p_MPa) and `mean` are Frobenius norms of the error divided by the norm of Love's
+    stress, and `over` is the number of records above 2 %. The other columns are for the worst snapshot with contacts:
+    `snapshot_error`, the error of the forms of labkit.sff that drop an assumption of C0, and the share of each part of
+    the error budget. The shares add up to 1; a negative share reduces the error.
     """
     monotonic = {name: run for name, run in runs.items() if run.attrs["path"] != "cyclic_cp"}
     return pandas.DataFrame([_row(name, run) for name, run in monotonic.items()], columns=COLUMNS)

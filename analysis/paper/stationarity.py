@@ -50,8 +50,9 @@ def stationarity(runs: Runs) -> tuple[pandas.DataFrame, pandas.DataFrame]:
 def components(ends: pandas.DataFrame) -> pandas.DataFrame:
     """M, A_zz, F_zz and F^t_zz at the ends of the tests as lines in e, a pandas.DataFrame with a row per quantity.
 
-    value, within: at REFERENCE, with the 95 % half-width; slope, slope_within: against e; both by leaving out one
-    specimen at a time; p_path, p_density: tests that all paths, or all densities, are on one such line.
+    `value` is that at REFERENCE and `slope` is against e; `within` and `slope_within` are their 95 % half-widths, found
+    by leaving out one specimen at a time. `p_path` and `p_density` are those of tests that all paths, or all densities,
+    are on one such line.
     """
     rows = []
     e = ends["e"].to_numpy(dtype=float) - REFERENCE

@@ -29,7 +29,7 @@ Fields = tuple[tuple[str, Any], ...]  # (name, value) of fields of a Scene
 class Case:
     """A test with one `level` of a `factor`.
 
-    `scene`: fields of the Scene that differ in the test; `material`: fields that already differ when the specimen is
+    `scene` holds fields of the Scene that differ in the test, `material` those that already differ when the specimen is
     made; both are (name, value) pairs. `side` (m) takes precedence over `grains`.
     """
 

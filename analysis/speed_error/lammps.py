@@ -40,9 +40,13 @@ SETTLE = 5000  # steps at rest, in which tangential forces develop: LAMMPS start
 class LammpsShear:
     """A CV test in LAMMPS. Record 0 is the settled specimen at zero strain.
 
-    axial_strain (record,), logarithmic, compression positive; stress (record, 3, 3) of contact forces and dashpots,
-    Pa, compression positive; volume (record,) of the cell, m3; seconds: time of the loop over `steps` steps of
-    `time_step` (s), without the settling.
+    Args:
+        axial_strain: Logarithmic axial strain, compression positive, (record,).
+        stress: Stress of contact forces and dashpots, compression positive, (record, 3, 3), Pa.
+        volume: Volume of the cell, (record,), m3.
+        seconds: Time of the loop, without the settling, s.
+        steps: Number of steps of the loop.
+        time_step: Time step, s.
     """
 
     axial_strain: np.ndarray

@@ -77,8 +77,8 @@ def welch(a: np.ndarray, b: np.ndarray) -> float:
 def cluster_mean(values: ArrayLike, clusters: ArrayLike | None = None) -> Tested:
     """Mean of the means of the clusters, and the t test that it is zero.
 
-    values, clusters: (n,), one value per test and the specimen it was done on; without clusters every test is a
-    specimen of its own. NaN values are left out. n of the result is the number of specimens.
+    `values` (n,) has one value per test and `clusters` (n,) its specimen; without clusters every test has its own
+    specimen. NaN values are left out. The n of the result is the number of specimens.
     """
     means = _cluster_means(values, clusters)
     n = len(means)
@@ -98,7 +98,7 @@ def paired_difference(
 ) -> Tested:
     """Mean of (second - first) over the specimens that have both, and the paired t test that it is zero.
 
-    table: a row per test, with the columns `value`, `by` (whose entries `first` and `second` are compared) and
+    The table has a row per test, with the columns `value`, `by` (whose entries `first` and `second` are compared) and
     `cluster`; several tests of one specimen and one kind are averaged first.
     """
     wide = table.pivot_table(index=cluster, columns=by, values=value, aggfunc="mean")

@@ -45,13 +45,16 @@ def resolved(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:
 def verdict(difference: float, within: float, judged: float, p_value: float = math.nan, rounding: float = 0.0) -> str:
     """`differs`, `agrees` or `not resolved`.
 
-    difference: ours minus the reference; within: half-width of its 95 % interval; judged: the smallest difference that
-    would matter; rounding: half a unit of the last printed digit of the reference; p_value: corrected for the number
-    of comparisons, or NaN if there is only one.
+    A number `agrees` if the whole interval is within `judged` of zero (an equivalence test). It `differs` if it does
+    not agree, the interval, widened by the rounding, excludes zero, and the corrected p-value (if given) is at most
+    SIGNIFICANT. Everything else, including an unknown interval, is `not resolved`.
 
-    `agrees`: the whole interval is within `judged` of zero (an equivalence test). `differs`: it is not, the interval,
-    widened by the rounding, excludes zero, and the corrected p-value (if given) is at most SIGNIFICANT. `not resolved`:
-    everything else, also an unknown interval.
+    Args:
+        difference: Our value minus the reference.
+        within: Half-width of its 95 % interval.
+        judged: Smallest difference that would matter.
+        p_value: p-value corrected for the number of comparisons, or NaN if there is only one.
+        rounding: Half a unit of the last printed digit of the reference.
     """
     if not (math.isfinite(difference) and math.isfinite(within)):
         return "not resolved"

@@ -28,11 +28,15 @@ RATIOS = np.concatenate([[0.0], np.geomspace(0.05, 50.0, 24)])  # variance of u 
 class OneLine:
     """Result of `one_line`.
 
-    statistic: F, or the likelihood ratio 2 (log L1 - log L0) if specimens were tested more than once; p_value: of the
-    hypothesis that no group is off the line; tests, specimens: numbers; scatter: standard deviation of a test around
-    the line, specimens included; shared: part of that variance which the tests of one specimen share; offsets: a
-    pandas.DataFrame with a row per group (or one row, `slope`, for a covariate) with the columns group, tests,
-    specimens, offset (of the group from all others) and within (95 % half-width).
+    Args:
+        statistic: F, or the likelihood ratio 2 (log L1 - log L0) if specimens were tested more than once.
+        p_value: p-value of the hypothesis that no group is off the line.
+        tests: Number of tests.
+        specimens: Number of specimens.
+        scatter: Standard deviation of a test around the line, including the scatter of specimens.
+        shared: Part of that variance which the tests of one specimen share.
+        offsets: A pandas.DataFrame with a row per group (or one row, `slope`, for a covariate) with the columns group,
+            tests, specimens, offset (of the group from all others) and within (95 % half-width).
     """
 
     statistic: float
@@ -49,10 +53,14 @@ def one_line(
 ) -> OneLine:
     """Test that the offsets of all groups from a line are zero.
 
-    values: (n,), one per test: the quantity, or its residual from a nonlinear fit; line: (n, k) columns of the line,
-    e.g. [1, e], or the derivatives of the nonlinear fit; factor: (n,) labels of groups (text), or numbers of a
-    covariate such as the Lode angle; clusters: (n,) specimens (default: every test has its own); draws: size of the
-    simulated reference distribution. All NaN for too few tests or a single group.
+    All results are NaN for too few tests or a single group.
+
+    Args:
+        values: The quantity of each test, or its residual from a nonlinear fit, (n,).
+        line: Columns of the line, e.g. [1, e] or, for a nonlinear line, its Jacobian at the fit, (n, k).
+        factor: Labels of groups (text), or values of a covariate such as the Lode angle, (n,).
+        clusters: Specimens of the tests (default: every test has its own), (n,).
+        draws: Size of the simulated reference distribution.
     """
     y, columns = np.asarray(values, dtype=float), _independent(np.asarray(line, dtype=float))
     specimen = np.arange(len(y)) if clusters is None else pandas.factorize(np.asarray(clusters))[0]

@@ -104,11 +104,12 @@ def stationarity_table(
 ) -> pandas.DataFrame:
     """Slopes over independent specimens, a pandas.DataFrame with a row per combination of `by` and quantity.
 
-    slopes: of slope_table; judged: the smallest slope that matters for a quantity (default: RELATIVE of its mean). The
-    slopes of one specimen are averaged, so that a specimen counts once. Columns: those of `by`, quantity, tests,
-    specimens, mean, slope, within, p_value (t test that the mean slope is zero), corrected (for the number of rows),
-    judged, passed (tests whose own interval contains zero), verdict. A quantity may be called critical only where the
-    verdict is `stationary`: the whole interval within `judged`. `drifts`: it is not, and the slope is resolved.
+    `slopes` is the result of slope_table; `judged` is the smallest slope that matters for a quantity (default: RELATIVE
+    of its mean). The slopes of one specimen are averaged, so a specimen counts once. The columns are those of `by`,
+    quantity, tests, specimens, mean, slope, within, p_value (t test that the mean slope is zero), corrected (for the
+    number of rows), judged, passed (tests whose own interval contains zero) and verdict. A quantity may be called
+    critical only if the verdict is `stationary`: the whole interval is within `judged`. It `drifts` if it is not
+    stationary and the slope is resolved.
     """
     limits = judged or {}
     rows = []

@@ -46,7 +46,7 @@ def values(folder: Path, tests: Sequence[Test]) -> pandas.DataFrame:
 def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
     """Mean difference from fused on the same specimens and its 95 % interval, per size, path, engine and quantity.
 
-    scatter: standard deviation over the specimens on fused; specimens: number of those on both engines.
+    `scatter` is the standard deviation over the specimens on fused; `specimens` counts those on both engines.
     """
     rows = []
     for (grains, law), some in measured.groupby(["grains", "law"], sort=False):
