@@ -1,6 +1,6 @@
-"""Real YADE, real files: a small specimen and a small run are made once and shared by the tests.
+"""Fixtures with real YADE and real files: tests share a small specimen and a small run, which are made once.
 
-The fast tier (`./lab test --fast`) is what starts no process and takes little time: all tests without the marker
+The fast tier (`./lab test --fast`) starts no process and takes little time: it has all tests without the marker
 `slow`. A test whose fixture starts a process has the marker from here, and an audit hook fails a test of the fast tier
 that starts one.
 """
@@ -23,7 +23,7 @@ settings.load_profile("repeat")
 
 ROOT = Path(__file__).resolve().parents[1]
 PROCESSES = {"forks", "labkit_process"}  # fixtures that start one
-PATIENCE = 1800  # s, the most that a command may take, on a busy computer too
+PATIENCE = 1800  # s, the time limit of a command, enough on a busy computer too
 
 
 started = []  # programs that the fast test now running has started, which it should not

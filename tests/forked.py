@@ -88,7 +88,7 @@ def become(words, folder, environment, files):
 
 
 def finish(program, words):
-    """Runs a program and ends the process, without the half second in which an interpreter takes itself apart."""
+    """Run a program and end the process, without the half second in which an interpreter shuts down."""
     try:
         code = importlib.import_module(PROGRAMS[program]).main(words)
     except SystemExit as ended:  # of --help

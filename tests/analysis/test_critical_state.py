@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 
 def planted(lower_M=0.0):
-    """Ends of 27 tests of as many specimens, with scatter about the paper's lines; dense: q/p lower by `lower_M`."""
+    """Ends of 27 tests of 27 specimens, scattered about the paper's lines; dense ones have q/p lower by `lower_M`."""
     rng = np.random.default_rng(2)
     rows = []
     for density, e in (("dense", 0.61), ("medium", 0.67), ("loose", 0.72)):

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory):
-    """A case of benchmarks/bits.py, computed in a folder of its own; case -> hashes."""
+    """Return a function that computes a case of benchmarks/bits.py in its own folder and returns the hashes."""
     folder, known = tmp_path_factory.mktemp("bits"), {}
     with contextlib.chdir(folder):
         bits.command(bits.specimen())

@@ -14,7 +14,7 @@ rocrate = pytest.importorskip("rocrate.rocrate")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, soft_specimen):
-    """What a campaign with one specimen and one run leaves, made by labkit's functions."""
+    """Make the files of a campaign with one specimen and one run, by labkit's functions."""
     place = tmp_path_factory.mktemp("crate")
     (place / "mine.yaml").write_text(
         "specimens: {soft: {void_ratio: 0.66, grains: 200}}\nruns: {cv: {path: cv, specimen: soft}}\n"

@@ -12,7 +12,7 @@ from labkit.campaigns.path_file import read_path
 
 SPECIMENS = "specimens: {dense: {void_ratio: 0.62, grains: 100}}\n"
 RUNS = "runs: {cv: {path: cv, specimen: dense}}\n"
-SECONDS = 20.0  # of the processor: far more than needed, far less than an explosion takes
+SECONDS = 20.0  # of the processor: far more than these files need, far less than an exponential blow-up
 LAUGHS = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10))
 CHAIN = "".join(f"  s{k}: {{from: s{k - 1}, pressure: {100 + k % 2000} kPa}}\n" for k in range(1, 4001))
 RING = "".join(f"  s{k}: {{from: s{(k + 1) % 3000}, pressure: 1 MPa}}\n" for k in range(3000))
@@ -53,7 +53,7 @@ NAMES = [
 
 @pytest.fixture
 def bounded():
-    """Fails if the test takes much time of the processor."""
+    """Fail if the test needs much processor time."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_utime
     yield
     assert resource.getrusage(resource.RUSAGE_SELF).ru_utime - before < SECONDS

@@ -1,4 +1,4 @@
-"""Every tutorial runs, and its cells print what the text around them says."""
+"""Every tutorial runs, and its cells print the numbers that its text gives."""
 
 import os
 import subprocess
@@ -29,7 +29,7 @@ def test_runs(page, tmp_path):
         assert promise in text
 
 
-PROMISES = {  # what the text around the cells says of their output
+PROMISES = {  # sentences of the text about the output of cells
     "01_first_test": ("friction -0.5", "cp on fused", "True", "Run(cv on fused, complete"),
     "02_c0_and_love": ("the same as lk.sff_stress: True", "C0 against Love", "energy balance"),
     "03_your_own": ("Run(constant_axial_stress on fused, complete", "Run(steps on fused, complete", "0.58 to 1.62"),

@@ -71,7 +71,7 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
 
 
 def test_a_servo_that_starts_anew_forgets_the_rates_so_far(moving):
-    """The first rates are a quarter of those that the stress asks for, and nothing of those before."""
+    """The first rates are a quarter of those that the stress requires, and do not depend on earlier rates."""
     state, pressure = moving
     path = PATHS["cp"](rate=RATE, pressure=1.0001 * pressure)
     (step,) = path.steps_from(Here())

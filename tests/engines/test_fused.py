@@ -362,7 +362,7 @@ def test_the_energy_balance_of_a_shear_test_closes(specimen):
 
 
 def test_the_energy_balance_detects_time_steps_that_dashpots_make_unstable():
-    """0.41 sqrt(m/k), at which a specimen looks sound, and 0.3, which is stable without dashpots."""
+    """0.41 sqrt(m/k), at which a specimen seems stable, and 0.3, which is stable without dashpots."""
     scene = Scene(law="spring_dashpot")
     for factor in (0.41, 0.3):
         step = factor * scene.time_unit

@@ -1,4 +1,4 @@
-"""Mixed precision on the fused engine: against double precision, and what files and commands say of it."""
+"""Mixed precision on the fused engine: its agreement with double precision, and its mention in files and commands."""
 
 import dataclasses
 

@@ -101,7 +101,7 @@ def test_a_yade_that_hangs_is_given_up(state, monkeypatch):
 
 
 def test_a_long_advance_is_no_silence(state, monkeypatch):
-    """The server says between two time steps that it is alive: here after each, as if a step took 10 s."""
+    """The server reports between time steps that it is alive, here after each step, as if a step took 10 s."""
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
     engine = PeekingEngine(state)
     engine.evaluate("setattr(__import__('server'), 'SILENCE', 0.0)")

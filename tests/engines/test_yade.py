@@ -27,7 +27,7 @@ UNDAMPED = Scene(local_damping=0.0)
 
 
 def pair(radius, velocity=0.0, spin=(0.0, 0.0)):
-    """Two overlapping grains, of which the second moves and both may spin."""
+    """Two overlapping grains; the second moves, and both may spin."""
     position = np.array([np.zeros(3), 0.99 * radius.sum() * NORMAL])
     state = grains_in_cell(UNDAMPED, radius, position, np.eye(3) * 20 * radius.max())
     spins = np.array([spin[0] * AXIS, spin[1] * AXIS]) if np.ndim(spin[0]) == 0 else np.array(spin)

@@ -1,4 +1,4 @@
-"""Damaged and hostile files: one sentence says what is wrong, and nothing is imported."""
+"""For damaged and hostile files, one sentence says what is wrong, and nothing is imported."""
 
 import numpy as np
 import pytest

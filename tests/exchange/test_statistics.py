@@ -115,7 +115,7 @@ def test_vtk_files_of_yade_agree_with_numpy(straight, yade_files):
 
 @pytest.mark.parametrize("grains", ["grains.dump", "scaled.dump", "final.data"])
 def test_contacts_of_lammps_agree_with_its_virial(lammps_files, grains):
-    """In a triclinic box, of which LAMMPS dumps the bounding box. The virial is the upper triangle of Love's stress."""
+    """Test a triclinic box; LAMMPS dumps its bounding box. The virial is the upper triangle of Love's stress."""
     folder, virial = lammps_files
     snapshot = import_snapshot(
         folder / grains,

@@ -1,4 +1,4 @@
-"""What every figure has: the name of its run, labels, curves inside the frame; and no trace in pyplot."""
+"""Every figure has the name of its run, labels, and curves inside the frame, and leaves nothing in pyplot."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""An extension takes few lines: a path, a part of a contact law, a statistic, an engine, with public names alone.
+"""A path, a part of a contact law, a statistic or an engine needs few lines, with public names only.
 
 The lines are those of all classes and functions with their decorators, without docstrings, comments and blank lines,
 and without the figure of a statistic.

@@ -40,7 +40,7 @@ def table(file):
 
 
 def check(column):
-    """What the test file prescribes: stresses in kPa, tension positive; axis 1 is the axis of symmetry."""
+    """The values that the test file prescribes: stresses in kPa, tension positive; axis 1 is the axis of symmetry."""
     stress = np.array([column[f"stress({k})"] for k in (1, 2, 3)])
     strain = np.array([column[f"stran({k})"] for k in (1, 2, 3)])
     q, p, volume = -(stress[0] - 0.5 * (stress[1] + stress[2])), -stress.mean(axis=0), strain.sum(axis=0)

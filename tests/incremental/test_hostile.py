@@ -13,7 +13,7 @@ from tests.conftest import ROOT
 
 EXAMPLE = ROOT / "examples/incremental_driver"
 ONE = "*TriaxialE1\n10 5 1\n-0.1\n"
-CASES = {  # text of test.inp -> what the message says
+CASES = {  # text of test.inp -> part of the message
     "": "line 1: the first line is empty",
     "\n": "line 1: the first line is empty",
     ONE: "line 1: '*TriaxialE1' is not the name of an output file",

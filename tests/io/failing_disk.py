@@ -58,7 +58,7 @@ def grow(file: Path) -> None:
 
 
 def fail_at_each(write, folder: Path, name: str, number: int, before: bytes) -> dict[str, object]:
-    """Let some file calls fail once, each time in a process of its own, as a command that fails ends."""
+    """Let some file calls fail once, each in a separate process, because a command that fails ends."""
     file, problems, crashes = folder / f"{name}.nc", [], 0
     file.write_bytes(before)
     calls = in_fork(lambda: attempt(write, file, 10**6, number) and DISK.calls())

@@ -84,7 +84,7 @@ def test_a_backend_of_matplotlib_that_does_not_exist_is_not_used(small, tmp_path
 
 
 def test_a_yade_that_does_nothing_is_not_believed(small, tmp_path):
-    """In a process of its own: this one may have an idle YADE."""
+    """Runs in a separate process, because this one may have an idle YADE."""
     program = tmp_path / "bin" / "yade"
     program.parent.mkdir()
     program.write_text("#!/bin/sh\nexit 0\n")

@@ -26,7 +26,7 @@ def failing_disk(tmp_path_factory):
 
 
 def test_every_failing_call_is_reported_and_leaves_the_file_as_it_was(failing_disk, specimen_file):
-    memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where fsync takes no time
+    memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where fsync is instant
     with tempfile.TemporaryDirectory(dir=memory) as folder:
         words = [sys.executable, HERE / "failing_disk.py", specimen_file, folder]
         environment = {**os.environ, "LD_PRELOAD": str(failing_disk)}

@@ -166,7 +166,7 @@ def test_an_unreadable_chunk_is_named_with_its_variable(run_file, tmp_path, monk
 
 
 def test_a_file_that_keeps_hdf5_busy_for_ever_is_refused(tmp_path):
-    """The free space of its global heap has the size zero, and HDF5 (1.10 to 2.2) goes on by this size."""
+    """The free space of its global heap has the size zero, and HDF5 (1.10 to 2.2) advances by this size."""
     file = tmp_path / "hang.nc"
     with netCDF4.Dataset(file, "w") as dataset:
         dataset.createDimension("x", 2)

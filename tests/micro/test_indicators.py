@@ -15,7 +15,7 @@ def test_inertial_number_uses_the_euclidean_norm():
 
 
 def test_overlap_rattlers_and_unbalanced_force_of_a_chain():
-    """Three grains in a row, of which the middle one is in equilibrium, and a fourth without contacts."""
+    """Three grains in a row, the middle one in equilibrium, and a fourth without contacts."""
     radius = np.array([1.0, 2.0, 1.0, 1.0])
     contacts = Contacts(
         np.array([[0, 1], [1, 2]]),

@@ -88,7 +88,7 @@ def test_a_killed_run_resumes_to_the_same_bits(specimen, path, number, tmp_path)
 
 
 def kill_after_saves(number, specimen_file, path, file, options):
-    """Starts a run in a process of its own and kills it once it has saved that often."""
+    """Start a run in a separate process and kill it after the given number of saves."""
     code = (
         f"import labkit as lk; from {type(path).__module__} import *; "
         f"lk.run(lk.read_state({str(specimen_file)!r}), {path!r}, file={str(file)!r}, **{options!r})"

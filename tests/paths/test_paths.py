@@ -72,7 +72,7 @@ def test_a_pressure_at_which_grains_overlap_too_much_is_refused(name, pressure):
 
 @pytest.mark.parametrize("name", ["cr", "cp", "cyclic_cp"])
 def test_a_path_that_holds_a_stress_needs_its_value(name):
-    """Without a pressure the path takes that of its specimen; until then it has no Control."""
+    """Without a pressure the path uses that of its specimen; until it has the specimen, it has no Control."""
     with pytest.raises(InputError, match="pressure") as refused:
         make_path(name).control()
     assert refused.value.field == "pressure"

@@ -158,7 +158,7 @@ def test_a_run_killed_in_any_step_resumes_to_the_same_bits(run, specimen, tmp_pa
 
 
 def steps_in(file):
-    """Number of the step that the last save of a run file has reached; 0 if there is none yet."""
+    """Return the number of the step of the last save of a run file, 0 before the first save."""
     if not file.exists():
         return 0
     try:

@@ -44,7 +44,7 @@ def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, tmp_path):
     strain, stress = np.array(result["strain"]), np.array(result["stress"])
     assert np.isclose(strain[-1, 2, 2], 0.01, rtol=1e-3) and np.abs(strain[:, 1, 1]).max() < 1e-12
     assert stress[2, 2] > stress[1, 1] > stress[0, 0]
-    s = (stress + stress.T) / 2 - np.trace(stress) / 3 * np.eye(3)  # the class does not say that it is not axisymmetric
+    s = (stress + stress.T) / 2 - np.trace(stress) / 3 * np.eye(3)  # the class does not declare its asymmetry
     assert np.isclose(result["q"], np.sqrt(1.5 * (s * s).sum()), rtol=1e-12)
 
 

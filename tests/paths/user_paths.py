@@ -1,6 +1,6 @@
 """Two user-defined paths and a program that runs one of them: `user_paths.py PATH STATE ENGINE RUN_FILE`.
 
-The program prints JSON. A file of its own, because YADE loads it without pytest.
+The program prints JSON. It is a separate file because YADE loads it without pytest.
 """
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""The work of YADE's factor that avoids ratcheting closes the energy balance, also where it is several percent."""
+"""The work of YADE's factor against ratcheting closes the energy balance, even where it is several percent."""
 
 import netCDF4
 import numpy as np

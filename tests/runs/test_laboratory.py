@@ -174,7 +174,7 @@ def test_a_path_without_a_pressure_holds_the_pressure_of_the_specimen(state):
 @pytest.mark.parametrize("engine", ["fused", "yade"])
 def test_progress_is_printed_passed_to_a_function_or_silent(engine, state, capfd):
     lk.make_specimen(lk.Recipe(0.7, grains=120), engine=engine, progress=False)
-    if engine == "fused":  # in YADE each call starts a process of its own
+    if engine == "fused":  # in YADE each call starts a new process
         lk.consolidate(state, 0.4e6, engine=engine, progress=False)
         lk.run(state, PATH, engine=engine, snapshots=0, progress=False)
     assert capfd.readouterr() == ("", "")

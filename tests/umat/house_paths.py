@@ -63,5 +63,5 @@ def curve(name):
 
 
 def assert_same_curve(found, expected):
-    """found, expected: stresses (n, 6) in the same order of components."""
+    """`found` and `expected` are stresses (n, 6) with the same order of components."""
     np.testing.assert_allclose(found / PRESSURE, expected / PRESSURE, rtol=0, atol=1e-6)

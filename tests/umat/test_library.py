@@ -25,7 +25,7 @@ OTHER = {name: choices[1] for name, choices in READINGS.items() if name != "line
 
 
 def formulas(y, D, compressing, c):
-    """What Library.formulas returns, from labkit.model."""
+    """Return the result of Library.formulas, computed by labkit.model."""
     e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
     n, rate, volumetric = eq.split_rate(D, c)
     v = np.empty(27)

@@ -1,4 +1,4 @@
-"""A small share of `./lab fuzz` with fixed seeds, and whether the harness finds what it looks for."""
+"""A few cases of `./lab fuzz` with fixed seeds, and whether the harness finds the faults that it looks for."""
 
 import argparse
 import collections

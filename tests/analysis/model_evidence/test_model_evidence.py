@@ -1,4 +1,4 @@
-"""What the model is worth: inversion of C0, increments, gains and errors with known answers."""
+"""The evidence for the model: inversion of C0, increments, gains and errors with known answers."""
 
 import numpy as np
 import pandas

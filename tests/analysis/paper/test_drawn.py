@@ -25,7 +25,7 @@ def different(first, second):
 
 @pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is not there yet")
 def test_drawn_figures_are_the_stored_ones(tmp_path):
-    """Of each kind one, because drawing all takes a minute."""
+    """Draw one figure of each kind, because drawing all takes a minute."""
     for name in ("calibrated.json", "size_groups.nc"):
         (tmp_path / name).symlink_to(RESULTS / name)
     runs, models = analysis.paper.runs(RESULTS), read_models(tmp_path)
