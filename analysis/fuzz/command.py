@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import labkit as lk
-from analysis.fuzz import extremes, kills
+from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import GOOD, Case, campaign_cases, file_cases, in_child, in_children, option_cases
 from analysis.fuzz.inputs import READERS, make_inputs
 from analysis.markdown import table
@@ -38,6 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")
     parser.add_argument("--extremes", action="store_true", help="run scenes far outside the usual instead")
     parser.add_argument("--kills", type=positive_int, metavar="N", help="kill commands N times instead")
+    parser.add_argument("--soak", type=positive_int, metavar="MINUTES", help="random commands and faults in one folder")
     parser.add_argument("--engine", choices=("fused", "yade"), default="fused", help="of --extremes and --kills")
     parser.add_argument("--seed", type=positive_int, metavar="N", help="first seed (default: from the clock)")
     parser.add_argument("-o", "--output", metavar="FOLDER", default=results_folder("fuzz"), help="folder of the table")
@@ -55,6 +56,8 @@ def main(options: argparse.Namespace, command: str) -> int:
         return _extremes(folder, options.engine, command)
     if options.kills:
         return _kills(folder, options.engine, options.kills, seed, command)
+    if options.soak:
+        return _soak(folder, options.soak, seed, command)
     counts: dict[str, collections.Counter[str]] = {}
     with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name, Log(folder / "unfinished.txt", seed) as log:
         for case, outcome in _outcomes(Path(name), options, seed, log):
@@ -99,6 +102,20 @@ def _kills(folder: Path, engine: str, number: int, seed: int, command: str) -> i
     rows: list[list[object]] = [[kind, *(known[name] for name in columns[1:])] for kind, known in counts.items()]
     write_table(folder / f"kills_{engine}.csv", columns, rows, command)
     return int(any(row[3] for row in rows))
+
+
+def _soak(folder: Path, minutes: int, seed: int, command: str) -> int:
+    """Soak one folder in commands and faults, and write the counts; 1 if anything was wrong."""
+    _import()
+    counts: dict[str, collections.Counter[str]] = {}
+    for one in soak.rounds(minutes, seed):
+        counts.setdefault(one.fault, collections.Counter()).update(commands=1, wrong=int(bool(one.problems)))
+        if one.problems:
+            print(soak.told(one), flush=True)
+    columns = ["fault", "commands", "wrong"]
+    rows: list[list[object]] = [[fault, *(known[name] for name in columns[1:])] for fault, known in counts.items()]
+    write_table(folder / "soak.csv", columns, rows, command)
+    return int(any(row[2] for row in rows))
 
 
 def write_table(file: Path, columns: list[str], rows: list[list[object]], command: str) -> None:

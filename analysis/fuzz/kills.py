@@ -18,7 +18,7 @@ import shutil
 import signal
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -165,7 +165,7 @@ def chains(engine: str, kills: int, seed: int, known: Sequence[Chain] = ()) -> I
     with tempfile.TemporaryDirectory(prefix="labkit-kills-") as name:
         folder = Path(name)
         if done < kills:
-            _prepare(folder, engine)
+            prepare_folder(folder, engine)
         undisturbed: dict[Job, Undisturbed] = {}
         for number, job in enumerate(itertools.cycle(jobs(engine))):
             if number < len(known):
@@ -180,7 +180,7 @@ def chains(engine: str, kills: int, seed: int, known: Sequence[Chain] = ()) -> I
             yield chain
 
 
-def _prepare(folder: Path, engine: str) -> None:
+def prepare_folder(folder: Path, engine: str) -> None:
     """Specimens and a complete run, which also load the compiled code."""
     for file in GRAINS.keys() & {word for job in jobs(engine) for word in job.words}:
         state = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=GRAINS[file]), lk.Scene(), progress=False)
@@ -191,15 +191,15 @@ def _prepare(folder: Path, engine: str) -> None:
     (folder / "camp.yaml").write_text(CAMPAIGN)
     for job in jobs(engine):
         if job.kind == "model":
-            _wait(_start(job, _place(folder, "compiled")), LIMIT)
+            wait_for_job(start_job(job, _place(folder, "compiled")), LIMIT)
 
 
 def _undisturbed(folder: Path, job: Job, number: int) -> Undisturbed:
     if not job.kind.startswith("run"):  # quick ones are timed when all that they import has been read from the disk
-        _wait(_start(job, _place(folder, f"first{number}")), LIMIT)
+        wait_for_job(start_job(job, _place(folder, f"first{number}")), LIMIT)
     place = _place(folder, f"undisturbed{number}")
     start = time.monotonic()
-    code = _wait(_start(job, place), LIMIT)
+    code = wait_for_job(start_job(job, place), LIMIT)
     if code not in (0, 1) or not (place / job.output).exists():
         raise RuntimeError(f"{shlex.join(job.words)} ended with {code}: {(place / 'said').read_text()}")
     return Undisturbed(place / job.output, code, time.monotonic() - start)
@@ -220,8 +220,8 @@ def _chain(folder: Path, job: Job, expected: Undisturbed, chance: random.Random,
     place, chain, steps = _place(folder, "killed"), Chain(job, 0, []), -1
     output, said = place / job.output, place / "said"
     for _ in range(most):
-        child = _start(job, place)
-        code = _wait(child, chance.uniform(0.0, 0.6) * expected.seconds)
+        child = start_job(job, place)
+        code = wait_for_job(child, chance.uniform(0.0, 0.6) * expected.seconds)
         if code is not None:
             break
         with contextlib.suppress(ProcessLookupError):
@@ -233,36 +233,41 @@ def _chain(folder: Path, job: Job, expected: Undisturbed, chance: random.Random,
             chain.problems.append(f"lost: step {reached} after step {steps}")
         steps = reached
     else:
-        code = _wait(_start(job, place), LIMIT)
+        code = wait_for_job(start_job(job, place), LIMIT)
     if code != expected.code:
         chain.problems.append(f"ended with {code}: {said.read_text()[-300:]}")
     elif not _same(job, output, expected.output):
         chain.problems.append("another result")
-    if left := sorted(_names(place) ^ _names(expected.output.parent)):
+    if left := sorted(names_in(place) ^ names_in(expected.output.parent)):
         chain.problems.append(f"left {left}")
     shutil.rmtree(place)
     return chain
 
 
-def _names(folder: Path) -> set[str]:
+def names_in(folder: Path) -> set[str]:
     """Names of all files in a folder, except logs of Snakemake, which have the time in their names."""
     files = (file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
     return {str(file) for file in files if ".snakemake" not in file.parts}
 
 
-def _start(job: Job, place: Path) -> int:
-    """Start a command in a forked process in a folder; its messages go to the file `said`. Returns its number."""
+def start_job(job: Job, place: Path, before: Callable[[], None] | None = None) -> int:
+    """Start a command in a forked process in a folder; its messages go to the file `said`. Returns its number.
+
+    before: what the process does first.
+    """
     child = os.fork()
     if child:
         return child
     os.chdir(place)
+    if before is not None:
+        before()
     be_quiet("said")
     with contextlib.suppress(BaseException):
         os._exit(run_command(list(job.words)))
     os._exit(99)
 
 
-def _wait(child: int, seconds: float) -> int | None:
+def wait_for_job(child: int, seconds: float) -> int | None:
     """The exit code of a process; None if it still runs after some seconds."""
     end = time.monotonic() + seconds
     while True:
@@ -287,7 +292,7 @@ def _same(job: Job, output: Path, expected: Path) -> bool:
         found, wanted = (lk.love_stress(lk.read_state(file).snapshot()) for file in (output, expected))
         return bool(np.abs(found - wanted).max() < SAME_STRESS * np.abs(wanted).max())
     if output.is_dir():
-        names = sorted(_names(expected))
+        names = sorted(names_in(expected))
         if job.kind == "campaign":  # the statistics and the report have the time that the run took
             names = [name for name in names if name.endswith((".state.nc", ".run.nc"))]
         return all(_content(output / name) == _content(expected / name) for name in names)

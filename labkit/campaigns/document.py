@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from labkit.errors import InputError, nearest
 from labkit.io.extras import install_command
+from labkit.io.foreign import require_regular
 from labkit.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -61,8 +62,7 @@ CAMPAIGN = Kind("campaign", "PyYAML and Snakemake", "`specimens:` and `runs:`", 
 def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
     """Read the text of a file. Raises InputError if it cannot be read."""
     try:
-        if file.exists() and not file.is_file():
-            raise InputError(f"{file} cannot be read (not a regular file): give a {kind.name} file")
+        require_regular(file, f"give a {kind.name} file")
         if file.stat().st_size > MOST_BYTES:
             raise InputError(f"{file} has more than {MOST_BYTES / 1e6:g} MB: give a {kind.name} file, see {kind.page}")
         return file.read_text(encoding="utf-8")

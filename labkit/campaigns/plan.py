@@ -24,6 +24,7 @@ from labkit.engines import ENGINES
 from labkit.errors import InputError, option_name
 from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
+from labkit.io.atomic import write_text
 from labkit.io.hashes import file_sha256
 from labkit.parameters import Parameter, with_unit
 from labkit.records.schedule import Options
@@ -198,13 +199,14 @@ def deciding(arguments: list[str], engine: str) -> list[str]:
     return [one for one in arguments if engine != "fused" or not one.startswith("--threads=")]
 
 
-def require_campaign_folder(folder: Path, others: Sequence[str] = ()) -> None:
+def require_campaign_folder(plan: Plan, folder: Path, others: Sequence[str] = ()) -> None:
     """Raise InputError if a folder holds files that a campaign would replace or delete but that no campaign wrote.
 
     `others` are names of further files that the campaign writes there.
     """
     recipes = list((folder / RECIPES).glob("*.json"))
-    foreign = [file for file in recipes if not _is_recipe(file)]
+    own = {Path(job.recipe).name for job in plan.jobs}  # also if a full disk left one empty
+    foreign = [file for file in recipes if file.name not in own and not _is_recipe(file)]
     if not recipes:
         within = (file for name in FOLDERS for file in (folder / name).rglob("*") if file.is_file())
         named = (folder / name for name in (REPORT, OVERVIEW, *others))
@@ -229,9 +231,9 @@ def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
     wanted = {job.recipe for job in plan.jobs}
     for job in plan.jobs:
         file, text = folder / job.recipe, recipe_text(job)
-        if not file.exists() or file.read_text() != text:
+        if not file.exists() or file.read_bytes() != text.encode():
             _set_aside(folder, job)
-            file.write_text(text)
+            write_text(file, text)
     for file in (folder / RECIPES).glob("*.json"):
         if f"{RECIPES}/{file.name}" not in wanted:
             file.unlink()

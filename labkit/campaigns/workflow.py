@@ -17,6 +17,7 @@ from labkit.campaigns.own_files import copy_campaign, to_write
 from labkit.campaigns.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
+from labkit.io.atomic import failing_as
 from labkit.io.extras import install_command
 from labkit.io.interruption import die_with_parent, only_writer
 
@@ -25,6 +26,7 @@ SNAKEFILE = HERE / "Snakefile"
 PROFILES = HERE / "profiles"
 PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
 LOG = f"{LOGS}/snakemake.log"
+PATIENCE = 20  # s that running jobs have to write their checkpoints; batch systems kill after 30 s
 FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quiet rules"
 
 
@@ -57,7 +59,7 @@ def run_workflow(
         progress: Called with the progress.
     """
     require_snakemake(profile)
-    require_campaign_folder(folder, list(to_write(plan.campaign, text, folder)))
+    require_campaign_folder(plan, folder, list(to_write(plan.campaign, text, folder)))
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
         write_recipes(plan, folder)
@@ -86,7 +88,7 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
 
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
     """
-    with open(folder / LOG, "w") as log:
+    with failing_as(folder / LOG), open(folder / LOG, "w") as log:
         child = subprocess.Popen(
             command_line,
             cwd=folder,
@@ -111,7 +113,11 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
             print("labkit: stopping; running jobs write their checkpoints", file=sys.stderr, flush=True)
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
-            child.communicate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.communicate(timeout=PATIENCE)
+            if child.poll() is None:  # a batch system would soon kill everything, this process too
+                os.killpg(child.pid, signal.SIGKILL)
+                child.communicate()
             said = f"interrupted; repeat the same command to resume ({folder})"
             raise Interrupted(said, error.code if isinstance(error, Interrupted) else 130) from None
 

@@ -20,7 +20,7 @@ from labkit.cli.arguments import (
     require,
 )
 from labkit.cli.naming import model_name
-from labkit.cli.outputs import write_table
+from labkit.cli.outputs import tell_replaced, write_table
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import named_path
@@ -183,6 +183,7 @@ def calibrate_command(
         plots.require_format(figure)
     for file in outputs:
         require_writable(file)
+        tell_replaced(file)
     observations = [observe(name, run) for name, run in runs.items()]
     result = fit(observations)
     print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")

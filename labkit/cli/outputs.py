@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+def tell_replaced(file: str) -> None:
+    """Say that a file which is there will be replaced."""
+    if Path(file).exists():
+        print(f"{file}: is there already, and will be replaced", flush=True)
+
+
 def require_outputs(figure: str, csv: str | None, *other: str) -> None:
     """Raise InputError if the figure, or the requested CSV file, cannot be written; `other` are further formats."""
     from labkit.figures.plots import require_format

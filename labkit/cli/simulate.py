@@ -25,6 +25,7 @@ from labkit.cli.arguments import (
     require,
 )
 from labkit.cli.naming import consolidated_name, run_name, specimen_name
+from labkit.cli.outputs import tell_replaced
 from labkit.cli.registry import command
 from labkit.engines import require_engine
 from labkit.engines.base import Progress
@@ -138,6 +139,7 @@ def consolidate_command(
     if File(output).resolve() == File(source).resolve():
         raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
     require_writable(output, "state")
+    tell_replaced(output)
     task = ConsolidationTask(
         state=start, source=source, pressure=wanted, output=output, history=history, start=computation
     )

@@ -8,6 +8,7 @@ from labkit.engines.base import Engine, Start, require_able
 from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
+from labkit.io.interruption import uninterrupted
 
 Precision: TypeAlias = Literal["double", "mixed"]
 Kind = TypeVar("Kind", bound=Engine)
@@ -21,19 +22,25 @@ ENGINES = Registry[type[Engine]](
 )
 
 
+def engine_class(name: str) -> type[Engine]:
+    """Return the engine class of that name, which may import Numba. Raises InputError if it is unknown."""
+    with uninterrupted():
+        return ENGINES.require(name)
+
+
 def require_engine(name: str, scene: Scene, precision: str = "double") -> type[Engine]:
     """Return the engine class of that name.
 
     Raises InputError if it is unknown or does not support the scene or the precision.
     """
-    kind = ENGINES.require(name)
+    kind = engine_class(name)
     require_able(kind, scene, precision)
     return kind
 
 
 def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
     """Return the Start that makes engines of that name. Raises InputError for an unknown name."""
-    return Start(name, threads, ENGINES.require(name), precision)
+    return Start(name, threads, engine_class(name), precision)
 
 
 class Fused(Start):
@@ -72,7 +79,7 @@ def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
 
     Raises InputError if the engine has threads and ranks are given, or the other way round.
     """
-    if ENGINES.require(engine).abilities.parallel == "ranks":
+    if engine_class(engine).abilities.parallel == "ranks":
         if threads != 1:
             raise InputError(
                 f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead"

@@ -88,7 +88,7 @@ class YadeEngine(ServedEngine):
         if width < needed:
             raise PhysicsError(
                 f"the cell is only {width:.3g} m wide at step {self._step}: YADE needs {needed:.3g} m, twice the "
-                "largest grain plus a margin; use a specimen with more grains, or --engine fused"
+                "largest grain plus a margin: use a specimen with more grains"
             )
 
 

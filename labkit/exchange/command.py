@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import History, Instance, Option, ParameterTexts, Texts, one_of, require
+from labkit.cli.outputs import tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL, one_line
@@ -66,6 +67,7 @@ def import_command(
     found = read(file, contacts, format, **answers)
     _say(found.findings, accept)
     require_accepted(found.findings, accept)
+    tell_replaced(output)
     state = found.state(scene)
     inputs = [name for name in (file, contacts) if name]
     made = provenance_json(history, inputs, output)

@@ -7,14 +7,14 @@ None in the Packing and must come from the user (labkit.exchange.answers).
 from __future__ import annotations
 
 import abc
-import gzip
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, ClassVar, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
 from labkit.exchange.packing import ContactList, Packing
 from labkit.extensions import Registry
+from labkit.io.foreign import content_of, require_regular
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
@@ -94,10 +94,12 @@ def register_format(kind: type[Kind]) -> type[Kind]:
 
 def format_of(file: Path, name: str | None = None) -> Format:
     """Return the format of a file by name, or recognised from its content. Raises InputError if none fits."""
+    if name is None and not file.exists():
+        raise InputError(f"{file} does not exist: give a file of grains or contacts")
+    if not file.is_dir():
+        require_regular(file)
     if name is not None:
         return FORMATS.require(name, "format")()
-    if not file.exists():
-        raise InputError(f"{file} does not exist: give a file of grains or contacts")
     head = head_of(file)
     order = sorted(FORMATS, key=lambda known: known == "table")  # formats of the user come before it
     for known in order:
@@ -129,26 +131,15 @@ def format_to_write(file: Path, name: str | None) -> Format:
 
 def head_of(file: Path) -> str:
     """Read the first characters of a file, after decompression; empty for a folder."""
-    if file.is_dir():
-        return ""
-    with open_maybe_compressed(file) as handle:
-        return handle.read(HEAD).decode("utf-8", "replace")
-
-
-def open_maybe_compressed(file: Path) -> BinaryIO:
-    """Open a file, or its content if it is compressed with gzip, for reading bytes."""
-    with open(file, "rb") as handle:
-        compressed = handle.read(2) == b"\x1f\x8b"
-    return cast(BinaryIO, gzip.open(file, "rb")) if compressed else open(file, "rb")
+    return "" if file.is_dir() else content_of(file, HEAD).decode("utf-8", "replace")
 
 
 def whole_text(file: Path) -> str:
     """Read the whole text of a file, after decompression. Raises InputError if it is not text."""
-    with open_maybe_compressed(file) as handle:
-        try:
-            return handle.read().decode("utf-8")
-        except (UnicodeDecodeError, OSError, EOFError) as error:
-            raise InputError(f"{file} is not text ({error}): give another file or another --format") from None
+    try:
+        return content_of(file).decode("utf-8")
+    except (UnicodeDecodeError, OSError) as error:
+        raise InputError(f"{file} is not text ({error}): give another file or another --format") from None
 
 
 def damaged_file(file: Path, problem: object) -> InputError:

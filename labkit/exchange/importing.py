@@ -24,8 +24,10 @@ from labkit.io.provenance import provenance_json
 from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.void_ratio import grain_volume
 
 Name = str | os.PathLike[str]
+FULL = 5.0  # volume of the grains over that of their box: they overlap too much to list all pairs
 WIDEST = 2.0  # size of a grain over the width of its box
 
 
@@ -169,6 +171,12 @@ def _require_usable(packing: Packing, file: Path) -> None:
     if largest > WIDEST * width:  # it would touch too many of its own images to list them
         raise InputError(
             f"{file} has a grain of size {largest:.3g} in a box {width:.3g} wide: repair it, or give --box"
+        )
+    filled = grain_volume(cast(np.ndarray, packing.size)) / np.linalg.det(cell)
+    if filled > FULL:
+        raise InputError(
+            f"{file} has grains with {filled:.3g} times the volume of the box: are the sizes diameters, not radii? is "
+            "--box right?"
         )
     far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
     if far > FAR:

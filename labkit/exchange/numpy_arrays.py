@@ -13,8 +13,9 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers, answer_names
 from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from
-from labkit.exchange.formats import Format, damaged_file, open_maybe_compressed
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import ContactList, Packing
+from labkit.io.foreign import content_of, require_modest
 
 MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz
 
@@ -58,16 +59,20 @@ def _matrix(values: np.ndarray, file: Path) -> np.ndarray:
     """Return the array of an .npy file. Raises InputError unless it has rows and columns."""
     if values.ndim != 2:
         raise InputError(f"{file} holds an array of shape {values.shape}: give one row per grain, (n, k)")
+    if values.dtype.kind not in "fiu":
+        raise InputError(f"{file} holds {values.dtype.name}, not numbers: give an array of numbers")
     return values
 
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:
     """Read arrays by name; the one array of an .npy file is called `array`. Raises InputError for pickled objects."""
-    with open_maybe_compressed(file) as handle:
-        content = handle.read()
+    content = content_of(file)
     if not content.startswith(MAGIC):
         raise damaged_file(file, "it does not begin like a NumPy file")
     try:
+        if content.startswith(b"PK"):
+            with zipfile.ZipFile(io.BytesIO(content)) as archive:
+                require_modest(file, archive)
         loaded = np.load(io.BytesIO(content))
         return {name: loaded[name] for name in loaded.files} if hasattr(loaded, "files") else {"array": loaded}
     except ValueError as error:

@@ -17,8 +17,8 @@ from labkit.exchange.answers import Answers
 from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import FIRST, RADIUS, TENSION, ContactList, Packing
 from labkit.grains.state import State
-from labkit.io.atomic import whole_file
 from labkit.io.extras import require_library
+from labkit.io.library import netcdf_library, new_hdf5
 
 if TYPE_CHECKING:
     import h5py
@@ -42,15 +42,14 @@ class OnDem(Format):
     def read(self, file: Path, answers: Answers) -> Packing:
         h5py = require_library("h5py", WHAT, "formats")
         try:
-            with h5py.File(file) as data:
+            with netcdf_library(), h5py.File(file) as data:
                 return _packing(data)
         except (KeyError, OSError, RuntimeError, ValueError) as error:
             raise damaged_file(file, error) from None
 
     def write(self, state: State, file: Path) -> None:
         """Write grains, periodic box, material and contacts in SI units, with normal forces positive in traction."""
-        h5py = require_library("h5py", WHAT, "formats")
-        with whole_file(file) as temporary, h5py.File(temporary, "w") as data:
+        with new_hdf5(file, 100_000 + 4 * state.nbytes, require_library("h5py", WHAT, "formats")) as data:
             _write_points(data, state)
             scene = data.create_group("ONDEM/Scene")
             scene.attrs["time"], scene.attrs["timestep"] = state.time, state.time_step

@@ -7,8 +7,10 @@ import itertools
 import numpy as np
 from scipy.spatial import cKDTree
 
+from labkit.errors import InputError
 from labkit.micro.cells import widths
 
+MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # within reach of the largest grain, in all and for each grain
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
 
@@ -25,7 +27,7 @@ def overlapping_pairs(
 
     The first grain has the lower number, and rows are sorted. The shift, in cell vectors, is added to the second grain,
     for positions as given (not wrapped). A grain that touches its own image is left out, as in engines. All arguments
-    have the same unit of length.
+    have the same unit of length. Raises InputError for more pairs than the memory may hold.
     """
     wrapped, home = wrapped_with_images(position, cell)
     reach = 2.0 * radius.max(initial=0.0)
@@ -41,7 +43,17 @@ def overlapping_pairs(
         images.append(np.broadcast_to(shift, (len(near), 3)))
     owner, image = np.concatenate(owners), np.concatenate(images)
     points = wrapped[owner] + image @ cell.T
-    found = cKDTree(wrapped).sparse_distance_matrix(cKDTree(points), reach, output_type="ndarray")
+    tree, others = cKDTree(wrapped), cKDTree(points)
+    number, most = (
+        int(tree.count_neighbors(others, reach)) - len(radius),
+        max(MOST_PAIRS, MOST_OF_A_GRAIN * len(radius)),
+    )
+    if number > most:
+        raise InputError(
+            f"each grain has {number / len(radius):.0f} others closer than the largest one is wide: are the sizes "
+            "diameters, not radii? is --box right?"
+        )
+    found = tree.sparse_distance_matrix(others, reach, output_type="ndarray")
     first, second, distance = found["i"], owner[found["j"]], found["v"]
     overlap = radius[first] + radius[second] - distance
     kept = (first < second) & (overlap > 0.0)

@@ -15,6 +15,8 @@ from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_
 from labkit.exchange.formats import Format, whole_text
 from labkit.exchange.packing import ContactList, Packing
 
+MOST_COLUMNS = 1000
+
 
 class TextTable(Format):
     """Columns x y z and radius or diameter; a second file of the same kind lists the contacts.
@@ -53,6 +55,8 @@ def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
     if not lines:
         raise InputError(f"{file} is empty: give a table of grains or contacts")
     first = _split(lines[0])
+    if len(first) > MOST_COLUMNS:
+        raise InputError(f"{file} has {len(first)} columns: give a table of at most {MOST_COLUMNS}")
     header = None if all(map(is_number, first)) else first
     if header is None:
         header = next((names for line in reversed(comments) if (names := _names(line, len(first)))), None)

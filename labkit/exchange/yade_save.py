@@ -24,7 +24,8 @@ class YadeSave(Format):
     endings = (".yade", ".yade.gz", ".yade.bz2", ".yade.xml", ".xml", ".xml.gz", ".xml.bz2", ".bin")
 
     def recognises(self, file: Path, head: str) -> bool:
-        return ".yade" in file.name or ("boost_serialization" in head and "scene" in head)
+        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts a file: its text must not choose it
+        return ".yade" in file.name or (named and "boost_serialization" in head and "scene" in head)
 
     def read(self, file: Path, answers: Answers) -> Packing:
         with tempfile.TemporaryDirectory() as folder:

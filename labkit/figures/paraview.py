@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from labkit.io.atomic import whole_file
+from labkit.io.atomic import reserve
 from labkit.io.extras import require_library
+from labkit.io.library import new_hdf5
 from labkit.micro.fabric import statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
 from labkit.micro.normalised import normalised_normal_force
@@ -32,6 +33,7 @@ HINT = (
 )
 TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
 VERSION = (2, 3)  # of VTKHDF
+FIRST_CHUNKS = 25_000_000  # bytes of a file with little in it, and more
 VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cells of VTK
 
 
@@ -44,6 +46,12 @@ class Mesh(NamedTuple):
     point_data: Mapping[str, object]
     cell_data: Mapping[str, object]
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes in double precision, more than in the file."""
+        values = (*self.point_data.values(), *self.cell_data.values())
+        return self.points.nbytes + 3 * self.cells.nbytes + sum(np.asarray(each).nbytes for each in values)
+
 
 def require_h5py() -> types.ModuleType:
     """Import h5py, which writes the file. Raises InputError if it is not installed."""
@@ -52,18 +60,21 @@ def require_h5py() -> types.ModuleType:
 
 def write_series(snapshots: Iterable[Snapshot], file: str | os.PathLike[str]) -> Path:
     """Write Snapshots into a .vtkhdf file, one after another; returns its path."""
-    h5py = require_h5py()
-    with whole_file(Path(file)) as temporary, h5py.File(temporary, "w") as data:
+    with new_hdf5(file, FIRST_CHUNKS, require_h5py()) as data:
         root = data.create_group("VTKHDF", track_order=True)  # VTK reads blocks in this order
         _describe(root, "PartitionedDataSetCollection")
         assembly = root.create_group("Assembly", track_order=True)
         for index, name in enumerate(MESHES):
             _describe(root.create_group(name), "UnstructuredGrid")
             root[name].attrs["Index"] = index
-            assembly[name] = h5py.SoftLink(f"/VTKHDF/{name}")
+            assembly[name] = require_h5py().SoftLink(f"/VTKHDF/{name}")
+        size = FIRST_CHUNKS
         for snapshot in snapshots:
-            for name, mesh_of in MESHES.items():
-                _add_step(root[name], snapshot.time, mesh_of(snapshot))
+            meshes = {name: mesh_of(snapshot) for name, mesh_of in MESHES.items()}
+            size += sum(mesh.nbytes for mesh in meshes.values())
+            reserve(Path(data.filename), size)
+            for name, mesh in meshes.items():
+                _add_step(root[name], snapshot.time, mesh)
     return Path(file)
 
 

@@ -20,6 +20,7 @@ from labkit.errors import InputError
 from labkit.figures.paraview import cell_corners, over_mean
 from labkit.figures.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_colors, ratio_colors
 from labkit.grains.state import State
+from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
 from labkit.micro.normalised import normalised_normal_force
 from labkit.micro.snapshot import Snapshot
@@ -44,7 +45,7 @@ class Viewer:
     def write(self, file: str | os.PathLike[str]) -> None:
         """Write the page to a file, which any browser opens. Raises InputError if the file cannot be written."""
         require_writable(str(file))
-        Path(file).write_text(self.page, encoding="utf-8")
+        write_text(file, self.page)
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, for notebooks."""

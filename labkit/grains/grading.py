@@ -29,6 +29,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.foreign import require_regular
 from labkit.parameters import UNITS, Number, Numbers, check_parameters, parameter, parameters_of
 
 MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter
@@ -247,6 +248,7 @@ def read_grading(text: str) -> Grading:
 
 def _read_csv(file: Path) -> dict[str, object]:
     """Read the ascending diameters and the passing of a sieve curve from a CSV file."""
+    require_regular(file, "give a CSV file")
     try:
         rows = [row for row in csv.reader(file.read_text().splitlines()) if row]
         heading = [name.strip().lower() for name in rows[0]]

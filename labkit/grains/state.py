@@ -24,7 +24,7 @@ from labkit.grains.valid import checked
 from labkit.io.conventions import describe
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
-from labkit.io.netcdf import create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
+from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import STATE
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
@@ -214,8 +214,6 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
         step=round(snapshot.time / state.time_step),
     )
 
-
-MARGIN = 50_000  # bytes of a state file besides its arrays, about
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 

@@ -78,6 +78,8 @@ def driver_command(
     files = [file for file in (test, initial, parameters) if file] + ([on] if on != MODEL else [])
     name = f"{wanted.file.stem}_{MODEL if on == MODEL else stem(on)}.run.nc"
     output = output or str(wanted.file.parent / name)
+    if not columns and File(wanted.output).name != wanted.output:  # a file of a stranger may name any place
+        raise InputError(f"{test} names its output in another folder, {wanted.output}: say where with --columns")
     table = File(columns) if columns else wanted.file.parent / wanted.output
     _require_table(table, [*files, output])
     for note in wanted.notes:

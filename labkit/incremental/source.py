@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from labkit.errors import InputError
+from labkit.io.foreign import require_regular
 
 LARGEST_FILE = 50_000_000  # bytes
 REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
@@ -118,6 +119,7 @@ class Source:
 
 def _text(file: Path) -> str:
     """The text of a file. Raises InputError if it cannot be read or is not text."""
+    require_regular(file, "give an input file of the driver")
     try:
         if file.stat().st_size > LARGEST_FILE:
             raise InputError(f"{file} is larger than {LARGEST_FILE // 1_000_000} MB: give an input file of the driver")

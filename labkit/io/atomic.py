@@ -5,29 +5,54 @@ from __future__ import annotations
 import contextlib
 import glob
 import os
+import re
+import secrets
 from collections.abc import Iterator
 from pathlib import Path
+
+ERRNO = re.compile(r"errno = (\d+)")  # in messages of HDF5
 
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Context with a temporary file name; the file is renamed to `path` on success and deleted otherwise.
+    """Context with the name of a new file; the file is renamed to `path` on success and deleted otherwise.
 
-    Raises OSError with `path` as its file name if the file cannot be written to the disk or renamed.
+    Raises OSError with `path` as its file name, and with what the system said, if the file cannot be written.
     """
     path = Path(path).resolve()
     _remove_orphans(path)
-    temporary = path.parent / f".{path.name}.{os.getpid()}.tmp"
-    try:
-        yield temporary
+    temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp"
+    with failing_as(path, temporary):
         try:
+            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # not where a link leads
+            yield temporary
             with open(temporary, "rb") as handle:
                 os.fsync(handle.fileno())
             os.replace(temporary, path)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def failing_as(path: Path, other: Path | None = None) -> Iterator[None]:
+    """Context in which an OSError without a file name, or with that of `other`, gets the name of the file `path`."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is not None and os.fsdecode(error.filename) != str(other):
+            raise
+        said = ERRNO.search(str(error))
+        what = os.strerror(int(said[1])) if said else error.strerror or str(error)
+        raise OSError(error.errno, what, str(path)) from error
+
+
+def reserve(file: Path, size: int) -> None:
+    """Allocate disk space up to `size` bytes for an open file, because HDF5 may crash where a disk is full.
+
+    HDF5 cuts off what it does not need. Raises OSError if the disk is full.
+    """
+    with open(file, "ab") as handle:
+        os.posix_fallocate(handle.fileno(), 0, size)
 
 
 def _remove_orphans(path: Path) -> None:
@@ -52,7 +77,4 @@ def _is_running(number: int) -> bool:
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file atomically, as UTF-8. Raises OSError with `path` as its file name."""
     with whole_file(path) as temporary:
-        try:
-            temporary.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(path)) from error
+        temporary.write_text(text, encoding="utf-8")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+import tempfile
 from pathlib import Path
 
 from labkit.errors import InputError
@@ -34,12 +35,10 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
             raise InputError(f"{path} is {kind_in_words(existing)}: it would be overwritten; choose another -o")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a directory: create it first, or choose another -o")
-    probe = path.parent / f".{path.name}.probe.{os.getpid()}.tmp"  # whole_file removes what a killed process leaves
     try:
-        probe.touch()
+        tempfile.TemporaryFile(dir=path.parent, prefix=".labkit-").close()  # without a name that a signal could leave
     except OSError as error:
         raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another -o") from None
-    probe.unlink(missing_ok=True)
 
 
 def make_folder(path: str | os.PathLike[str], option: str) -> Path:

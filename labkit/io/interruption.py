@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import fcntl
 import os
 import signal
@@ -80,6 +81,16 @@ def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], o
 
 
 @contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Context after which, and not within, Ctrl-C has its effect: libraries are broken if it stops their import."""
+    caught: list[int] = []
+    with handled((signal.SIGINT,), lambda number, _: caught.append(number)):
+        yield
+    if caught:
+        raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
 def only_writer(file: Path) -> Iterator[None]:
     """Context with the lock on `file`, which the kernel releases if the process is killed.
 
@@ -87,7 +98,7 @@ def only_writer(file: Path) -> Iterator[None]:
     """
     lock = lock_of(file)
     for _ in range(MOST_TRIES):
-        with open(lock, "w") as handle:
+        with _opened(lock, os.O_RDWR | os.O_CREAT) as handle:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
@@ -103,6 +114,16 @@ def only_writer(file: Path) -> Iterator[None]:
 
 
 MOST_TRIES = 100
+
+
+def _opened(lock: Path, flags: int) -> IO[str]:
+    """A lock file, of which nothing is read or written. Raises InputError for a link, which may lead anywhere."""
+    try:
+        return open(os.open(lock, flags | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666))
+    except OSError as error:
+        if error.errno != errno.ELOOP:
+            raise
+        raise InputError(f"{lock} is a link: delete it, or choose another -o") from None
 
 
 def _is_file(handle: IO[str], path: Path) -> bool:
@@ -126,7 +147,7 @@ def lock_of(file: Path) -> Path:
 def being_written(file: Path) -> bool:
     """True if a process is currently writing `file`."""
     try:
-        with open(lock_of(file)) as handle:
+        with _opened(lock_of(file), os.O_RDONLY) as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except FileNotFoundError:
         return False

@@ -10,7 +10,14 @@ import contextlib
 import os
 import sys
 import threading
+import types
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from labkit.io.atomic import reserve, whole_file
+
+if TYPE_CHECKING:
+    import h5py
 
 _LOCK = threading.RLock()
 if hasattr(os, "register_at_fork"):  # a child would wait for ever for a thread that it lacks
@@ -23,6 +30,22 @@ def netcdf_library() -> Iterator[None]:
     with _LOCK:
         _share_with_xarray()
         yield
+
+
+@contextlib.contextmanager
+def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) -> Iterator[h5py.File]:
+    """Context with a new file of h5py, which becomes the file `path` on success.
+
+    Args:
+        path: The file.
+        size: Bytes that it needs at first; more of them are to be reserved before they are written.
+        h5py: The optional module.
+    """
+    with whole_file(path) as temporary, netcdf_library():
+        reserve(temporary, size)  # HDF5 has nothing to write yet
+        with h5py.File(temporary, "w") as data:  # gives the space back
+            reserve(temporary, size)
+            yield data
 
 
 def _share_with_xarray() -> None:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import netCDF4
 
 from labkit.errors import InputError
-from labkit.io.atomic import whole_file
+from labkit.io.atomic import reserve, whole_file
 from labkit.io.conventions import TIME
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, ends, parts_of, seal, seal_is_right
 from labkit.io.library import netcdf_library
@@ -34,6 +34,7 @@ netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 M
 
 CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values along a dimension
 TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
+MARGIN = 50_000  # bytes of a small file besides its arrays, about
 NETCDF = "NetCDF:"  # start of messages of the netCDF library
 ADVICE = "restore a copy or create it again; --trust reads it anyway"
 
@@ -240,6 +241,7 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
 def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
     """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
     with whole_file(path) as temporary, failure_named(path), netcdf_library():
+        reserve(temporary, MARGIN + 2 * data.nbytes)
         data.to_netcdf(temporary, engine="netcdf4", **encoding)
         finish(temporary)
 
@@ -249,12 +251,11 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
     """Context with an open netCDF4.Dataset, which gets its seal on success.
 
     HDF5 may crash the interpreter where the last thing that it writes fails. So the disk space is allocated first
-    (HDF5 cuts off what it does not need), and everything is on the disk before the file is closed: closing writes only
+    (`reserve`), and everything is on the disk before the file is closed: closing writes only
     the first 48 bytes once more. (A netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
     """
+    reserve(file, size or MARGIN)
     with open(file, "ab") as handle:
-        if size:
-            os.posix_fallocate(handle.fileno(), 0, size)
         with netcdf_library(), netCDF4.Dataset(file, mode) as dataset:
             yield dataset
             dataset.sync()
@@ -290,13 +291,12 @@ def failure_named(path: str | os.PathLike[str]) -> Iterator[None]:
     """Context in which an error of the netCDF library while writing becomes an OSError with the file name."""
     try:
         yield
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-    except RuntimeError as error:
-        if not _is_of_library(error):
+    except (PermissionError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and not _is_of_library(error):
             raise
+        said = error if isinstance(error, RuntimeError) else "HDF5 cannot open it"  # for whatever reason
         left = shutil.disk_usage(Path(path).resolve().parent).free / 1e6
-        raise OSError(None, f"it could not be written ({error}; {left:.3g} MB are free there)", str(path)) from error
+        raise OSError(None, f"it could not be written ({said}; {left:.3g} MB are free there)", str(path)) from error
 
 
 def create_variables(

@@ -28,7 +28,7 @@ OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random ins
 INERTIAL_LIMIT = 3e-4
 SAFE = 0.7  # of the rate expected to reach it: specimens that dilate have shown numbers up to a fifth higher
 GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
-LARGE = 0.1  # m
+SMALL, LARGE = 1e-6, 0.1  # m
 DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
 
 RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
@@ -145,10 +145,12 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
 
 
 def size_warning(scene: Scene) -> str | None:
-    """Return a warning if the grains are so large that their diameter was probably meant in mm."""
+    """Return a warning if the grains are so large or so small that another unit was probably meant."""
     diameter = scene.mean_diameter
-    meant = f"if millimetres are meant, write '{diameter:g} mm'"
-    return f"the grains have a mean diameter of {diameter:g} m: {meant}" if diameter > LARGE else None
+    if SMALL <= diameter <= LARGE:
+        return None
+    meant = f"if millimetres are meant, write '{diameter:g} mm'" if diameter > LARGE else "soils have more than 1e-6 m"
+    return f"the grains have a mean diameter of {diameter:g} m: {meant}"
 
 
 def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...]:

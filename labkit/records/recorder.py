@@ -270,7 +270,11 @@ class Recorder:
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(self.file, dataset)
             first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
-            position, state = position_of(checkpoint), state_in_run(self.file, dataset)
+            try:
+                position = position_of(checkpoint)
+            except (TypeError, ValueError) as error:
+                raise damaged(self.file, f"its checkpoint: {error}") from None
+            state = state_in_run(self.file, dataset)
             self._require_plausible(state, dataset)
             ended = str(getattr(dataset, "ended_because", ""))
             created = ratcheting_of(checkpoint, self.records)

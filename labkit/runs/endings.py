@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.grains.state import State
+from labkit.micro.cells import widths
 from labkit.paths.path import Path
 from labkit.paths.step import Here
 from labkit.quantities.conditions import Condition, condition
@@ -33,6 +35,9 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
     if stop_when is not None:
         first, last = ({name: values[at] for name, values in records.items()} for at in (0, -1))
         found += ["it ended when " + stop_when] * condition(stop_when).holds(last, first)
+    contacts = records.get("coordination_number", ())
+    if len(contacts) and contacts[-1] == 0.0:
+        found.append("no grains touch any more (p = 0, Z = 0)")
     return tuple(found)
 
 
@@ -51,6 +56,17 @@ def require_false_at_start(stop_when: Condition | None, first: Mapping[str, obje
     if stop_when is not None and stop_when.holds(first, first):
         problem, allowed = "is already met at the start", "a condition that is met later on the path"
         raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
+
+
+def too_thin(state: State) -> str:
+    """Why grains cannot go on in a cell thinner than two of them, one sentence; empty if they can."""
+    width, needed = float(widths(state.cell).min()), 4.0 * float(state.radius.max())
+    if width >= needed:
+        return ""
+    return (
+        f"the cell is only {width:.3g} m wide at step {state.step}, less than two of the largest grains "
+        f"({needed:.3g} m): use a specimen with more grains"
+    )
 
 
 def require_sane(values: dict[str, Any], step: int) -> None:

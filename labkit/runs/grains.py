@@ -25,7 +25,7 @@ from labkit.records.instant import Instant
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
-from labkit.runs.endings import interrupted, require_false_at_start, require_sane, unfinished
+from labkit.runs.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
 from labkit.runs.pace import pace, steps_at
 from labkit.servo.correction import velocity_gradient
 from labkit.servo.plan import AHEAD, Corrections, Planner
@@ -261,7 +261,7 @@ class Grains(Material):
             if not self.schedule.is_snapshot(recorder.records - 1, last=False):
                 recorder.drop_last()
         if not last and self.options.guarded and recorder.records:
-            reason = self.lost(state, np.asarray(values["stress"]))
+            reason = too_thin(state) or self.lost(state, np.asarray(values["stress"]))
         kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
         done = max(self.place / self.schedule.steps, self.position.leg / self.schedule.path_steps)

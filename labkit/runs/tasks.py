@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import contextlib
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path as File
@@ -15,6 +16,7 @@ from labkit.extensions import files_in_use
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, write_state
 from labkit.io.blas import one_blas_thread
+from labkit.io.interruption import only_writer
 from labkit.io.provenance import provenance_json
 from labkit.paths.path import Path
 from labkit.records.limits import rate_warning, require_pressure
@@ -178,5 +180,6 @@ def require_possible(task: Task) -> type[Engine]:
 def execute(task: Task, progress: Progress = silent) -> State | None:
     """Do a task; return the resulting State, or None for runs. Raises InputError, PhysicsError or Interrupted."""
     require_possible(task)
-    with one_blas_thread():
+    states = task.output is not None and not isinstance(task, RunTask)  # the recorder of a run locks its file
+    with one_blas_thread(), only_writer(File(str(task.output))) if states else contextlib.nullcontext():
         return task.do(progress)

@@ -13,6 +13,7 @@ import xarray
 
 from labkit.errors import InputError
 from labkit.io.netcdf import open_netcdf
+from labkit.micro.cells import widths
 from labkit.micro.stress import love_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
@@ -37,6 +38,7 @@ SFF_NAMES = {"p": "p", "q": "q", "ratio": "q/p"}
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
+LEAST_WIDTH = 2.0  # of the cell, over the largest grain
 HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # what a value is multiplied by
@@ -250,6 +252,8 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     cube = len(radius) * 64e-9 / float(run["volume"][0])
     name = f"grains per cube of 4 mm, as in the paper (here {len(radius)})"
     yield Finding(name, cube, f"{low} to {high}", low <= cube <= high)
+    width = float(widths(run["cell"].values).min(initial=np.inf) / (2.0 * radius.max()))
+    yield Finding("least width of the cell, in largest grains", width, "> 2", width > LEAST_WIDTH)
     yield Finding("grains / (solid volume / mean grain volume)", ratio, "0.97 to 1.03", abs(ratio - 1.0) < 0.03)
 
 

@@ -68,7 +68,7 @@ def umat_command(
         folder.mkdir(parents=True, exist_ok=True)
         files = write(folder, props)
     except OSError as error:
-        raise InputError(f"{folder} cannot be written ({error.strerror}): choose another --output") from None
+        raise InputError(f"{error.filename} cannot be written ({error.strerror}): choose another --output") from None
     if build:
         files.append(library.build(folder))
     for file in files:

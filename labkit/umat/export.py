@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from labkit.io.atomic import write_text
 from labkit.umat.library import copy_sources
 from labkit.umat.props import STATE_NAMES
 
@@ -38,6 +39,6 @@ def abaqus_material(props: dict[str, float]) -> str:
 def write(folder: Path, props: dict[str, float]) -> list[Path]:
     """Write the sources, the table and the include file to an existing folder; returns the files."""
     copy_sources(folder)
-    (folder / TABLE).write_text(props_table(props))
-    (folder / INCLUDE).write_text(abaqus_material(props))
+    write_text(folder / TABLE, props_table(props))
+    write_text(folder / INCLUDE, abaqus_material(props))
     return sorted(folder / name for name in ("labkit_umat.f90", "labkit_mgis.c", TABLE, INCLUDE))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
+from labkit.io.atomic import write_text
 from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
@@ -89,7 +90,7 @@ def build_commands() -> tuple[list[str], ...]:
 def copy_sources(folder: Path) -> None:
     """Copy the sources to a folder."""
     for source in SOURCES:
-        shutil.copyfile(source, folder / source.name)
+        write_text(folder / source.name, source.read_text(encoding="utf-8"))
 
 
 def _address(array: np.ndarray) -> ctypes.c_void_p:

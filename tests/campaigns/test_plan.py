@@ -3,8 +3,9 @@
 import pytest
 
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.plan import OUTDATED, plan_of, write_recipes
+from labkit.campaigns.plan import OUTDATED, plan_of, require_campaign_folder, write_recipes
 from labkit.errors import InputError
+from tests.full_disk import file_size_limit
 
 TEXT = """\
 engine: fused
@@ -71,3 +72,32 @@ def test_runs_go_on_from_earlier_runs(tmp_path):
     file.write_text("\n".join([*lines[:4], lines[5], lines[4], ""]))
     with pytest.raises(InputError, match="there is no specimen 'shear'"):
         read_campaign(file)
+
+
+@pytest.mark.parametrize("left", [b"", b'{"command": ["lab', b"\xff\xfe"])
+def test_a_recipe_that_a_full_disk_cut_off_is_written_again(left, tmp_path):
+    """Version 0.2 wrote recipes in place; the same command must be able to go on."""
+    file = tmp_path / "c.yaml"
+    file.write_text(TEXT)
+    plan = plan_of(read_campaign(file))
+    write_recipes(plan, tmp_path)
+    recipe = tmp_path / plan.jobs[0].recipe
+    whole = recipe.read_bytes()
+    recipe.write_bytes(left)
+    require_campaign_folder(plan, tmp_path)
+    write_recipes(plan, tmp_path)
+    assert recipe.read_bytes() == whole
+
+
+def test_recipes_are_written_whole_or_not_at_all(tmp_path):
+    file = tmp_path / "c.yaml"
+    file.write_text(TEXT)
+    plan = plan_of(read_campaign(file))
+    write_recipes(plan, tmp_path)
+    before = {job.recipe: (tmp_path / job.recipe).read_bytes() for job in plan.jobs}
+    file.write_text(TEXT.replace("0.67", "0.68"))
+    with file_size_limit(10), pytest.raises(OSError, match="File too large") as failure:
+        write_recipes(plan_of(read_campaign(file)), tmp_path)
+    assert failure.value.filename is not None
+    assert {job.recipe: (tmp_path / job.recipe).read_bytes() for job in plan.jobs} == before
+    assert not list(tmp_path.rglob("*.tmp"))

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 import labkit
+import labkit as lk
+from labkit.micro.cells import widths
 from labkit.micro.stress import relative_error
 from labkit.runs.verify import findings
 
@@ -127,3 +129,18 @@ def test_verify_prints_the_table_and_draws_the_figure(labkit_command, run_file, 
         assert word in done.stdout
     assert figure.read_bytes()[:4] == b"\x89PNG"
     assert (tmp_path / "findings.csv").read_text().startswith("run,name,value,limit,holds,decides")
+
+
+def test_a_run_ends_when_its_cell_is_thinner_than_two_grains(soft_specimen, tmp_path):
+    """It would go on with contacts across two faces of the cell, and the energy balance would blame the time step."""
+    file = tmp_path / "thin.run.nc"
+    path = lk.paths.ConstantVolume(strain=2.0, rate=1000.0)
+    with pytest.raises(
+        lk.PhysicsError, match=r"less than two of the largest grains .*: use a specimen with more grains"
+    ):
+        lk.run(soft_specimen, path, file=file, progress=False, record_strain=0.02)
+    run = lk.Run.open(file)
+    width = widths(run.data["cell"].values).min(axis=1) / (2.0 * run.data["radius"].values.max())
+    assert not run.complete and width[-1] < 2.0 <= width[-2] and "more grains" in run.ended_because
+    (found,) = (one for one in lk.verify(run) if one.name.startswith("least width of the cell"))
+    assert found.value == width[-1] and not found.holds

@@ -78,7 +78,21 @@ def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> 
     if not hasattr(file, "_source_stamp"):  # a private name of Numba, which another version may lack
         return numba.njit(function, **options)
     file._source_stamp = stamp, 0
+    for name, nothing in (("_load_index", dict), ("load", type(None)), ("save", type(None))):
+        setattr(file, name, _forgiving(getattr(file, name), nothing))
     return dispatcher
+
+
+def _forgiving(use: Function, nothing: Callable[[], Untyped]) -> Function:
+    """A use of the cache that finds nothing in a file that a full disk or a power failure has cut off."""
+
+    def used(*arguments: Untyped) -> Untyped:
+        try:
+            return use(*arguments)
+        except Exception:  # pickle raises any
+            return nothing()
+
+    return used
 
 
 def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> None:

@@ -1,0 +1,55 @@
+"""Files of strangers: regular files only, and not much more than their size on the disk when they are decompressed."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import zipfile
+import zlib
+from pathlib import Path
+
+from labkit.errors import InputError
+
+MOST_RATIO = 100  # bytes after decompression for each one in a file
+FREE = 100_000_000  # bytes that any file may hold
+
+
+def require_regular(file: str | os.PathLike[str], instead: str = "give another file") -> None:
+    """Raises InputError for a pipe or a device, which may never end."""
+    if Path(file).exists() and not Path(file).is_file():
+        raise InputError(f"{file} cannot be read (not a regular file): {instead}")
+
+
+def content_of(file: Path, most: int | None = None) -> bytes:
+    """The bytes of a regular file, of at most the first `most`, after decompression if it is compressed with gzip.
+
+    Raises InputError for a file that is none, or that holds more than MOST_RATIO times its size.
+    """
+    require_regular(file)
+    try:
+        with open(file, "rb") as handle:
+            if handle.read(2) != b"\x1f\x8b":
+                handle.seek(0)
+                return handle.read(-1 if most is None else most)
+        with gzip.open(file, "rb") as unpacked:
+            content = unpacked.read(_room(file) + 1 if most is None else most)
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        raise InputError(f"{file} is damaged or of an unknown version ({error}): give another file") from None
+    if len(content) > _room(file):
+        raise bomb(file)
+    return content
+
+
+def require_modest(file: Path, archive: zipfile.ZipFile) -> None:
+    """Raises InputError if the members of a zip archive hold more than MOST_RATIO times its size."""
+    if sum(member.file_size for member in archive.infolist()) > _room(file):
+        raise bomb(file)
+
+
+def _room(file: Path) -> int:
+    return max(FREE, MOST_RATIO * file.stat().st_size)
+
+
+def bomb(file: Path) -> InputError:
+    """The error for a file that would fill the memory."""
+    return InputError(f"{file} holds more than {_room(file) / 1e6:.0f} MB when decompressed: give a smaller file")

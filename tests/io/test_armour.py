@@ -1,0 +1,165 @@
+"""What stops a command, or misleads it: names in files, empty options, caches and imports cut off, two writers."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.cli import main
+from labkit.engines.kernel import compiling
+from labkit.io.interruption import only_writer, uninterrupted
+from labkit.records.limits import size_warning
+from tests.changed import changed
+from tests.conftest import ROOT
+
+
+@pytest.mark.parametrize("name", ["../new.txt", "/tmp/new.txt", "folder/new.txt"])
+def test_a_driver_file_cannot_write_to_another_folder(name, tmp_path, capsys):
+    test = tmp_path / "test.inp"
+    test.write_text(f"{name}\n*TriaxialE1\n100 10 10\n-0.1\n")
+    words = ["driver", str(test), "--on", "model", "--initial", str(tmp_path / "initialconditions.inp")]
+    assert main(words) == 2
+    assert f"names its output in another folder, {name}: say where with --columns" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [test]
+
+
+@pytest.mark.parametrize("words", [["-o", ""], ["--output=--"], ["--output="], ["--csv=--"]])
+def test_an_empty_option_is_refused(words, capsys):
+    assert main(["figure", "test", "r.run.nc", *words]) == 2
+    assert " is empty: give a value" in capsys.readouterr().err
+
+
+def test_an_array_of_text_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.array([["1", "1", "1", "0.1"]]))
+    with pytest.raises(lk.InputError, match="not numbers: give an array of numbers"):
+        lk.import_state(tmp_path / "a.npy", box="4", length_unit="mm", size="radius")
+
+
+def test_a_command_says_that_it_replaces_a_state(tmp_path, capsys):
+    (tmp_path / "a.txt").write_text("1 1 1 0.5\n2 1 1 0.5\n1 2 1 0.5\n")
+    known = ["--box", "4", "--length-unit", "mm", "--size", "radius", "-o", str(tmp_path / "a.state.nc")]
+    said = [main(["import", str(tmp_path / "a.txt"), *known]) or capsys.readouterr().out for _ in range(2)]
+    assert "will be replaced" not in said[0]
+    assert said[1].startswith(f"{tmp_path}/a.state.nc: is there already, and will be replaced\n")
+
+
+def test_two_processes_cannot_make_the_same_state(soft_specimen, tmp_path):
+    """The later one would win, and both would say that all is well."""
+    file = tmp_path / "o.state.nc"
+    with only_writer(file), pytest.raises(lk.InputError, match="is being written by another process"):
+        lk.consolidate(soft_specimen, 2e5, file=file, progress=False)
+    lk.consolidate(soft_specimen, 1e5, file=file, progress=False)
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize("part", ["*.nbi", "*.nbc"])
+def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
+    monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))
+
+    def made():
+        function = compiling.cached(twice, "stamp")
+        return function(2.0), sum(function.stats.cache_hits.values())
+
+    assert made() == (4.0, 0) and made() == (4.0, 1)
+    (file,) = tmp_path.rglob(part)
+    for left in (file.read_bytes()[:20], b""):
+        file.write_bytes(left)
+        assert made() == (4.0, 0) and made() == (4.0, 1)
+
+
+def twice(x):
+    return 2.0 * x
+
+
+def test_ctrl_c_waits_for_the_end_of_an_import():
+    done = []
+    with pytest.raises(KeyboardInterrupt), uninterrupted():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        done.append(True)
+    assert done == [True]
+
+
+@pytest.mark.slow
+def test_ctrl_c_during_the_first_run_leaves_numba_whole():
+    program = """
+import os, signal, sys, threading, time
+import labkit as lk
+
+def interrupt():
+    while not any(name.startswith("numba.core") for name in tuple(sys.modules)):
+        time.sleep(0.001)
+    os.kill(os.getpid(), signal.SIGINT)
+
+threading.Thread(target=interrupt, daemon=True).start()
+try:
+    lk.Fused()
+except KeyboardInterrupt:
+    pass
+import numba
+print(numba.core.__name__, lk.Fused().name)
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "numba.core fused\n", done.stderr
+
+
+def test_a_checkpoint_of_the_wrong_shape_is_damage(soft_specimen, tmp_path):
+    file = tmp_path / "r.run.nc"
+    path = lk.paths.ConstantVolume(strain=0.001)
+    lk.run(soft_specimen, path, file=file, progress=False)
+    with changed(file) as dataset:
+        dataset.complete = np.int32(0)
+        dataset["checkpoint"].lattice = np.ones(4)
+    with pytest.raises(lk.InputError, match=r"is damaged \(its checkpoint: "):
+        lk.run(soft_specimen, path, file=file, progress=False)
+
+
+def test_a_run_file_that_is_replaced_while_it_is_opened_is_one_save(soft_specimen, tmp_path, monkeypatch):
+    """Its groups were opened one after the other by name, and the file may be another one by then."""
+    from labkit.runs import dataset
+
+    file, other = tmp_path / "r.run.nc", tmp_path / "longer.run.nc"
+    for name, strain in ((file, 0.001), (other, 0.002)):
+        lk.run(soft_specimen, lk.paths.ConstantVolume(strain=strain), file=name, progress=False, snapshots=2)
+    open_dataset = dataset.xr.open_dataset
+
+    def opened(*given, **options):
+        found = open_dataset(*given, **options)
+        shutil.copyfile(other, tmp_path / "new")
+        os.replace(tmp_path / "new", file)
+        return found
+
+    monkeypatch.setattr(dataset.xr, "open_dataset", opened)
+    run = lk.Run.open(file)
+    assert float(run.data["axial_strain"][-1]) == pytest.approx(0.001, rel=0.01)
+    assert float(run.snapshots[-1].axial_strain) == pytest.approx(0.001, rel=0.01)
+
+
+def test_a_tiny_diameter_is_questioned():
+    assert "1e-09 m: soils have more" in str(size_warning(lk.Scene(mean_diameter=1e-9)))
+    assert size_warning(lk.Scene()) is None
+
+
+def test_a_run_says_that_its_grains_do_not_touch_any_more(soft_specimen):
+    run = lk.run(soft_specimen, lk.paths.IsotropicDilation(pressure="1e-3 Pa"), progress=False)
+    assert run.complete and run.met_conditions == ("no grains touch any more (p = 0, Z = 0)",)
+
+
+def test_open_runs_close_their_file(soft_specimen, tmp_path):
+    file = tmp_path / "r.run.nc"
+    lk.run(soft_specimen, lk.paths.ConstantVolume(strain=0.001), file=file, progress=False)
+    with contextlib.closing(lk.open_run(file)) as run:
+        assert run.sizes["time"] > 1
+    links = (Path("/proc/self/fd") / name for name in os.listdir("/proc/self/fd"))
+    assert str(file) not in {os.readlink(link) for link in links if link.is_symlink()}
+    with netCDF4.Dataset(file) as again:
+        assert again.complete == 1

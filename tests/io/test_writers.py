@@ -1,0 +1,108 @@
+"""Every output is written whole or not at all, and a failure names the file and what the system said."""
+
+import contextlib
+import os
+
+import pytest
+
+from labkit.cli import main
+from labkit.errors import InputError
+from labkit.exchange.formats import format_to_write
+from labkit.io import atomic
+from labkit.io.files import require_writable
+from labkit.io.interruption import being_written, lock_of, only_writer
+from tests.full_disk import file_size_limit
+
+
+def viewer(state, file):
+    from labkit.figures.viewer import Viewer
+
+    Viewer(state).write(file)
+
+
+def paraview(state, file):
+    pytest.importorskip("h5py")
+    from labkit.figures.paraview import write_series
+
+    write_series([state.snapshot()], file)
+
+
+def exported(state, file):
+    if file.suffix == ".vtkhdf":
+        pytest.importorskip("h5py")
+    format_to_write(file, None).write(state, file)
+
+
+WRITERS = {
+    "page.html": viewer,
+    "series.vtkhdf": paraview,
+    "grains.vtkhdf": exported,
+    "grains.data": exported,
+    "grains.spheres": exported,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("size", [0, 500, 5000])
+def test_a_full_disk_leaves_the_earlier_file_and_nothing_else(name, size, soft_specimen, tmp_path):
+    file = tmp_path / name
+    file.write_text("what was there before")
+    with file_size_limit(size), pytest.raises(OSError) as failure:
+        WRITERS[name](soft_specimen, file)
+    assert (failure.value.filename, failure.value.strerror) == (str(file), "File too large")
+    assert [one.name for one in tmp_path.iterdir()] == [name] and file.read_text() == "what was there before"
+    WRITERS[name](soft_specimen, file)
+    assert file.stat().st_size > 5000
+
+
+def test_a_command_names_the_file_that_could_not_be_written(specimen_file, tmp_path, capsys):
+    page = tmp_path / "p.html"
+    with file_size_limit(1000):
+        assert main(["picture", str(specimen_file), "-o", str(page)]) == 1
+    assert capsys.readouterr().err == f"labkit: {page}: File too large\n" and not list(tmp_path.iterdir())
+
+
+def test_the_files_of_the_material_law_are_whole(tmp_path, capsys):
+    with file_size_limit(1000):
+        assert main(["umat", "-o", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert (
+        f"{tmp_path}/labkit_" in said and "cannot be written (File too large)" in said and not list(tmp_path.iterdir())
+    )
+
+
+def test_a_lock_does_not_follow_a_link(tmp_path):
+    victim, file = tmp_path / "victim.txt", tmp_path / "r.run.nc"
+    victim.write_text("precious")
+    lock_of(file).symlink_to(victim)
+    with pytest.raises(InputError, match="is a link: delete it"), only_writer(file):
+        pass
+    with pytest.raises(InputError, match="is a link: delete it"):
+        being_written(file)
+    assert victim.read_text() == "precious"
+
+
+def test_a_temporary_file_is_new(tmp_path, monkeypatch):
+    """Whoever can guess its name may put a link there."""
+    victim = tmp_path / "victim.txt"
+    victim.write_text("precious")
+    monkeypatch.setattr(atomic.secrets, "token_hex", lambda _: "guessed")
+    link = tmp_path / f".a.txt.guessed.{os.getpid()}.tmp"
+    link.symlink_to(victim)
+    with pytest.raises(FileExistsError) as failure:
+        atomic.write_text(tmp_path / "a.txt", "text")
+    assert failure.value.filename == str(tmp_path / "a.txt") and victim.read_text() == "precious"
+
+
+def test_two_threads_write_the_same_file_one_after_the_other(tmp_path):
+    file = tmp_path / "a.txt"
+    with contextlib.ExitStack() as stack:
+        for text in ("first", "second"):
+            stack.enter_context(atomic.whole_file(file)).write_text(text)
+    assert file.read_text() == "first" and list(tmp_path.iterdir()) == [file]
+
+
+def test_a_folder_is_tried_without_a_file_that_a_signal_could_leave(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "unlink", lambda *_, **__: None)
+    require_writable(tmp_path / "a.txt")
+    assert not list(tmp_path.iterdir())
