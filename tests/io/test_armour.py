@@ -66,7 +66,7 @@ def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
     monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))
 
     def made():
-        function = compiling.cached(twice, "stamp")
+        function = compiling.cache_on_disk(twice, "stamp")
         return function(2.0), sum(function.stats.cache_hits.values())
 
     assert made() == (4.0, 0) and made() == (4.0, 1)
