@@ -1,6 +1,6 @@
 """A user-defined contact law made of labkit's parts: linear springs with Coulomb friction, no rolling resistance.
 
-labkit specimen --void-ratio 0.6 --grains 500 --law linear --engine fused --use examples/own_law.py -o s.state.nc
+labkit specimen --void-ratio 0.6 --grains 500 --law linear --use examples/own_law.py -o s.state.nc
 """
 
 import labkit as lk

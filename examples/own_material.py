@@ -5,7 +5,7 @@
 The same beads on the command line; commands that use the specimen read the material from its file:
 
     labkit specimen --void-ratio 0.67 --grains 500 --mean-diameter 0.8mm --diameter-spread 25% --density 2500kg/m3
-        --young-modulus 0.6GPa --friction 0.25 --rolling-friction 0.01 --engine fused -o beads.state.nc
+        --young-modulus 0.6GPa --friction 0.25 --rolling-friction 0.01 -o beads.state.nc
 """
 
 import labkit as lk

@@ -5,7 +5,7 @@
 It is consolidated to 100 kPa and sheared drained. The same on the command line:
 
     labkit import examples/own_packing.txt --length-unit mm -o packing.state.nc
-    labkit run cr packing.state.nc --pressure 100kPa --strain 0.02 --rate 7 --engine fused
+    labkit run cr packing.state.nc --pressure 100kPa --strain 0.02 --rate 7
 """
 
 import sys

@@ -1,6 +1,6 @@
 """A user-defined part of a contact law: DMT adhesion, a constant pull-off force 2 pi W R* while the grains touch.
 
-labkit specimen --void-ratio 0.7 --grains 500 --law adhesive --engine fused --use examples/own_part.py -o s.state.nc
+labkit specimen --void-ratio 0.7 --grains 500 --law adhesive --use examples/own_part.py -o s.state.nc
 """
 
 import labkit as lk

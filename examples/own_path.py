@@ -1,6 +1,6 @@
 """A user-defined loading path: triaxial compression at constant axial stress, in which the radial stress decreases.
 
-    labkit run ca s.state.nc --pressure 300kPa --strain 0.05 --engine fused --use examples/own_path.py -o r.run.nc
+    labkit run ca s.state.nc --pressure 300kPa --strain 0.05 --use examples/own_path.py -o r.run.nc
     labkit verify r.run.nc --use examples/own_path.py
 
 In a campaign file: `use: own_path.py`, then `path: ca` in a run.

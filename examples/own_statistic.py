@@ -1,6 +1,6 @@
 """A user-defined statistic, recorded during a run, and its figure: the fraction of sliding contacts.
 
-labkit run cv s.state.nc --strain 0.05 --engine fused --use examples/own_statistic.py -o r.run.nc
+labkit run cv s.state.nc --strain 0.05 --use examples/own_statistic.py -o r.run.nc
 labkit figure records r.run.nc --variable sliding_fraction
 labkit figure sliding r.run.nc --use examples/own_statistic.py
 """

@@ -51,6 +51,12 @@ UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their fa
 }
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
 SUSPECT_PRESSURE = 1000.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
+LIKELY = {  # unit -> range of numbers that need no unit, and the units that were probably meant for another one
+    "Pa": (SUSPECT_PRESSURE, math.inf, "MPa or kPa"),
+    "modulus": (1e6, math.inf, "GPa or MPa"),
+    "m": (0.0, 0.1, "mm"),
+    "kg/m3": (100.0, math.inf, "g/cm3"),
+}
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
@@ -201,10 +207,15 @@ class Parameter:
         return value
 
     def _require_likely(self, value: float) -> None:
-        """Raise InputError for a number without a unit that is too small to be a pressure in Pa."""
-        if self.unit == "Pa" and 0.0 < value < SUSPECT_PRESSURE and not self.low > 0.0:
-            problem = f"has no unit, and is less than {SUSPECT_PRESSURE:g} Pa"
-            raise self.error(value, problem, f"{value:g} MPa or kPa, or {value:g} Pa if that is meant")
+        """Raise InputError for a number without a unit that was probably not meant in the SI unit."""
+        kind = "modulus" if "modulus" in self.name else self.unit
+        if value <= 0.0 or kind not in LIKELY or (kind == "Pa" and self.low > 0.0):
+            return
+        low, high, meant = LIKELY[kind]
+        if not low <= value <= high:
+            limit = f"less than {low:g}" if value < low else f"more than {high:g}"
+            problem = f"has no unit, and is {limit} {self.unit}"
+            raise self.error(value, problem, f"{value:g} {meant}, or {value:g} {self.unit} if that is meant")
 
     def check(self, value: float) -> float:
         """Return the value. Raises InputError if it is outside the range."""
@@ -284,10 +295,10 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 
 
 def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of a dataclass's parameters in SI units, with units where a number alone would be ambiguous."""
-    pressures = {name for name, known in parameters_of(kind).items() if known.unit == "Pa"}
+    """Return values of a dataclass in SI units, with their unit where a number alone would be ambiguous."""
+    units = {name: known.unit for name, known in parameters_of(kind).items() if known.unit in LIKELY}
     return {
-        name: with_unit(value, "Pa") if name in pressures and isinstance(value, float) else value
+        name: with_unit(value, units[name]) if name in units and isinstance(value, float) else value
         for name, value in values.items()
     }
 

@@ -89,7 +89,9 @@ def labkit_command(forks):
 def specimen_file(tmp_path_factory, labkit_command):
     """A specimen of about 500 grains at e = 0.67."""
     path = tmp_path_factory.mktemp("specimen") / "small.state.nc"
-    done = labkit_command("specimen", "--void-ratio", 0.67, "--grains", 500, "--seed", 3, "-o", path)
+    done = labkit_command(
+        "specimen", "--void-ratio", 0.67, "--grains", 500, "--seed", 3, "--engine", "yade", "-o", path
+    )
     assert done.returncode == 0, done.stderr
     return path
 
@@ -98,7 +100,9 @@ def specimen_file(tmp_path_factory, labkit_command):
 def run_file(tmp_path_factory, specimen_file, labkit_command):
     """A CV test of the small specimen to 2 % axial strain."""
     path = tmp_path_factory.mktemp("run") / "small.run.nc"
-    done = labkit_command("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", path)
+    done = labkit_command(
+        "run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", path
+    )
     assert done.returncode == 0, done.stderr
     return path
 

@@ -107,8 +107,34 @@ def test_a_bare_pressure_below_1_kpa_is_refused(name, value):
 
 
 def test_the_check_of_bare_pressures_applies_only_to_unbounded_ranges():
-    assert Scene(young_modulus=50.0).young_modulus == 50.0
+    assert Scene(young_modulus="50 Pa").young_modulus == 50.0
     assert refused(Layer, pressure=0.1).problem == "is not valid"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("mean_diameter", 0.35, "more than 0.1 m: give 0.35 mm, or 0.35 m if that is meant"),
+        ("mean_diameter", "0.35", "more than 0.1 m: give 0.35 mm, or 0.35 m if that is meant"),
+        ("young_modulus", 70, "less than 1e+06 Pa: give 70 GPa or MPa, or 70 Pa if that is meant"),
+        ("density", 2.65, "less than 100 kg/m3: give 2.65 g/cm3, or 2.65 kg/m3 if that is meant"),
+    ],
+)
+def test_an_implausible_number_without_a_unit_is_asked_back(name, value, said):
+    with pytest.raises(InputError) as caught:
+        Scene(**{name: value})
+    assert str(caught.value) == f"{name} {float(value):g} has no unit, and is {said}"
+    unit = parameters_of(Scene)[name].unit
+    meant = Scene(**{name: f"{value} {unit}"})
+    assert getattr(meant, name) == float(value) and meant.replace(friction=0.1).friction == 0.1
+    assert Scene.from_json(meant.to_json()) == meant
+
+
+def test_a_grading_of_stones_is_restored_from_its_text():
+    scene = Scene(grading="uniform smallest=0.2m largest=0.3m")
+    assert Scene.from_json(scene.to_json()) == scene and scene.sizes.largest == 0.3
+    with pytest.raises(InputError, match=r"0\.2 has no unit"):
+        Scene(grading="uniform smallest=0.2 largest=0.3")
 
 
 # --- ranges -----------------------------------------------------------------------------------------------------
@@ -238,7 +264,7 @@ def test_a_path_is_restored_from_its_file_to_the_last_bit(name):
 
 
 def test_a_value_that_was_checked_is_restored_without_another_check_of_its_unit():
-    scene = Scene(young_modulus=1.0, friction=1 / 3)
+    scene = Scene(young_modulus="1 Pa", friction=1 / 3)
     assert restore(Scene, dataclasses.asdict(scene)) == scene
     assert make_path("cp", {"pressure": with_unit(0.1, "Pa")}).pressure == 0.1
     assert with_unit(0.1, "1") == "0.1"

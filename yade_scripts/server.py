@@ -279,7 +279,7 @@ def run_labkit(command, positional=()):
     `positional` names the arguments of the command that are not options, in order.
     """
     mine, its = socket.socketpair()
-    line = [*labkit_program(), command, *words(positional)]
+    line = [*labkit_program(), command, "--engine=yade", *words(positional)]  # another one may follow
     environment = {**os.environ, "LABKIT_YADE": str(its.fileno())}
     if os.path.exists(os.path.join(ROOT, "labkit", "__init__.py")):  # a clone
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, [ROOT, environment.get("PYTHONPATH")]))

@@ -70,7 +70,7 @@ CASES = (
     Extreme("density 1e-3, E = 1e12 Pa, 10 1/s", "--density 1e-3 --young-modulus 1e12", f"{CV} --rate 10"),
     Extreme("density 1e9, E = 1 Pa", "--density 1e9 --young-modulus 1"),
     Extreme("D = 0.17 um", "--mean-diameter 1.7e-7"),
-    Extreme("D = 0.17 m", "--mean-diameter 0.17"),
+    Extreme("D = 0.17 m", "--mean-diameter 0.17m"),
     Extreme("mu = 0, too loose", "--friction 0 --rolling-friction 0"),
     Extreme("mu = 0, e = 0.5", "--friction 0 --rolling-friction 0", void_ratio=0.5),
     Extreme("mu = 0, e = 0.5, p = 300 kPa", "--friction 0 --rolling-friction 0", f"{CP} 300kPa", 0.5),

@@ -3,6 +3,7 @@
 runs = labkit.open_campaign("quick")                     # an xarray.Dataset, dimensions run and time
 runs["stress"].sel(run="cp-dense-fused")                 # reads one file
 runs.isel(run=(runs["path"] == "cp").values)             # still lazy: the parameters are in memory
+runs.lab.stress_ratio().sel(run="cp-dense-fused")        # as of a run, for all of them: dimensions run and time
 runs.runs.summary().to_dataframe()                       # one row per run; one run in memory at a time
 runs.runs.open("cp-dense-fused").lab.contacts(3)         # contacts of one run, see labkit.open_run
 """
@@ -28,6 +29,7 @@ from labkit.io.netcdf import open_netcdf
 from labkit.io.schema import RECORD, SIZES, Variable
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
+from labkit.runs.accessor import with_axes
 from labkit.runs.dataset import in_seconds, open_records, open_run
 from labkit.specimens.specimen import Recipe
 
@@ -56,8 +58,9 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     """Open the runs of campaign folders, or run files, as one lazy xarray.Dataset.
 
     Its dimensions are `run` (with the name as coordinate), `time` (records; shorter runs are padded with NaN), `i` and
-    `j`. Its variables are those of labkit.io.schema.RECORD present in at least one run, and user-defined statistics.
-    Its coordinates along `run` are parameters of the paths, scenes and specimens. A parameter whose name clashes with a
+    `j` (x, y, z). Its variables are those of labkit.io.schema.RECORD present in at least one run, and user-defined
+    statistics; its accessor `.lab` has the quantities of the records of each run, as in labkit.open_run. Its
+    coordinates along `run` are parameters of the paths, scenes and specimens. A parameter whose name clashes with a
     recorded variable gets a prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the
     recipe. Raises InputError for a path that does not exist or contains no run files.
     """
@@ -69,7 +72,7 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     data = {name: _variable(variables[name], files, records) for name in present}
     names = dict.fromkeys(name for one in known for name in one.coordinates)
     columns = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
-    return xr.Dataset(data, {"run": ("run", _names(files)), **columns}, {"labkit_file": "campaign"})
+    return with_axes(xr.Dataset(data, {"run": ("run", _names(files)), **columns}, {"labkit_file": "campaign"}))
 
 
 def run_files(places: Sequence[str | Path]) -> list[Path]:

@@ -15,6 +15,7 @@ from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Ite
 from labkit.campaigns.plan import Job, Plan
 from labkit.campaigns.speeds import Speed, known_speeds, likely_speed, supports
 from labkit.engines import ENGINES
+from labkit.engines.kernel.build import was_compiled
 from labkit.grains.scene import Scene
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths.path import Path, holds_stress
@@ -34,6 +35,7 @@ SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 DAYS = 10 * 86400.0  # s; a longer time is given in days
 ENDLESS = 30 * 86400.0  # s; the announcement of a longer command says that it cannot finish
+COMPILATION = 15.0  # s; ten to twenty for a contact law of the engine fused, once
 MUCH_FASTER = 3.0  # speed ratio from which a command suggests the fused engine
 
 
@@ -171,7 +173,10 @@ def announcement(task: Task, steps_done: int = 0) -> str:
         if known_speeds([engine.name]) is None:
             return f"{line}; its speed on this computer is not known"
     seconds, fused = (left * work.seconds(likely_speed(name), engine.threads) for name in (engine.name, "fused"))
-    line += f", about {rough_time(seconds)}"
+    if engine.name == "fused" and not was_compiled(task.scene.contact_law, engine.precision == "mixed"):
+        line += f", about {rough_time(seconds + COMPILATION)} with {COMPILATION:.0f} s to compile the contact law, once"
+    else:
+        line += f", about {rough_time(seconds)}"
     if seconds > ENDLESS:
         return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
     if engine.name == "fused" or seconds < MUCH_FASTER * fused or not supports("fused", task.scene):
@@ -182,7 +187,9 @@ def announcement(task: Task, steps_done: int = 0) -> str:
 def work_of(task: Task) -> _Work:
     """Return the work of a task, approximately for a specimen or a consolidation."""
     if isinstance(task, SpecimenTask):
-        return _Work(task.recipe.expected_grains(task.material), SPECIMEN_STEPS)
+        usual = task.material.replace(grading=None, diameter_spread=Scene.diameter_spread)
+        steps = round(SPECIMEN_STEPS * usual.time_step / task.material.time_step)  # more for a wide grading
+        return _Work(task.recipe.expected_grains(task.material), steps)
     assert isinstance(task, (ConsolidationTask, RunTask))
     grains = task.state.number_of_grains
     if isinstance(task, ConsolidationTask):

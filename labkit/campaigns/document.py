@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -15,6 +18,7 @@ from labkit.parameters import Parameter
 if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
+MOST_COMBINATIONS = 10_000  # of the lists of an entry
 MOST_ERRORS = 100  # shown in one report
 MOST_BYTES = 1_000_000  # of a file
 MOST_NODES = 100_000  # values in a file, including all values that its aliases stand for
@@ -216,6 +220,23 @@ class Fields:
         value = self.values.get(name, [])
         return value if isinstance(value, list) else [value]
 
+    def combinations(self, kept: Collection[str] = ()) -> list[tuple[str, Fields]]:
+        """Return one (suffix of the name, Fields) for each combination of listed values; the lists in `kept` remain.
+
+        Adds an error if there are too many.
+        """
+        lists = {name: value for name, value in self.values.items() if isinstance(value, list) and name not in kept}
+        if math.prod(map(len, lists.values())) > MOST_COMBINATIONS:
+            self.error(f"has more than {MOST_COMBINATIONS} combinations of values: make several campaigns of them")
+            return []
+        made = []
+        for values in itertools.product(*lists.values()):
+            suffix = "".join(f"-{_label(*one)}" for one in zip(lists, values, lists.values(), strict=True))
+            made.append(
+                (suffix, dataclasses.replace(self, values={**self.values, **dict(zip(lists, values, strict=True))}))
+            )
+        return made
+
     def error(self, problem: str, name: str | None = None, where: str | None = None) -> None:
         """Add an error at the line of a field, or of the mapping; `where` replaces the mapping's name."""
         self.errors.add(self.lines.get(name or "", self.line), f"{where or self.where}: {problem}")
@@ -236,6 +257,15 @@ class Fields:
         except ValueError as error:  # from a user-defined path
             self.error(str(error), None, where)
         return None
+
+
+def _label(name: str, value: object, values: Sequence[object]) -> str:
+    """Return the part of a name that a listed value adds: p300kPa, void_ratio0.6, law-hertz_mindlin, or grading1."""
+    if name == "pressure" and isinstance(value, float):
+        return f"p{value / 1e3:g}kPa"
+    if not isinstance(value, str):
+        return f"{name}{value:.10g}" if isinstance(value, float) else f"{name}{value}"
+    return f"{name}-{value}" if re.fullmatch(r"[A-Za-z0-9_.]+", value) else f"{name}{values.index(value) + 1}"
 
 
 def read_fields(

@@ -9,8 +9,9 @@
     runs:
       cp: {path: cp, specimen: dense, pressure: [0.5 MPa, 1 MPa], engine: [yade, fused]}
 
-Lists are expanded: `cp` stands for eight runs, cp-dense-s1-p500kPa-yade and so on. Keys are the parameters of Recipe,
-Scene, Options and the path (labkit.parameters). Values have a unit or are in SI units, as on the command line.
+Lists are expanded: `cp` stands for eight runs, cp-dense-s1-p500kPa-yade and so on; every key but `path` and `from` may
+be a list. Keys are the parameters of Recipe, Scene, Options and the path (labkit.parameters). Values have a unit or
+are in SI units, as on the command line.
 """
 
 from __future__ import annotations

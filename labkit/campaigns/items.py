@@ -21,7 +21,7 @@ class _Work:
     """Fields of every item: its name, and how it is computed."""
 
     name: str
-    engine: str = dataclasses.field(default="yade", kw_only=True)
+    engine: str = dataclasses.field(default="fused", kw_only=True)
     threads: int = dataclasses.field(default=1, kw_only=True)
     precision: str = dataclasses.field(default="double", kw_only=True)
 
@@ -61,7 +61,7 @@ class PlannedRun(_Work):
 
     def scene(self, specimen: Specimen) -> Scene:
         """Return the Scene of the run, for the Specimen from which it starts."""
-        return dataclasses.replace(specimen.scene, **dict(self.changes))
+        return specimen.scene.replace(**dict(self.changes))
 
     def loading(self, specimen: Specimen) -> Path:
         """Return the path with its rate.

@@ -18,7 +18,7 @@ from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe
 
 MOST_GRAINS = 100_000  # per specimen: this many already take hours on one core
-MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # keys that may be lists
+MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # lists with suffixes of their own
 
 Keys = dict[str, Parameter]
 
@@ -28,7 +28,7 @@ class Common:
     """Keys allowed in any entry, or at the top of the file as the default for all entries."""
 
     settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
-    engine: str = parameter("yade", choices=ENGINES, help="simulation engine")
+    engine: str = parameter("fused", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
     ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
     precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engines fused and cuda")

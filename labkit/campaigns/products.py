@@ -11,8 +11,8 @@ from labkit.campaigns.plan import RUNS, STATISTICS
 from labkit.io.netcdf import write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import RECORD
-from labkit.records.limits import RECORDED, exceeded
-from labkit.runs.critical import critical_states, is_shear
+from labkit.records.limits import exceeded
+from labkit.runs.critical import critical_states, is_shear, why_not_critical
 from labkit.runs.dataset import open_run
 from labkit.runs.verify import SFF_PRESSURE
 
@@ -37,7 +37,7 @@ def write_statistics(name: str) -> None:
         "run_data_sha256": run.attrs.get("data_sha256", ""),
         "path": run.attrs["path"],
         "engine": run.attrs["engine"],
-        "outside_limits": "; ".join(map(str, exceeded({name: run[name].values for name in RECORDED}, run.lab.scene))),
+        "outside_limits": "; ".join(map(str, exceeded(run.lab.records_with_limits(), run.lab.scene, run.lab.path))),
         "provenance": provenance_json(inputs=[file], output=output, seed=run.attrs.get("seed")),
     }
     run.close()
@@ -59,6 +59,7 @@ def numbers(run: xr.Dataset) -> Numbers:
         "initial_mean_stress": (float(p[0]), "Pa", "mean stress at the start"),
         "final_mean_stress": (float(p[-1]), "Pa", "mean stress at the end"),
         "peak_stress_ratio": (float(np.nanmax(ratio, initial=-np.inf)), "1", "largest q/p"),
+        **_at_peak(run, ratio),
         "initial_void_ratio": (float(run["void_ratio"][0]), "1", "void ratio at the start"),
         "final_void_ratio": (float(run["void_ratio"][-1]), "1", "void ratio at the end"),
         "initial_coordination_number": (float(run["coordination_number"][0]), "1", "coordination number at the start"),
@@ -74,10 +75,22 @@ def numbers(run: xr.Dataset) -> Numbers:
     values |= _cyclic(run)
     if is_shear(run):
         end = critical_states({"run": run}).iloc[0]
+        critical = why_not_critical(run) is None
         for key, long_name in CRITICAL.items():
-            values[f"critical_{key}"] = float(end[key]), "1", long_name
+            values[f"critical_{key}"] = float(end[key]) if critical else np.nan, "1", f"{long_name}, if it is critical"
     own = {name: each for name, each in run.data_vars.items() if each.dims == ("time",) and name not in RECORD}
     return values | {f"final_{name}": _at_end(each) for name, each in own.items()}
+
+
+def _at_peak(run: xr.Dataset, ratio: np.ndarray) -> Numbers:
+    """Angles and volumetric strain at the peak of q/p and at the end. `ratio`: q/p at each record."""
+    peak = int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
+    values = {"strain_at_peak": (float(run.lab.strain()[peak]), "1", "strain at the largest q/p")}
+    for name in ("friction_angle", "dilation_angle", "volumetric_strain"):
+        known = getattr(run.lab, name)()
+        for key, record, where in (("peak", peak, "at the largest q/p"), ("final", -1, "at the end")):
+            values[f"{key}_{name}"] = float(known[record]), known.attrs["units"], f"{known.attrs['long_name']}, {where}"
+    return values
 
 
 def _cyclic(run: xr.Dataset) -> Numbers:

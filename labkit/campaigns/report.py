@@ -21,7 +21,6 @@ from labkit.io.netcdf import damage_named, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
 from labkit.paths.rates import default_rate, on_grains, rate_of
 from labkit.records.limits import Exceeded, exceeded_in
-from labkit.runs.critical import ENOUGH_STRAIN
 from labkit.specimens.settings import SETTINGS
 
 INERTIAL = "inertial number"  # name of the limit in labkit.records.limits
@@ -131,7 +130,6 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         value = {name: float(statistics[name]) for name in statistics}
     run = job.item
     assert isinstance(run, PlannedRun)
-    critical = abs(value.get("strain_reached", value["axial_strain_reached"])) >= ENOUGH_STRAIN * (1.0 - 1e-6)
     return {
         "run": run.name,
         "path": run.path.name,
@@ -144,7 +142,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         "e": value["final_void_ratio"],
         "Z": value["final_coordination_number"],
         "peak q/p": value["peak_stress_ratio"],
-        "M": value.get("critical_M", np.nan) if critical else np.nan,
+        "M": value.get("critical_M", np.nan),
         "cycles": value.get("cycles", np.nan),
         "largest r_u": value.get("largest_pore_pressure_ratio", np.nan),
         "C0 error, %": 100.0 * value["largest_sff_error"],

@@ -35,15 +35,20 @@ def read_runs(
     for name, line, node in section:
         kind, where = _path_of(node), f"run {name}"
         sections = (STEPS,) if kind is Steps else ()
-        fields = read_fields(node, run_keys(kind), where, errors, MULTIPLIED["runs"], sections, line)
+        several = [key for key in run_keys(kind) if key != PATH.name]
+        fields = read_fields(node, run_keys(kind), where, errors, several, sections, line)
         if kind is Steps:
             read_steps(node, fields, f"{where}: {STEPS}")
-        added = _runs(name, kind, fields, top, specimens)
+        added: list[PlannedRun] = []
+        for suffix, one in fields.combinations(MULTIPLIED["runs"]):
+            added += _runs(name + suffix, kind, one, top, specimens)
+            if len(runs) + len(added) > MOST_RUNS:
+                errors.add(
+                    line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them"
+                )
+                return []
         runs += [(run, fields) for run in added]
         specimens = specimens.with_runs(name, added)
-        if len(runs) > MOST_RUNS:
-            errors.add(line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them")
-            return []
     require_unique([(run.name, fields.line) for run, fields in runs], "run", errors)
     return runs
 
@@ -75,12 +80,16 @@ def _runs(
     combinations = itertools.product(names, paths, _workings(fields, top))
     for specimen, (pressure, path), working in itertools.islice(combinations, MOST_RUNS + 1):
         if factor != 1.0 and "rate" not in fields.values and options.inertial_number is None:
-            scene = dataclasses.replace(specimens.origins[specimen].scene, **dict(changes))
+            scene = fields.attempt(functools.partial(specimens.origins[specimen].scene.replace, **dict(changes)))
+            if scene is None:
+                return []
             path = at_rate(path, factor * default_rate(kind, scene))
         suffixes = _suffixes(fields, names, specimen, pressure, working)
         runs.append(PlannedRun("-".join([name, *suffixes]), specimen, path, options, changes, **working))
     for run in runs[:MOST_RUNS]:  # checked even if the entry has other errors
-        scene = run.scene(specimens.origins[run.specimen])
+        scene = fields.attempt(functools.partial(run.scene, specimens.origins[run.specimen]))
+        if scene is None:
+            return []
         fields.attempt(functools.partial(require_pressure, run.path, scene))
         fields.attempt(functools.partial(require_one_rate, run.path, run.options))
     return [] if fields.broken else runs

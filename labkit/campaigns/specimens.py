@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -66,10 +67,12 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
         groups[name], lines[name] = [], line
         where = f"specimen {name}"
         if isinstance(node, Block) and FROM.name in node:
-            others[name] = read_fields(node, consolidated_keys(), where, errors, line=line)
+            several = [key for key in consolidated_keys() if key != FROM.name]
+            others[name] = read_fields(node, consolidated_keys(), where, errors, several, line=line)
             continue
-        fields = read_fields(node, specimen_keys(), where, errors, MULTIPLIED["specimens"], line=line)
-        items = _made(name, fields, top)
+        fields = read_fields(node, specimen_keys(), where, errors, specimen_keys(), line=line)
+        several = fields.combinations(MULTIPLIED["specimens"])
+        items = [item for suffix, one in several for item in _made(name + suffix, one, top)]
         groups[name] = [item.name for item in items]
         made += items
     origins = {item.name: item for item in made}
@@ -109,9 +112,9 @@ def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains
-    scene = restore(Scene, {"time_step_factor": chosen.time_step_factor, **material})
+    scene = fields.attempt(lambda: restore(Scene, {"time_step_factor": chosen.time_step_factor, **material}))
     recipe = fields.attempt(lambda: restore(Recipe, size)) if "void_ratio" in size else None
-    if recipe is None or fields.broken:
+    if recipe is None or scene is None or fields.broken:
         return []
     specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
     fields.attempt(lambda: require_engine(specimen.engine, scene, specimen.precision))
@@ -139,15 +142,15 @@ def _all_consolidated(
     consolidated = []
     for name in _sources_first(others, errors):
         fields = others[name]
-        source, pressure = fields.values.get(FROM.name), fields.values.get("pressure")
+        source = fields.values.get(FROM.name)
         fields.require([consolidated_keys()["pressure"]])
         if source is not None and source not in groups:
             fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
-        if fields.broken or pressure is None or source is None:
+        if fields.broken or not fields.has("pressure") or source is None:
             continue
-        for one in tuple(groups.get(source, ())):
-            made = name if one == source else name + one.removeprefix(source)
-            item = Consolidated(made, one, pressure, **worked(fields.values, top))
+        for one, (suffix, each) in itertools.product(tuple(groups.get(source, ())), fields.combinations()):
+            made = name + suffix if one == source else name + one.removeprefix(source) + suffix
+            item = Consolidated(made, one, each.values["pressure"], **worked(each.values, top))
             origins[made] = origin = origins[one]
             fields.attempt(functools.partial(require_engine, item.engine, origin.scene, item.precision))
             path = restore(Consolidation, {"pressure": item.pressure})

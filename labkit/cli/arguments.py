@@ -304,7 +304,7 @@ def start_of_options(
     *,
     engine: Annotated[
         str, Option(f"simulation engine, one of {', '.join(ENGINES)}", type=one_of(ENGINES), group="computation")
-    ] = "yade",
+    ] = "fused",
     threads: Annotated[int, Option("number of threads", type=threads, group="computation")] = 1,
     ranks: Annotated[
         int | None,

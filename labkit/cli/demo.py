@@ -57,7 +57,7 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
         print(f"without YADE the engines are not compared: {error}")
         return 0
     print("the same on YADE, which takes a minute or two; Ctrl-C leaves it out", flush=True)
-    code = _typed([f"{path} --strain {YADE_STRAIN} --threads 2 -o {_quoted(other)}"])
+    code = _typed([f"{path} --strain {YADE_STRAIN} --engine yade --threads 2 -o {_quoted(other)}"])
     if not code:
         print(_comparison(run, other, table))
         print(f"results: {state} (specimen), {run} and {other} (records and contacts), {figure}, {table}")

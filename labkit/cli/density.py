@@ -34,7 +34,7 @@ def density_command(
     Prints e_min, e_max and the relative density of the specimen.
 
     Example:
-        labkit density s.state.nc --engine fused
+        labkit density s.state.nc
     """
     from labkit.runs.preparation import density_limits
 
@@ -79,7 +79,7 @@ def twins_command(
     It does so by small cycles of shear. Writes a state file.
 
     Example:
-        labkit twins s.state.nc --engine fused
+        labkit twins s.state.nc
     """
     from labkit.runs.preparation import make_twins
 

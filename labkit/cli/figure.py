@@ -37,7 +37,7 @@ def figure_command(
         float | None,
         Option(
             "q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "
-            "tests drawn, else that of Table 2)",
+            "tests drawn, else that of Table 2, or the largest of the tests of another soil)",
             "M",
         ),
     ] = None,

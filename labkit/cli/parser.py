@@ -41,6 +41,7 @@ class Parser(argparse.ArgumentParser):
         """Start without options."""
         super().__init__(prog, usage, description, formatter_class=HelpFormatter, allow_abbrev=False)
         self.exit_on_error = False  # so that errors arrive with the name of their option
+        self._negative_number_matcher = re.compile(r"-(\.?\d|,)")  # values, not options: -300kPa, and -,id1 for columns
         self.words = words
         self._groups: dict[str, argparse._ArgumentGroup] = {}
 

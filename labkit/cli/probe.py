@@ -51,8 +51,8 @@ def probe_command(
     `labkit figure envelope` draws the file.
 
     Examples:
-        labkit probe r.run.nc --elastic --model --engine fused -o e.probes.nc
-        labkit probe s.state.nc --plane all --elastic --engine fused
+        labkit probe r.run.nc --elastic --model -o e.probes.nc
+        labkit probe s.state.nc --plane all --elastic
     """
     from labkit.model.run_file import read_model
 

@@ -39,7 +39,7 @@ from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
-from labkit.records.limits import exceeded_by, exceeded_in, require_pressure
+from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.endings import met_conditions
 from labkit.runs.laboratory import load_task
@@ -84,7 +84,7 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
     Writes a state file.
 
     Example:
-        labkit specimen --void-ratio 0.67 --grains 4000 --engine fused -o s.state.nc
+        labkit specimen --void-ratio 0.67 --grains 4000 -o s.state.nc
     """
     if File(str(task.output)).exists():
         if _holds(read_state(str(task.output)), task):
@@ -93,8 +93,9 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
         print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
     state = _made(task, announcing(task, "specimen"))
     print(f"{task.output}: {one_line(state)}")
-    for limit in exceeded_by(state):
-        print(f"{task.output}: {limit}")
+    for limit in (*exceeded_by(state), width_warning(state)):
+        if limit is not None:
+            print(f"{task.output}: {limit}")
 
 
 def _holds(state: State, task: SpecimenTask) -> bool:
@@ -126,8 +127,8 @@ def consolidate_command(
     Writes the consolidated specimen as a state file. `labkit run` does this by itself if the path holds a stress.
 
     Example:
-        labkit consolidate s.state.nc --pressure 500kPa --engine fused
-        labkit consolidate r.run.nc --pressure 500kPa --engine fused      # the specimen at the end of a run
+        labkit consolidate s.state.nc --pressure 500kPa
+        labkit consolidate r.run.nc --pressure 500kPa      # the specimen at the end of a run
     """
     path = make_path("cr", {"pressure": require(pressure, "pressure", "one, e.g. 500kPa")})
     source = require(specimen, "specimen", "a state file")
@@ -169,7 +170,7 @@ def run_task(
     source = require(specimen, "specimen", "a state file")
     state = read_state(source, snapshot=from_snapshot)
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
-    scene = restore(Scene, {**vars(state.scene), **factor, **material})
+    scene = state.scene.replace(**factor, **material)
     require_engine(computation.name, scene, computation.precision)
     values = {**written, **loading}
     if settings is not None and "rate" not in values and recording.inertial_number is None:
@@ -196,9 +197,9 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     in motion, at its stress.
 
     Examples:
-        labkit run cv s.state.nc --strain 0.1 --engine fused -o r.run.nc
-        labkit run cp s.state.nc --pressure 300kPa --strain 5% --engine fused
-        labkit run cr r.run.nc --strain=-0.02 --engine fused
+        labkit run cv s.state.nc --strain 0.1 -o r.run.nc
+        labkit run cp s.state.nc --pressure 300kPa --strain 5%
+        labkit run cr r.run.nc --strain=-0.02
         labkit run cp --help                  # only the options of this path
     """
     file = str(task.output)
@@ -245,7 +246,7 @@ def stratified_command(
     Writes a state file and a figure, and prints a table of the strata.
 
     Example:
-        labkit stratified --size-ratio 2 --engine fused -o layer.state.nc
+        labkit stratified --size-ratio 2 -o layer.state.nc
     """
     import pandas
 

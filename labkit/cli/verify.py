@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import Csv, Option
+from labkit.cli.arguments import Csv, History, Option
 from labkit.cli.naming import figure_name
 from labkit.cli.outputs import require_outputs, write_outputs
 from labkit.cli.registry import command
+from labkit.io.netcdf import renew_hashes
 from labkit.io.provenance import write_with_provenance
 
 if TYPE_CHECKING:
@@ -93,16 +94,21 @@ def info_command(
     file: Annotated[str, Option("state file, run file, or any other file that labkit wrote")],
     *,
     check: Annotated[bool, Option("recompute the hashes of its data and of its input files")] = False,
+    seal: Annotated[bool, Option("first renew the hashes of a file that you have edited with another program")] = False,
+    history: History,
 ) -> int:
     """Prints the contents of a state, run or probes file, and how it was made: command, versions, computer, inputs.
 
     Exit code 1 if a hash does not match.
 
-    Example:
+    Examples:
         labkit info r.run.nc --check
+        ncatted -a title,global,o,c,"dense sand" r.run.nc && labkit info r.run.nc --seal
     """
     from labkit.runs.info import check_file, describe_file
 
+    if seal:
+        renew_hashes(file, f"{history}: edited by another program")
     print(describe_file(file))
     if not check:
         return 0

@@ -65,7 +65,7 @@ class Imported:
         The spread is that of the uniform distribution with the same standard deviation, at most 0.9.
         """
         spread = min(float(np.sqrt(3.0) * self.radius.std() / self.radius.mean()), 0.9)
-        return dataclasses.replace(scene, mean_diameter=2.0 * float(self.radius.mean()), diameter_spread=spread)
+        return scene.replace(mean_diameter=2.0 * float(self.radius.mean()), diameter_spread=spread)
 
     def state(self, scene: Scene) -> State:
         """Return a State at rest, whose normal forces follow from the overlaps and the contact law of the scene."""

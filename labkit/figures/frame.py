@@ -17,6 +17,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
@@ -68,6 +69,7 @@ def describe_run(run: xarray.Dataset) -> str:
     else:
         parts += [f"{grains} grains"] if grains else []
         parts += [f"{engine} engine"] if engine else []
+    parts += [] if run.attrs.get("complete", True) else ["incomplete"]
     return f"{name_of(run)}: {', '.join(parts)}"
 
 
@@ -168,12 +170,15 @@ def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
 class Coordinate:
     """Label of the axis, and values of a run's records, a function of (run, name of a stress).
 
-    `of_stress` is True if Love's stress and C0 give different values.
+    `of_stress` is True if Love's stress and C0 give different values, `least` the smallest range of an axis, so that
+    rounding is not magnified, and `logarithmic` True for a logarithmic axis.
     """
 
     label: str | Callable[[xarray.Dataset], str]
     values: Callable[[xarray.Dataset, str], np.ndarray]
     of_stress: bool = False
+    least: float = 0.0
+    logarithmic: bool = False
 
     def labelled(self, label: str) -> Coordinate:
         """Return the same values under another label."""
@@ -212,8 +217,10 @@ INVARIANT = Coordinate(
 )
 SHEAR_STRESS = _component("shear stress $\\sigma_{xz}$ (MPa)", 0, 2)
 NORMAL_STRESS = _component("normal stress $\\sigma_{zz}$ (MPa)", 2, 2)
-VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].values)
-VOLUMETRIC = Coordinate("volumetric strain (%)", lambda run, stress: 100 * volumetric_strain(run))
+LOG_P = dataclasses.replace(P, logarithmic=True)
+STRESS_RATIO = Coordinate("stress ratio q/p", lambda run, stress: run.lab.stress_ratio(stress).values, True)
+VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].values, least=0.01)
+VOLUMETRIC = Coordinate("volumetric strain (%)", lambda run, stress: 100 * volumetric_strain(run), least=0.1)
 ERROR = Coordinate("error of C0, Frobenius norm (%)", lambda run, stress: 100.0 * run.lab.sff_error().values)
 
 
@@ -222,12 +229,30 @@ def draw_runs(
 ) -> None:
     """Draw runs, each in its own colour, in panels of (x, y); Love's stress is solid and C0 dashed.
 
-    If `both` is False, only Love's stress is drawn. `style` is that of the lines.
+    Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` is that of the
+    lines.
     """
+    every = runs.values()
+    in_megapascals = [one for pair in pairs for one in pair if "(MPa)" in one.common_label(every)]
+    largest = max((np.nanmax(np.abs(one.values(run, "stress"))) for one in in_megapascals for run in every), default=1)
+    factors = {one: 1e3 if one in in_megapascals and largest < 1.0 else 1.0 for pair in pairs for one in pair}
     for axes, (x, y) in zip(panels, pairs, strict=True):
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             stresses = list(styles_of(run).values()) if both and y.of_stress else [("stress", "-")]
             for stress, line in stresses:
-                values = x.values(run, stress), y.values(run, stress)
+                values = (factors[one] * one.values(run, stress) for one in (x, y))
                 axes.plot(*values, line, color=color, label=label if line == "-" else None, **style)
-        axes.set(xlabel=x.common_label(runs.values()), ylabel=y.common_label(runs.values()))
+        labels = (
+            one.common_label(every).replace("(MPa)", "(MPa)" if factors[one] == 1.0 else "(kPa)") for one in (x, y)
+        )
+        axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
+        low, high = axes.get_ylim()
+        missing = 0.5 * max(y.least - (high - low), 0.0)
+        axes.set_ylim(low - missing, high + missing)
+        if x.logarithmic and axes.get_xlim()[1] > 0.0:
+            axes.set_xscale("log")
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            low, high = axes.dataLim.minposx, axes.dataLim.x1
+            axes.set_xlim(low / 1.5, 1.5 * high)

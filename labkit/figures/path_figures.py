@@ -67,7 +67,8 @@ VOLUME = {"volumetric_strain": volumetric_strain}
 def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
     """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
-    `strength` is q/p in compression (default: that of the compression tests drawn, else that of Table 2).
+    `strength` is q/p in compression (default: that of the compression tests drawn, else that of Table 2 for the soil of
+    the paper, and the largest of the tests for another).
     """
     runs, figure = name_runs(run), new_figure(WIDTH, 4.6)
     left, right = panels = figure.panels(1, 2)
@@ -207,7 +208,10 @@ def _strength(runs: Runs, strength: float | None) -> tuple[float, str]:
     table = critical_states({name: run for name, run in tests.items() if float(run["axial_strain"][-1]) > 0.0})
     if len(table) and 0.0 < table["M"].mean() < 3.0:
         return float(table["M"].mean()), "ends of the compression tests"
-    return float(critical_section(np.array(0.0))[0]), "Table 2"
+    if all(run.lab.scene.of_the_paper for run in runs.values()):
+        return float(critical_section(np.array(0.0))[0]), "Table 2"
+    largest = max(float(np.nanmax(np.abs(run.lab.stress_ratio().values))) for run in runs.values())
+    return largest, "largest of these tests"
 
 
 def _plane_coordinate(label: str, number: int) -> Coordinate:

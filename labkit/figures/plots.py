@@ -1,4 +1,4 @@
-"""Figures of runs: stresses, records, critical states; stress in MPa, strain in %."""
+"""Figures of runs: stresses, records, critical states. Stress in kPa or MPa, strain in %."""
 
 from __future__ import annotations
 
@@ -19,12 +19,16 @@ from labkit.errors import InputError, instead_of
 from labkit.figures.frame import (
     DPI,
     ERROR,
+    LOG_P,
     MODEL_STYLES,
     STRAIN,
+    STRESS_RATIO,
     STYLES,
     VOID_RATIO,
+    VOLUMETRIC,
     WIDTH,
     Coordinate,
+    Drawing,
     P,
     Q,
     Runs,
@@ -41,6 +45,7 @@ from labkit.figures.frame import (
     percent,
     strain_axis,
     table_of,
+    volumetric_strain,
 )
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
@@ -70,10 +75,7 @@ def sff_against_love(runs: Runs) -> Figure:
     else:
         include_zero(middle, "y")
         include_zero(right, "x")
-    styles = STYLES if any(map(has_grains, runs.values())) else MODEL_STYLES
-    gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
-    labels = left.get_legend_handles_labels()[0] if len(runs) > 1 else []
-    figure.key(columns_of(runs, 5), labels + gray_lines({who: style for who, (_, style) in styles.items()}, gray))
+    _add_key(figure, runs)
     return figure
 
 
@@ -85,7 +87,10 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 
 @register_figure("test", needs="records", several=True)
 def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Draw and tabulate q, p and the stress path of runs, from Love's stress and C0 (`sff_against_love`)."""
+    """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
+
+    Stresses are Love's and those of C0.
+    """
     runs = name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
         "axial_strain": lambda run: run["axial_strain"],
@@ -93,10 +98,26 @@ def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tup
     }
     for who, (stress, _) in STYLES.items():
         columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
-    figure = sff_against_love(runs)
+    columns |= {"volumetric_strain": volumetric_strain, "void_ratio": lambda run: run["void_ratio"]}
+    figure = new_figure(WIDTH, 6.2 + 0.22 * (len(runs) // 4))
+    panels = figure.panels(2, 3)
+    pairs = [(STRAIN, Q), (STRAIN, P), (P, Q), (STRAIN, STRESS_RATIO), (STRAIN, VOLUMETRIC), (LOG_P, VOID_RATIO)]
+    draw_runs(panels.ravel(), runs, pairs)
+    for axes in (panels[0, 0], panels[0, 1], panels[0, 2], panels[1, 0]):
+        include_zero(axes, "y")
+    include_zero(panels[0, 2], "x")
+    _add_key(figure, runs)
+    return figure, table_of(runs, columns)
+
+
+def _add_key(figure: Drawing, runs: Runs) -> None:
+    """Add the legend of runs and line styles, and for one run the heading."""
+    styles = STYLES if any(map(has_grains, runs.values())) else MODEL_STYLES
+    gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
+    labels = figure.axes[0].get_legend_handles_labels()[0] if len(runs) > 1 else []
+    figure.key(columns_of(runs, 5), labels + gray_lines({who: style for who, (_, style) in styles.items()}, gray))
     if len(runs) == 1:
         add_heading(figure, next(iter(runs.values())))
-    return figure, table_of(runs, columns)
 
 
 def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
@@ -127,7 +148,8 @@ def records(
     axes = figure.panels(1, 1)
     strain_label, strain = strain_axis(run)
     units = values.attrs.get("units", "1")
-    factor, shown = (1e-6, "MPa") if units == "Pa" else (1.0, units)
+    stress = (1e-3, "kPa") if np.nanmax(np.abs(values.values)) < 1e6 else (1e-6, "MPa")
+    factor, shown = stress if units == "Pa" else (1.0, units)
     for color, (label, column) in zip(colors_for(len(components)), components.items(), strict=True):
         axes.plot(strain, factor * column, color=color, label=label)
     label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
@@ -187,13 +209,13 @@ def e_p_paths(
         left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
         right.plot(p, q, linestyle=style, color=color, lw=1.2)
         right.plot(p[-1], q[-1], "o", color=color, ms=4)
-    top = np.array([0.0, right.get_xlim()[1]])
-    right.plot(top, 0.92 * top, color="0.5", lw=0.8)
     left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
     right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
     lines = gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
-    lines += [Line2D([], [], color="0.5", lw=0.8, label="q = 0.92 p")]
+    if all(run.lab.scene.of_the_paper for run in runs.values()):
+        top = np.array([0.0, right.get_xlim()[1]])
+        lines += right.plot(top, 0.92 * top, color="0.5", lw=0.8, label="q = 0.92 p, paper")
     for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":"), strict=False):
         lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
     figure.key(8 if width >= WIDTH else 4, lines)

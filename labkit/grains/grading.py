@@ -11,8 +11,8 @@ default, except for `uniform`). A CSV file has two columns with the headings `di
 `passing_percent` (or passing_fraction), and makes a `sieve` by mass.
 
 A distribution by mass, dM, and by number, dN, of the same grading obey dM ~ D^3 dN. Grains are drawn by number, one
-from each of N intervals of equal probability, so that a few hundred grains follow the curve; a common factor close to 1
-then makes the volume exact.
+from each of N intervals of equal probability, so that a few hundred grains follow the curve, though the cell should be
+ten of the largest grains wide (labkit.records.limits); a common factor close to 1 then makes the volume exact.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.foreign import require_regular
-from labkit.parameters import UNITS, Number, Numbers, check_parameters, parameter, parameters_of
+from labkit.parameters import LIKELY, UNITS, Number, Numbers, check_parameters, parameter, parameters_of
 
 MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter
 POINTS = 2001  # points of the tabulated distributions
@@ -131,12 +131,14 @@ class Grading(abc.ABC):
 
     def to_text(self) -> str:
         """Return the text that `read_grading` accepts, in SI units."""
-        values = {name: getattr(self, name) for name in parameters_of(type(self))}
-        return " ".join([self.name, *(f"{name}={_text(value)}" for name, value in values.items())])
+        values = {name: (getattr(self, name), known.unit) for name, known in parameters_of(type(self)).items()}
+        return " ".join([self.name, *(f"{name}={_text(*value)}" for name, value in values.items())])
 
 
-def _text(value: object) -> str:
-    return ",".join(map(repr, value)) if isinstance(value, tuple) else f"{value}"
+def _text(value: object, unit: str) -> str:
+    if isinstance(value, tuple):
+        return ",".join(_text(one, unit) for one in value)
+    return f"{value}m" if unit == "m" and isinstance(value, float) and value > LIKELY[unit][1] else f"{value}"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Mapping
 from typing import cast, overload
 
 import numpy as np
@@ -40,7 +41,8 @@ class Scene(Named):
 
     `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available
     only in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
-    `hertz_mindlin_dashpot` has YADE's dashpots instead. `young_modulus` and `poisson_ratio` are then those of the
+    `hertz_mindlin_rolling` has rolling resistance, and
+    `hertz_mindlin_dashpot` YADE's dashpots. `young_modulus` and `poisson_ratio` are then those of the
     grains. labkit.grains.laws.tangential derives their energies. `hertz_mindlin_rescaled` has local damping, and a
     tangential force that is reduced when the normal force falls, so that no energy is created.
 
@@ -111,12 +113,11 @@ class Scene(Named):
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_parameters(self)
-        if self.twisting_friction > 0.0 and "twisting" not in self.contact_law.has:
-            allowed = f"0: the contact law {self.law} has no twisting resistance"
-            raise InputError(field="twisting_friction", value=self.twisting_friction, allowed=allowed)
-        if self.limits != "springs" and not self.contact_law.damping.has_limits:
-            allowed = f"springs: the contact law {self.law} has no dashpots whose forces could be limited"
-            raise InputError(field="limits", value=self.limits, allowed=allowed)
+        for name in sorted(self.contact_law.unused):
+            if (value := getattr(self, name)) not in (getattr(Scene, name), 0.0):
+                laws = ", ".join(law for law in LAWS if name not in _instance(LAWS[law]).unused)
+                problem = f"is not used by the contact law {self.law}"
+                raise InputError(problem, field=name, value=value, allowed=f"none, or a law that uses it: {laws}")
         if self.grading is None:
             return
         grading = read_grading(self.grading)
@@ -133,6 +134,12 @@ class Scene(Named):
             return read_grading(self.grading)
         low, high = ((1.0 + s * max(self.diameter_spread, 1e-9)) * self.mean_diameter for s in (-1.0, 1.0))
         return Uniform(low, high)
+
+    @property
+    def of_the_paper(self) -> bool:
+        """True for the sizes, the friction and a law of the paper, whose strength is known (Tables 1 and 2)."""
+        same = all(getattr(self, name) == getattr(Scene, name) for name in (*MADE_WITH, "friction", "rolling_friction"))
+        return same and not self.planar and self.law in ("rolling_resistance", "spring_dashpot", "springs_in_series")
 
     @property
     def contact_law(self) -> ContactLaw:
@@ -193,21 +200,29 @@ class Scene(Named):
         """
         zeta = self.contact_law.damping_ratio(self)
         period = self.time_unit
-        if not self.planar and self._width > PAPER_RATIO:
+        if not self.planar and self.size_ratio > PAPER_RATIO:
             radii = 0.5 * self.sizes.smallest, 0.5 * self.sizes.largest
             period = min(period, self._period(*radii) / STIFFEST)
         return self.time_step_factor * period * (math.sqrt(1.0 + zeta**2) - zeta)
 
     @property
-    def _width(self) -> float:
+    def size_ratio(self) -> float:
         """Largest divided by smallest diameter."""
         if self.grading is None:
             return (1.0 + self.diameter_spread) / (1.0 - self.diameter_spread)
         return self.sizes.largest / self.sizes.smallest
 
+    def replace(self, **changes: object) -> Scene:
+        """Return a copy with some parameters changed, without others that its contact law does not use.
+
+        Raises InputError for a change that the contact law does not use.
+        """
+        return restore(Scene, {**used_parameters({**vars(self), "law": changes.get("law", self.law)}), **changes})
+
     def with_friction(self, friction: float, rolling_friction: float) -> Scene:
-        """Return a copy of the scene with other friction coefficients mu and mu_r."""
-        return dataclasses.replace(self, friction=friction, rolling_friction=rolling_friction)
+        """Return a copy of the scene with other friction coefficients mu and mu_r, if its contact law uses them."""
+        values = {"law": self.law, "friction": friction, "rolling_friction": rolling_friction}
+        return self.replace(**used_parameters(values))
 
     def to_json(self) -> str:
         """Return the scene as JSON, for files."""
@@ -225,7 +240,7 @@ class Scene(Named):
             values = json.loads(text)
             if not isinstance(values, dict):
                 raise TypeError(f"{text} has no fields")
-            return restore(cls, values)
+            return restore(cls, used_parameters(values))
         except InputError:  # a value out of range, or a user-defined law that is not loaded
             raise
         except (TypeError, ValueError) as error:
@@ -240,6 +255,12 @@ REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
 MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed when the specimen is made; a run cannot change them
 
 _INSTANCES: dict[type, ContactLaw] = {}
+
+
+def used_parameters(values: Mapping[str, object]) -> dict[str, object]:
+    """Return the values that their contact law uses, name -> value. Raises InputError for an unknown law."""
+    unused = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).unused
+    return {name: value for name, value in values.items() if name not in unused}
 
 
 def _instance(kind: type[ContactLaw]) -> ContactLaw:

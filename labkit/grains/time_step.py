@@ -30,8 +30,8 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
     kn, kt, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
     law, zero = scene.contact_law, np.zeros_like(kt)
-    kr = law.rolling_stiffness(scene, a, b) if law.rolls(scene) else zero
-    kw = law.twisting_stiffness(scene, a, b) if law.twists(scene) else zero
+    kr = law.rolling_stiffness(scene, a, b, contacts.overlap) if law.rolls(scene) else zero
+    kw = law.twisting_stiffness(scene, a, b, contacts.overlap) if law.twists(scene) else zero
     K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw)
     C = np.zeros_like(K)
     if cn.any() or ct.any():

@@ -68,7 +68,7 @@ def driver_command(
     Writes a run file, and the driver's output file with time, strains, stresses and state variables.
 
     Examples:
-        labkit driver test.inp --on s.state.nc --initial initialconditions.inp --engine fused
+        labkit driver test.inp --on s.state.nc --initial initialconditions.inp
         labkit driver test.inp --on model --initial initialconditions.inp --parameters parameters.inp
     """
     from labkit.incremental.driver_file import read_test

@@ -20,14 +20,17 @@ from typing import Any
 import numpy as np
 import pandas
 import scipy.optimize
+import xarray
 
 from labkit.errors import InputError
+from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.equations import critical_coordination_number, critical_force
 from labkit.model.observation import Observation, observe, require_usable
 from labkit.model.parameters import TABLE_2, Model, Parameters
 from labkit.model.residuals import NATURAL, Residuals, is_exponent, parameter_value
 from labkit.paths.registry import PATHS
-from labkit.runs.critical import ENOUGH_STRAIN, at_end
+from labkit.runs.critical import ENOUGH_STRAIN, at_end, is_shear
+from labkit.sff.c0 import c0_stress
 
 SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
 CRITICAL = ("e_cmax", "c_cZ", "gamma_cZ", "c_cLam", "A_c", "F_c", "Ft_c")
@@ -87,7 +90,7 @@ class Fit:
             low and high bound the 95 % interval. A parameter is determined if its standard error is less than half
             its fitted value.
         correlation: Correlation matrix of the parameters, a pandas.DataFrame.
-        misfit: RMS misfit per run and variable, a pandas.DataFrame.
+        misfit: RMS misfit per run and variable, a pandas.DataFrame; also in p, relative, and in q/p of C0.
         warnings: Sentences about the fit.
         predicted: Predictions, name of the run -> (n, 5).
     """
@@ -111,7 +114,7 @@ class Fit:
             "",
             "strongest correlations: " + "; ".join(pairs),
             "",
-            "misfit, RMS:",
+            "misfit, RMS (of p relative to p; the model follows the strain of the runs, and with it their volume):",
             self.misfit.to_string(index=False, float_format="%.3g"),
             "",
             *(f"warning: {warning}" for warning in self.warnings),
@@ -124,6 +127,16 @@ ENOUGH = (
     "even intervals that look narrow may be wrong; give shear tests at several void ratios and pressures, isotropic "
     "compression and dilation, with some thousand grains each"
 )
+
+
+KINDS = ("shear at constant volume", "drained shear", "isotropic compression", "isotropic dilation")
+
+
+def _kind(run: xarray.Dataset) -> str:
+    """Return which of KINDS a run is; anything else that changes its volume counts by the sign of this change."""
+    if is_shear(run):
+        return KINDS[0 if run.lab.is_undrained else 1]
+    return KINDS[2 if float(run.lab.volumetric_strain()[-1]) > 0.0 else 3]
 
 
 def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
@@ -140,6 +153,11 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     warnings = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
     if len(usable) < FEW_RUNS:
         warnings.append(f"{len(usable)} runs: {ENOUGH}")
+    known = {_kind(run) for run in usable.values()}
+    if missing := [kind for kind in KINDS if kind not in known]:
+        warnings.append(
+            f"no test of {', '.join(missing)}: do not trust the model there, whatever the intervals; add one"
+        )
     return dataclasses.replace(result, warnings=[*warnings, *result.warnings])
 
 
@@ -223,11 +241,21 @@ def _judge(
     if not solved.success:
         warnings.append(f"the fit stopped before it converged ({solved.message})")
     rms = pandas.DataFrame(problem.misfit(x), columns=SHORT)
-    rms.insert(0, "run", [o.name for o in problem.observations])
     predicted = {o.name: problem.predictions(x, k) for k, o in enumerate(problem.observations)}
+    both = [(_p_and_ratio(o, o.values), _p_and_ratio(o, predicted[o.name])) for o in problem.observations]
+    rms["p"] = [float(np.sqrt(np.mean((fitted[0] / p - 1.0) ** 2))) for (p, _), fitted in both]
+    rms["q/p"] = [float(np.sqrt(np.mean((fitted[1] - ratio) ** 2))) for (_, ratio), fitted in both]
+    rms.insert(0, "run", [o.name for o in problem.observations])
     amended: dict[str, Any] = {name: values.pop(name) for name in AMENDMENT}
     fitted = dataclasses.replace(problem.model, parameters=Parameters(**values), **amended)
     return Fit(fitted, table, correlation, rms, warnings, predicted)
+
+
+def _p_and_ratio(observation: Observation, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return p/E and q/p of C0 at each record, (n,), for the statistics `values` (n, 5)."""
+    A, F, Ft = (values[:, k, None, None] * np.diag([-0.5, -0.5, 1.0]) for k in (2, 3, 4))
+    stress = c0_stress(1.0, values[:, 0], values[:, 1], observation.e, A, F, Ft)
+    return mean_stress(stress), deviatoric_stress(stress) / mean_stress(stress)
 
 
 def _correlation_lengths(problem: Residuals, residuals: np.ndarray) -> np.ndarray:

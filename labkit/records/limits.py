@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,15 +14,19 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.netcdf import open_netcdf
+from labkit.micro.cells import widths
 from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
-from labkit.micro.tensors import symmetric
+from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.path import Path
+from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import on_grains, rate_of
+from labkit.paths.registry import path_of
 from labkit.paths.step import Here, Step
-from labkit.paths.steps import Steps
+from labkit.paths.steps import Steps, stress_errors
+from labkit.quantities.scalars import Record
 
 STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap then reaches its limit
 OVERLAP_LIMIT = 0.02  # mean delta/D
@@ -29,9 +35,14 @@ INERTIAL_LIMIT = 3e-4
 SAFE = 0.7  # of the rate expected to reach it: specimens that dilate have shown numbers up to a fifth higher
 GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
 SMALL, LARGE = 1e-6, 0.1  # m
+WIDE = 10.0  # least width of a cell divided by the diameter of its largest grain
 DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
 
-RECORDED = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
+HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path
+HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
+
+ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
+RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # with those that it needs for held stresses
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,14 +164,60 @@ def size_warning(scene: Scene) -> str | None:
     return f"the grains have a mean diameter of {diameter:g} m: {meant}"
 
 
-def exceeded(run: Mapping[str, np.ndarray], scene: Scene) -> tuple[Exceeded, ...]:
-    """Return the limits that a run exceeds; `run` holds the variables RECORDED, name -> array."""
+def relative_width(state: State) -> float:
+    """Return the least width of the cell divided by the diameter of the largest grain."""
+    return float(widths(state.cell).min() / (2.0 * state.radius.max()))
+
+
+def width_warning(state: State) -> str | None:
+    """Return a warning if the cell of a specimen is so narrow that its largest grains decide the results."""
+    ratio = relative_width(state)
+    if ratio >= WIDE or state.scene.planar:
+        return None
+    grains = 100 * math.ceil(state.number_of_grains * (WIDE / ratio) ** 3 / 100.0)
+    return (
+        f"the cell is only {ratio:.1f} of its largest grains wide: below {WIDE:g} a few grains decide the results; "
+        f"give about {grains:,} grains"
+    )
+
+
+def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str, np.ndarray]]:
+    """Errors of the stresses that a path holds or prescribes: name, and the errors at each record, (time, k).
+
+    They are relative to their targets, or to the mean stress if a target is or becomes zero, and for steps to at least
+    a tenth of that at the start; NaN at records where they are not judged, as in the first 0.5 % of strain.
+    """
+    stress = to_six(symmetric(np.asarray(record["stress"])))
+    pressure = mean_stress(np.asarray(record["stress"]))
+    for held in path.held():
+        if held.measure is None or held.target is None or held.kind != "stress":
+            continue
+        known = np.asarray(record.get("accumulated_strain", ()))
+        travelled = known if len(known) else rate_of(on_grains(path, scene)) * np.asarray(record["time"])
+        target, found = held.target, stress @ np.transpose(held.measure)
+        values = np.array([target(t) if callable(target) else target for t in travelled]).reshape(found.shape)
+        constant = not callable(target) and np.all(values != 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = (found - values) / (values if constant else pressure[:, None])
+        error[travelled <= HELD_AFTER] = np.nan
+        yield f"held: {held.name}", error
+    followed = stress_errors(path, record) if len(pressure) else {}
+    for name, error in followed.items():
+        yield f"prescribed: {name}", (error / np.maximum(pressure, 0.1 * pressure[0]))[:, None]
+
+
+def exceeded(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
+    """Return the limits that a run exceeds; `run` holds the variables RECORDED, and `path` what it should hold."""
     limits = []
-    for name, values, limit in (
+    checked = [
         ("inertial number", run["inertial_number"], INERTIAL_LIMIT),
         ("mean overlap", run["overlap_ratio"], OVERLAP_LIMIT),
         ("mean stress in Pa", mean_stress(np.asarray(run["stress"])), pressure_limit(scene)),
-    ):
+    ]
+    for name, error in held_errors(path, scene, run) if path is not None else ():
+        worst = np.nanmax(np.abs(error), axis=1, initial=0.0)
+        checked.append((f"relative error of {name}", worst, HELD_WORST))
+    for name, values, limit in checked:
         values = np.asarray(values)
         beyond = np.flatnonzero(values > limit)
         if len(beyond):
@@ -174,8 +231,9 @@ def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
     """Return the limits that the run in a file exceeds. Raises InputError if it is not a run file."""
     with open_netcdf(file, "run") as dataset:
         known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
-        known |= {name: np.zeros(0) for name in RECORDED if name not in known}
-        return exceeded(known, Scene.from_json(dataset.scene))
+        known |= {name: np.zeros(0) for name in ALWAYS if name not in known}
+        path = path_of(dataset.getncattr("path"), json.loads(dataset.path_parameters))
+        return exceeded(known, Scene.from_json(dataset.scene), path)
 
 
 def exceeded_by(state: State) -> tuple[Exceeded, ...]:

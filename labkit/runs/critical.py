@@ -23,25 +23,31 @@ def is_shear(run: xarray.Dataset) -> bool:
     return run.attrs["path"] in PATHS and PATHS[run.attrs["path"]].shear
 
 
+def why_not_critical(run: xarray.Dataset, least_strain: float = ENOUGH_STRAIN) -> str | None:
+    """Return why the end of a run is not critical; None for the end of a complete shear test to a sufficient strain.
+
+    The strain is gamma_xz in simple shear, else axial. `run`: opened with labkit.open_run.
+    """
+    strain = run.lab.strain()
+    reached, which = abs(float(strain[-1])), strain.attrs["long_name"]
+    if not is_shear(run):
+        return f"path {run.attrs['path']} is not a shear test"
+    if not run.attrs["complete"]:
+        return f"unfinished, stopped at {reached:.2%} {which}"
+    if reached < least_strain * (1.0 - 1e-6):  # strains of some files are in single precision
+        return f"ends at {reached:.2%} {which}, before {least_strain:.3g}"
+    return None
+
+
 def require_critical(
     runs: Mapping[str, xarray.Dataset], least_strain: float = ENOUGH_STRAIN
 ) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
     """Select the runs that end in a critical state; returns (name -> run, name -> reason for leaving a run out).
 
-    A run is left out if its path is not a shear test, if it is unfinished, if it ends before a strain of `least_strain`
-    (gamma_xz in simple shear, else the axial strain), or if it is a prediction of the model while other runs are
-    simulations. The runs, by name, were opened with labkit.open_run. Raises InputError if no run is left.
+    A run is left out if its end is not critical (`why_not_critical`), or if it is a prediction of the model while other
+    runs are simulations. `runs`: name -> run opened with labkit.open_run. Raises InputError if no run is left.
     """
-    left_out = {}
-    for name, run in runs.items():
-        strain = run.lab.strain()
-        reached, which = abs(float(strain[-1])), strain.attrs["long_name"]
-        if not is_shear(run):
-            left_out[name] = f"path {run.attrs['path']} is not a shear test"
-        elif not run.attrs["complete"]:
-            left_out[name] = f"unfinished, stopped at {reached:.2%} {which}"
-        elif reached < least_strain * (1.0 - 1e-6):  # strains of some files are in single precision
-            left_out[name] = f"ends at {reached:.2%} {which}, before {least_strain:.3g}"
+    left_out = {name: reason for name, run in runs.items() if (reason := why_not_critical(run, least_strain))}
     kept = {name: run for name, run in runs.items() if name not in left_out}
     if any(run.attrs.get("engine") != "model" for run in kept.values()):
         predicted = [name for name, run in kept.items() if run.attrs.get("engine") == "model"]
@@ -68,15 +74,16 @@ def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
 def mean_strengths(runs: Mapping[str, xarray.Dataset], states: pandas.DataFrame) -> list[str]:
     """Report the mean M of each kind of test, one line each: compression, extension, and each path not triaxial.
 
-    `states` is the table `critical_states` of these runs.
+    That of the paper stands beside it for the soil of the paper. `states`: the table `critical_states` of these runs.
     """
     kinds = [_kind(run) for run in runs.values()]
     lines = []
+    paper = " (paper: 0.92)" if all(run.lab.scene.of_the_paper for run in runs.values()) else ""
     for kind in dict.fromkeys(kinds):
         M = states["M"][[each == kind for each in kinds]]
         which = "all runs" if len(set(kinds)) == 1 else f"the runs of {kind}"
         scatter = f" +- {M.std():.3f} between tests" if len(M) > 1 else ""
-        lines.append(f"mean M of {which}: {M.mean():.3f}{scatter}" + " (paper: 0.92)" * (kind == COMPRESSION))
+        lines.append(f"mean M of {which}: {M.mean():.3f}{scatter}" + paper * (kind == COMPRESSION))
     return lines
 
 

@@ -12,7 +12,8 @@ import numpy as np
 import xarray
 
 from labkit.errors import InputError
-from labkit.grains.scene import Scene
+from labkit.grains.laws import LAWS
+from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state import read_state
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
@@ -111,6 +112,8 @@ def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[
         kinds["path_parameters"] = PATHS[attributes["path"]]
     known = parameters_of(kinds[name]) if name in kinds else {}
     units = {key: parameter.unit for key, parameter in known.items() if parameter.unit != "1"}
+    if name == "scene" and entries.get("law") in LAWS:
+        entries = used_parameters(entries)
     return [f"  {name}", *_lines(_flat(entries, units), width=WIDTH + 4, indent=4)]
 
 

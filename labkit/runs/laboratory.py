@@ -29,7 +29,7 @@ from labkit.io.progress import reporter
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
 from labkit.paths.registry import make_path
-from labkit.records.limits import exceeded_by, require_pressure, size_warning
+from labkit.records.limits import exceeded_by, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.continuing import default_pressure
 from labkit.runs.pace import require_one_rate
@@ -71,7 +71,9 @@ def make_specimen(
         output=_output(file),
     )
     warn(size_warning(task.scene))
-    return _checked(_state(execute(task, _shown(progress, "specimen"))))
+    state = _checked(_state(execute(task, _shown(progress, "specimen"))))
+    warn(width_warning(state))
+    return state
 
 
 def consolidate(

@@ -17,9 +17,12 @@ from labkit.micro.stress import (
     mean_stress,
     relative_error,
 )
+from labkit.micro.tensors import symmetric
 from labkit.paths.path import Path, is_symmetric
 from labkit.paths.registry import path_of
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
+from labkit.quantities.scalars import QUANTITIES
+from labkit.records.limits import RECORDED
 from labkit.runs import undrained
 from labkit.sff.c0 import TERMS, strength_shares
 
@@ -37,6 +40,10 @@ class OfRecords:
     def path(self) -> Path | None:
         """Loading path of the run; None if it is not registered in this process (see labkit.use)."""
         return path_of(self._run.attrs["path"], json.loads(self._run.attrs.get("path_parameters", "{}")))
+
+    def records_with_limits(self) -> dict[str, np.ndarray]:
+        """The recorded variables that labkit.records.exceeded checks, name -> values."""
+        return {name: self._run[name].values for name in RECORDED if name in self._run}
 
     @property
     def strain_measure(self) -> StrainMeasure:
@@ -186,6 +193,37 @@ class OfRecords:
     def mean_stress(self, name: str = "stress") -> xr.DataArray:
         """Mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
         return self._scalar(mean_stress(self._run[name].values), "Pa", "mean stress p")
+
+    def friction_angle(self) -> xr.DataArray:
+        """Mobilised friction angle, DataArray (time), degrees: arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))."""
+        return self._quantity("friction_angle")
+
+    def volumetric_strain(self) -> xr.DataArray:
+        """Volumetric strain, logarithmic and positive in compression, DataArray (time)."""
+        return self._quantity("volumetric_strain")
+
+    def dilation_angle(self, window: float = 0.01) -> xr.DataArray:
+        """Dilation angle psi, DataArray (time), degrees, positive if the volume grows.
+
+        sin psi = -d eps_v/(2 d eps_1 - d eps_v) in triaxial compression and in plane strain (Schanz and Vermeer 1996),
+        with the largest principal strain d eps_1 of the increment over a `window` of accumulated strain around each
+        record.
+        """
+        strain = symmetric(self._run["strain"].values)
+        travelled = self.strain_measure.accumulate(self._run["strain"].values)
+        ends = np.clip(travelled + 0.5 * window * np.array([[-1.0], [1.0]]), travelled[0], travelled[-1])
+        before, after = (
+            np.stack([np.interp(end, travelled, column) for column in strain.reshape(-1, 9).T], axis=1) for end in ends
+        )
+        increment = (after - before).reshape(-1, 3, 3)
+        volume, largest = np.trace(increment, axis1=1, axis2=2), np.linalg.eigvalsh(increment)[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            angle = np.degrees(np.arcsin(-volume / (2.0 * largest - volume)))
+        return self._scalar(angle, "degree", "dilation angle")
+
+    def _quantity(self, name: str) -> xr.DataArray:
+        known = QUANTITIES[name]
+        return self._scalar(known({one: self._run[one].values for one in known.needs}), known.unit, known.long_name)
 
     def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
         """q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""

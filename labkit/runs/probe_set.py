@@ -147,11 +147,29 @@ class Probes:
     def tangent(self) -> np.ndarray:
         """Stiffness in the axes of the plane, fitted to strain probes by least squares; (k, k), Pa.
 
-        For stress probes the compliance, 1/Pa. With directions in opposite pairs, such a fit is a central difference.
-        Raises InputError for probes of several materials.
+        For stress probes the compliance, 1/Pa. In shear the stiffness is 2 G, see `shear_modulus`. With directions in
+        opposite pairs, such a fit is a central difference. Raises InputError for probes of several materials.
         """
         given, response = self._projected()
         return np.linalg.lstsq(given, response, rcond=None)[0].T
+
+    def shear_modulus(self, component: str = "xz") -> float:
+        """Shear modulus G = d sigma_xz/(2 d eps_xz) of a component, `xz`, `xy` or `yz`, Pa.
+
+        It is half of the tangent: the Mandel components of `tangent` and `directional` are 2 G in shear. Raises
+        InputError for a plane without this shear.
+        """
+        if component not in ("xz", "xy", "yz"):
+            raise InputError(field="component", value=component, allowed="xz, xy or yz")
+        shear = np.zeros((3, 3))
+        i, j = ("xyz".index(axis) for axis in component)
+        shear[i, j] = shear[j, i] = np.sqrt(0.5)
+        along = self.plane.axes @ to_six(shear)
+        if not np.isclose(np.linalg.norm(along), 1.0):
+            allowed = f"probes of the plane {component}-shear, or all"
+            raise InputError(f"has no shear {component}", field="plane", value=self.plane.name, allowed=allowed)
+        C = self.tangent()
+        return float(0.5 * along @ (C if self.kind == "strain" else np.linalg.inv(C)) @ along)
 
     def asymmetry(self) -> float:
         """|C - C^T|/|C| of the tangent."""

@@ -15,7 +15,7 @@ from labkit.grains.state import State, read_state
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
-from labkit.records.limits import RECORDED, Exceeded, exceeded
+from labkit.records.limits import Exceeded, exceeded
 from labkit.runs.endings import met_conditions
 from labkit.runs.figures import FIGURES
 
@@ -95,9 +95,10 @@ class Run:
     def exceeded(self) -> tuple[Exceeded, ...]:
         """Limits of quasi-static tests that the run exceeded, each an Exceeded with name, limit and largest value.
 
-        The limits are those of the inertial number (3e-4), the mean overlap (2 % of D) and the mean stress (0.02 E).
+        The limits are those of the inertial number (3e-4), the mean overlap (2 % of D), the mean stress (0.02 E) and
+        the relative error of each held stress (2 %).
         """
-        return exceeded({name: self.data[name].values for name in RECORDED}, self.scene)
+        return exceeded(self.data.lab.records_with_limits(), self.scene, self.path)
 
     @property
     def snapshots(self) -> Snapshots:

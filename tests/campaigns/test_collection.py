@@ -13,6 +13,7 @@ import labkit
 from labkit.campaigns.collection import open_campaign
 from labkit.errors import InputError
 from tests.changed import changed
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -133,6 +134,40 @@ def test_shorter_runs_are_padded_with_nan(one, tmp_path, labkit_command):
     assert campaign["target_strain"].values == pytest.approx([0.01, 0.005])
     assert campaign["friction"].values == pytest.approx([0.4, 0.4]) and campaign["young_modulus"].attrs["units"] == "Pa"
     assert (campaign["law"] == "rolling_resistance").all() and (campaign["void_ratio"].dims == ("run", "time"))
+
+
+def test_a_campaign_has_labels_and_the_accessor_of_a_run(one, tmp_path, labkit_command):
+    words = ["--strain", 0.005, "--rate", 40, "--engine", "fused", "--snapshots", 0, "-o", tmp_path / "short.run.nc"]
+    assert labkit_command("run", "cv", one.with_name("s.state.nc"), *words).returncode == 0
+    shutil.copy(one, tmp_path / "long.run.nc")
+    campaign = open_campaign(tmp_path)
+    single = labkit.open_run(one)
+    zz = campaign["stress"].sel(run="long", i="z", j="z")
+    np.testing.assert_array_equal(zz.values, single["stress"].sel(i="z", j="z").values)
+    for name in ("stress_ratio", "q", "strain", "friction_angle", "dilation_angle", "sff_error"):
+        every = getattr(campaign.lab, name)()
+        assert every.dims == ("run", "time") and every.attrs == getattr(single.lab, name)().attrs
+        np.testing.assert_array_equal(every.sel(run="long").values, getattr(single.lab, name)().values)
+        assert np.isnan(every.sel(run="short").values[-1]) and np.isfinite(every.sel(run="short").values[1])
+    np.testing.assert_array_equal(campaign.sel(run="long").lab.q().values, single.lab.q().values)
+    assert [found.largest_ratio > 0.0 for found in campaign.lab.liquefaction()] == [True, True]
+    with pytest.raises(AttributeError, match=r"no lab\.snapshot: open one of its runs"):
+        campaign.lab.snapshot(0)
+
+
+def test_the_summary_has_angles_and_volumetric_strain_at_the_peak_and_at_the_end():
+    folder = ROOT / "results/paper/runs"
+    table = open_campaign(*(folder / f"{name}.run.nc" for name in ("cv-dense", "cr_500kPa-dense"))).runs.summary()
+    drained, undrained = table.sel(run="cr_500kPa-dense"), table.sel(run="cv-dense")
+    largest = float(drained["peak_stress_ratio"])
+    sine = 3.0 * largest / (6.0 + largest)  # of triaxial compression
+    assert float(drained["peak_friction_angle"]) == pytest.approx(np.degrees(np.arcsin(sine)), abs=0.3)
+    assert 9.0 < float(drained["peak_dilation_angle"]) < 14.0 and abs(float(drained["final_dilation_angle"])) < 1.5
+    assert abs(float(undrained["peak_dilation_angle"])) < 1e-6
+    run = labkit.open_run(folder / "cr_500kPa-dense.run.nc")
+    volume = np.log(float(run["volume"][-1] / run["volume"][0]))
+    assert float(drained["final_volumetric_strain"]) == pytest.approx(-volume, rel=1e-4)
+    assert table["final_friction_angle"].attrs["units"] == "degree"
 
 
 def test_a_folder_without_runs_or_a_missing_folder_is_refused(tmp_path):

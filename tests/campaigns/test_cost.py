@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+import labkit as lk
 from labkit.campaigns.cost import announcement, cost_of, expected_seconds, rough_time, work_of
 from labkit.campaigns.file import campaign_file, read_campaign
 from labkit.campaigns.plan import plan_of
@@ -145,6 +146,27 @@ def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
     assert "--engine fused" in many
 
 
+def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its_grading(typical):
+    @lk.register_law
+    class Fresh(lk.ContactLaw):
+        """A law that no test compiles."""
+
+        name = "fresh_for_costs"
+        parts = lk.laws.LinearSpring() + lk.laws.Coulomb()
+
+    recipe = Recipe(void_ratio=0.67, grains=1000)
+    wide = lk.Scene(grading="uniform smallest=0.1mm largest=0.5mm")
+    tasks = [
+        SpecimenTask(recipe=recipe, material=scene, start=starter("fused"))
+        for scene in (Scene(), wide, Scene(law=Fresh.name))
+    ]
+    assert work_of(tasks[0]).steps == 10_000 and work_of(tasks[1]).steps > 20_000
+    seconds = work_of(tasks[2]).seconds(likely_speed("fused"), 1)
+    assert announcement(tasks[2]).endswith(
+        f", about {rough_time(seconds + 15.0)} with 15 s to compile the contact law, once"
+    )
+
+
 def test_times_are_rounded():
     assert [rough_time(t) for t in (0.2, 59.6, 600.0, 7200.0)] == ["1 s", "60 s", "10 min", "2 h"]
 
@@ -152,6 +174,9 @@ def test_times_are_rounded():
 def test_a_command_announces_itself_on_standard_error(labkit_command, tmp_path):
     words = ("specimen", "--void-ratio", 0.67, "--grains", 150, "--engine", "fused", "-o", "s.state.nc")
     done = labkit_command(*words, cwd=tmp_path)
-    assert re.fullmatch(r"specimen: fused, about 1\d\d grains, about 10,000 steps, about \d+ s\n", done.stderr)
+    assert re.fullmatch(
+        r"specimen: fused, about 1\d\d grains, about 10,000 steps, about \d+ s( with 15 s to compile .*, once)?\n",
+        done.stderr,
+    )
     again = labkit_command(*words, cwd=tmp_path)
     assert again.returncode == 0 and again.stderr == ""

@@ -23,6 +23,7 @@ runs:
   cyclic: {path: cyclic_cp, specimen: dense_1MPa, reversals: [0.01, -0.01]}
 """
 
+MANY = "void_ratio", "friction", "diameter_spread", "local_damping", "step1_friction"
 HEAD = "engine: fused\nspecimens:\n  a: {void_ratio: 0.67, grains: 150}\n"
 RUNS = "runs:\n  cv: {path: cv, specimen: a}\n"
 
@@ -68,14 +69,30 @@ BROKEN = {
     "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 is not valid")]),
     "void ratio a word": (specimen("void_ratio: dense, grains: 150"), [(3, "void_ratio 'dense' is not a number")]),
     "void ratio nan": (specimen("void_ratio: nan, grains: 150"), [(3, "void_ratio nan is not valid")]),
-    "void ratio a list": (specimen("void_ratio: [0.6, 0.7], grains: 150"), [(3, "void_ratio is a list")]),
+    "the same void ratio twice": (
+        specimen("void_ratio: [0.6, 60 %], grains: 150"),
+        [(3, "lists the same value twice")],
+    ),
+    "too many lists": (
+        specimen(", ".join(f"{name}: [0.{', 0.'.join(map(str, range(30, 40)))}]" for name in MANY) + ", grains: 150"),
+        [(3, "more than 10000 combinations")],
+    ),
+    "a list of paths": (run("path: [cv, cp], specimen: a"), [(5, "path is a list")]),
+    "a parameter that the law does not use": (
+        specimen("void_ratio: 0.67, grains: 150, law: hertz_mindlin, rolling_friction: [0.2, 0.3]"),
+        [(3, "rolling_friction 0.2 is not used by"), (3, "rolling_friction 0.3 is not used by")],
+    ),
+    "a parameter that the law of a run does not use": (
+        run("path: cv, specimen: a, beta_n: 0.3"),
+        [(5, "beta_n 0.3 is not used by the contact law rolling_resistance")],
+    ),
     "void ratio empty": (specimen("void_ratio: , grains: 150"), [(3, "void_ratio is empty")]),
     "no grains": (specimen("void_ratio: 0.67, grains: 0"), [(3, "grains 0 is not valid: give 100 to")]),
     "a million grains": (specimen("void_ratio: 0.67, grains: 1000000"), [(3, "1000000 is not valid")]),
     "half a grain": (specimen("void_ratio: 0.67, grains: 150.5"), [(3, "grains 150.5 is not a whole number")]),
     "a side without a unit": (
         specimen("void_ratio: 0.67, side: 4"),
-        [(3, "side 4 is not valid: give a number above 0, at most 0.1 m")],
+        [(3, "side 4 has no unit, and is more than 0.1 m: give 4 mm, or 4 m if that is meant")],
     ),
     "a side in MPa": (
         specimen("void_ratio: 0.67, side: 4 MPa"),
@@ -241,6 +258,27 @@ def test_the_lists_of_a_valid_file_are_expanded(tmp_path):
     assert cp.path.rate == quick.rate_factor * default and cp.path.strain == type(cp.path).strain
     steps = [cv.scene(campaign.origin(cv.specimen)).time_step_factor, campaign.specimens[0].scene.time_step_factor]
     assert steps == [quick.time_step_factor] * 2 and campaign.specimens[2].scene.time_step_factor == 0.2
+
+
+def test_every_scalar_key_of_an_entry_may_be_a_list(tmp_path):
+    file = tmp_path / "lists.yaml"
+    file.write_text(
+        "specimens:\n"
+        "  a: {void_ratio: [0.6, 0.7], grains: 150, law: [spring_dashpot, hertz_mindlin], seed: [1, 2]}\n"
+        "  b: {from: a, pressure: [100 kPa, 0.2 MPa]}\n"
+        "runs:\n"
+        "  cp: {path: cp, specimen: [a, b], pressure: [100 kPa, 0.3 MPa], strain: [1 %, 2 %], friction: [0.3, 0.5]}\n"
+    )
+    campaign = read_campaign(file)
+    assert len(campaign.specimens) == 8 and len(campaign.consolidated) == 16
+    assert len({run.name for run in campaign.runs}) == len(campaign.runs) == 24 * 2 * 2 * 2
+    assert {run.engine for run in campaign.runs} == {"fused"}
+    specimen = next(one for one in campaign.specimens if one.name == "a-void_ratio0.7-law-hertz_mindlin-s2")
+    assert (specimen.recipe.void_ratio, specimen.scene.law, specimen.recipe.seed) == (0.7, "hertz_mindlin", 2)
+    consolidated = {one.name: one for one in campaign.consolidated}["b-void_ratio0.6-law-spring_dashpot-s1-p200kPa"]
+    assert (consolidated.source, consolidated.pressure) == ("a-void_ratio0.6-law-spring_dashpot-s1", 0.2e6)
+    run = next(one for one in campaign.runs if one.name == f"cp-strain0.02-friction0.3-{specimen.name}-p300kPa")
+    assert (run.path.strain, run.path.pressure, run.scene(specimen).friction) == (0.02, 0.3e6, 0.3)
 
 
 def test_keys_of_the_material_for_specimens_and_runs(tmp_path):

@@ -149,7 +149,8 @@ def test_a_directory_that_an_ordinary_user_cannot_write():
 
 def test_without_yade_the_message_tells_how_to_install_it(folder, labkit_command):
     environment = {**os.environ, "PATH": str(folder)}
-    done = labkit_command("run", "cv", "s.state.nc", "-o", "new.run.nc", cwd=folder, environment=environment)
+    words = "--engine", "yade", "-o", "new.run.nc"
+    done = labkit_command("run", "cv", "s.state.nc", *words, cwd=folder, environment=environment)
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
     assert "YADE is not installed" in done.stderr and "apt-get install yade" in done.stderr
     assert not (folder / "new.run.nc").exists()

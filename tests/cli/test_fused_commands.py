@@ -66,7 +66,9 @@ def test_yade_does_not_support_the_spring_dashpot_law(law, specimen, labkit_comm
     refused = "labkit: --engine yade has no contact law spring_dashpot: give fused\n"
     done = labkit_command("run", "cv", specimen, "--engine", "yade", "-o", tmp_path / "r.run.nc")
     assert done.returncode == 2 and done.stderr == refused
-    done = labkit_command("specimen", "--void-ratio", 0.67, "--law", law, "-o", tmp_path / "s.state.nc")
+    done = labkit_command(
+        "specimen", "--void-ratio", 0.67, "--law", law, "--engine", "yade", "-o", tmp_path / "s.state.nc"
+    )
     assert done.returncode == 2 and done.stderr == refused
     assert list(tmp_path.iterdir()) == []
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from labkit.grains.scene import Scene
+from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state import grains_in_cell
 
 R = 85e-6
@@ -16,13 +16,8 @@ STILL = np.zeros((3, 3))
 
 
 def scene_of(law, **changes):
-    return Scene(
-        **{
-            **dict.fromkeys(("rolling_friction", "local_damping", "beta_n", "beta_t"), NEARLY_NONE),
-            "law": law,
-            **changes,
-        }
-    )
+    nearly_none = dict.fromkeys(("rolling_friction", "local_damping", "beta_n", "beta_t"), NEARLY_NONE)
+    return Scene(**used_parameters({**nearly_none, "law": law, **changes}))
 
 
 def pair(scene, overlap, velocity=(0.0, 0.0, 0.0), time_step=1e-9):

@@ -44,7 +44,7 @@ def test_simple_shear_is_drawn_against_gamma(sheared):
     figure, drawn = shear(sheared)
     x, y = curve(figure.axes[0])
     np.testing.assert_allclose(x, 100 * sheared.lab.strain().values)
-    np.testing.assert_allclose(y, 0.5e-6 * (sheared["stress"].values[:, 0, 2] + sheared["stress"].values[:, 2, 0]))
+    np.testing.assert_allclose(y, 0.5e-3 * (sheared["stress"].values[:, 0, 2] + sheared["stress"].values[:, 2, 0]))
     assert figure.axes[0].get_xlabel() == r"shear strain $\gamma_{xz}$ (%)"
     assert drawn["sigma_zz_Pa"].iloc[1:].to_numpy() == pytest.approx(1e5, rel=0.02)
     assert lk.Run(sheared).plot().axes[0].get_ylabel() == figure.axes[0].get_ylabel()  # the default of the path
@@ -55,6 +55,42 @@ def test_every_figure_of_a_record_uses_the_strain_of_the_path(sheared, liquefied
     assert figure.axes[0].get_xlabel().startswith("shear strain")
     assert strain_axis(liquefied)[0] == "number of cycles N"
     assert plots.test(sheared)[0].axes[0].get_xlabel().startswith("shear strain")
+
+
+def test_a_test_is_drawn_with_its_volume_and_in_kilopascals(sheared):
+    figure, drawn = plots.test(sheared)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels[0] == "deviatoric stress q (kPa)" and labels[3:] == [
+        "stress ratio q/p",
+        "volumetric strain (%)",
+        "void ratio e",
+    ]
+    np.testing.assert_allclose(curve(figure.axes[0])[1], 1e-3 * sheared.lab.q().values)
+    np.testing.assert_allclose(curve(figure.axes[4])[1], 100 * sheared.lab.volumetric_strain().values)
+    x, y = curve(figure.axes[5])
+    assert figure.axes[5].get_xscale() == "log" and "mean stress p (kPa)" == figure.axes[5].get_xlabel()
+    np.testing.assert_allclose(x, 1e-3 * sheared.lab.mean_stress().values)
+    np.testing.assert_allclose(y, sheared["void_ratio"].values)
+    assert drawn["void_ratio"].tolist() == sheared["void_ratio"].values.tolist()
+
+
+def test_rounding_of_a_constant_volume_is_not_magnified(liquefied):
+    figure, _ = stress_path(liquefied)
+    low, high = figure.axes[1].get_ylim()
+    assert high - low >= 0.01 > 100 * np.ptp(liquefied["void_ratio"].values)
+
+
+def test_the_strength_of_the_paper_is_not_drawn_over_another_soil(sheared):
+    assert "Table 2" in str(figure_labels(sheared))
+    other = sheared.assign_attrs(scene=lk.Scene(friction=0.5).to_json())
+    largest = float(np.abs(other.lab.stress_ratio()).max())
+    assert f"q = {largest:.3g} p, largest of these tests" in figure_labels(other)
+    kept = {"other": other.assign_attrs(path="cv")}
+    assert all("q = 0.92 p" not in text.get_text() for text in plots.e_p_paths(kept).legends[0].get_texts())
+
+
+def figure_labels(run):
+    return [text.get_text() for text in stress_path(run)[0].legends[0].get_texts()]
 
 
 def test_cycles_show_pore_pressure_and_liquefaction(liquefied):

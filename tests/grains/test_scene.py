@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
+from labkit.grains.laws import LAWS, ContactLaw, Coulomb, HertzSpring
 from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell, write_state
+from labkit.runs.info import describe_file
 
 
 def test_table_1_and_the_contact_law_below_equation_3():
@@ -52,3 +55,57 @@ def test_laws_keep_their_names_of_version_0_1_0(earlier, name):
     scene = Scene(law=earlier)
     assert scene.law == name and scene == Scene(law=name) and scene.contact_law.name == name
     assert Scene.from_json(scene.to_json().replace(name, earlier)) == scene
+
+
+@pytest.mark.parametrize(
+    ("law", "name", "value"),
+    [
+        ("hertz_mindlin", "rolling_friction", 0.15),
+        ("hertz_mindlin", "stiffness_ratio", 3.0),
+        ("hertz_mindlin_dashpot", "local_damping", 0.3),
+        ("rolling_resistance", "beta_n", 0.3),
+        ("spring_dashpot", "poisson_ratio", 0.2),
+        ("spring_dashpot", "rolling_limit_scale", 1.064),
+    ],
+)
+def test_a_parameter_that_the_law_does_not_use_is_refused(law, name, value):
+    with pytest.raises(
+        InputError, match=rf"^{name} {value:g} is not used by the contact law {law}: give none, or a law"
+    ):
+        Scene(law=law, **{name: value})
+    with pytest.raises(InputError, match="is not used by"):
+        Scene(law=law).replace(**{name: value})
+    assert name in LAWS[law]().unused
+
+
+def test_a_resistance_of_zero_and_values_in_files_are_accepted():
+    assert Scene(law="hertz_mindlin", rolling_friction=0.0, beta_n=0.0).law == "hertz_mindlin"
+    old = Scene.from_json('{"law": "hertz_mindlin", "rolling_friction": 0.15, "young_modulus": 5e9}')
+    assert (old.rolling_friction, old.young_modulus) == (Scene.rolling_friction, 5e9)
+    assert Scene(rolling_friction=0.3).replace(law="hertz_mindlin").rolling_friction == Scene.rolling_friction
+    assert Scene(law="hertz_mindlin").with_friction(0.2, 0.3) == Scene(law="hertz_mindlin", friction=0.2)
+
+
+def test_a_part_of_a_user_may_use_any_parameter_of_its_kind():
+    class Own(HertzSpring):
+        pass
+
+    class Sticky(ContactLaw):
+        name, parts = "sticky", Own() + Coulomb()
+
+    assert "beta_n" not in Sticky().unused and {"rolling_friction", "twisting_friction"} <= Sticky().unused
+
+
+def test_info_leaves_out_what_the_law_does_not_use(tmp_path):
+    scene = Scene(law="hertz_mindlin", young_modulus=5e9)
+    file = tmp_path / "s.state.nc"
+    write_state(file, grains_in_cell(scene, np.full(2, 1e-4), np.array([[0.0] * 3, [3e-4] * 3]), np.eye(3) * 1e-3))
+    text = describe_file(file)
+    assert "poisson_ratio" in text and "cell width/largest grain 5" in text
+    assert "rolling_friction" not in text and "beta_n" not in text
+
+
+def test_only_the_soil_of_the_paper_has_its_strength():
+    assert Scene().of_the_paper and Scene(law="spring_dashpot", density=2600.0).of_the_paper
+    others = {"friction": 0.5}, {"mean_diameter": "0.2 mm"}, {"law": "hertz_mindlin"}, {"diameter_spread": 0.3}
+    assert not any(Scene(**changes).of_the_paper for changes in others)

@@ -13,6 +13,7 @@ import pytest
 import labkit as lk
 from labkit.grains.state import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
+from labkit.io.netcdf import renew_hashes
 from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 from tests.conftest import PATIENCE
@@ -90,6 +91,10 @@ def test_a_change_by_another_program_is_refused(specimen_file, run_file, unfinis
         monkeypatch.setenv("LABKIT_TRUST", "1")
         assert read(copy) is not None
         monkeypatch.delenv("LABKIT_TRUST")
+        renew_hashes(copy, "an honest edit")
+        assert read(copy) is not None
+        with netCDF4.Dataset(copy) as dataset:
+            assert '"friction": 0.04' in dataset.scene and dataset.history.endswith("\nan honest edit")
 
 
 def test_a_resumed_run_refuses_a_changed_checkpoint(specimen_file, unfinished, tmp_path, labkit_command):
@@ -98,7 +103,9 @@ def test_a_resumed_run_refuses_a_changed_checkpoint(specimen_file, unfinished, t
     with netCDF4.Dataset(file, "a") as dataset:
         dataset["checkpoint"]["tangential_force"][0, 0] *= 1.0 + 1e-9
     before = file.read_bytes()
-    done = labkit_command("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", file)
+    done = labkit_command(
+        "run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", file
+    )
     assert done.returncode == 2 and "r.run.nc is damaged" in done.stderr and done.stderr.count("\n") == 1
     assert file.read_bytes() == before
 

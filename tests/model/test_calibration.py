@@ -11,6 +11,7 @@ import xarray as xr
 import labkit
 from labkit.errors import InputError
 from labkit.io.schema import RECORD
+from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.calibration import DETERMINED, calibrate, critical_fit, fit
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
@@ -123,6 +124,11 @@ def test_predictions_and_unfinished_runs_are_left_out_with_a_reason(model, run_f
     result = calibrate(runs)
     assert list(result.predicted) == ["simulation"]
     assert "warning: left out: predicted: prediction of the model, not a simulation" in result.report()
+    assert "no test of drained shear, isotropic compression, isotropic dilation: do not trust" in result.report()
+    (row,) = result.misfit.to_dict("records")
+    stress = simulation["stress_sff"].values
+    ratio = deviatoric_stress(stress) / mean_stress(stress)
+    assert 0.0 < row["p"] < 0.2 and 0.0 < row["q/p"] < 0.2 * ratio.max()
     with pytest.raises(InputError, match=r"none of these runs can be used .*predicted: prediction.*unfinished"):
         calibrate({name: runs[name] for name in ("predicted", "unfinished")})
 

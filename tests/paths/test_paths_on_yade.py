@@ -20,7 +20,7 @@ PATHS = {
 @pytest.fixture(scope="module", params=PATHS)
 def path_run(request, tmp_path_factory, specimen_file, labkit_command):
     file = tmp_path_factory.mktemp(request.param) / "r.run.nc"
-    done = labkit_command("run", request.param, specimen_file, *PATHS[request.param], "-o", file)
+    done = labkit_command("run", request.param, specimen_file, *PATHS[request.param], "--engine", "yade", "-o", file)
     assert done.returncode == 0, done.stderr
     return request.param, labkit.open_run(file)
 
@@ -60,11 +60,11 @@ def test_a_test_starts_isotropic_at_its_pressure(path_run):
 
 def test_consolidation_reaches_its_pressure(tmp_path, specimen_file, labkit_command):
     file = tmp_path / "c.state.nc"
-    done = labkit_command("consolidate", specimen_file, "--pressure", 0.4e6, "-o", file)
+    done = labkit_command("consolidate", specimen_file, "--pressure", 0.4e6, "--engine", "yade", "-o", file)
     assert done.returncode == 0 and "deviation from the pressure 0.0" in done.stdout, done.stdout + done.stderr
 
 
 def test_a_run_reports_the_limits_that_it_exceeds(tmp_path, specimen_file, labkit_command):
     file = tmp_path / "fast.run.nc"
-    done = labkit_command("run", "cv", specimen_file, "--rate", 100, "--strain", 0.005, "-o", file)
+    done = labkit_command("run", "cv", specimen_file, "--rate", 100, "--strain", 0.005, "--engine", "yade", "-o", file)
     assert done.returncode == 0 and "inertial number above 0.0003 at" in done.stdout, done.stdout + done.stderr

@@ -2,9 +2,11 @@
 
 import shutil
 
+import numpy as np
 import pytest
 
 import labkit
+from labkit.campaigns.products import numbers
 from labkit.errors import InputError
 from labkit.runs import ENOUGH_STRAIN, require_critical
 from tests.changed import changed
@@ -51,6 +53,14 @@ def test_runs_that_do_not_reach_a_critical_state_are_left_out_with_a_reason(file
         "short": "ends at 4.00% axial strain, before 0.15",
     }
     assert "short" in require_critical(runs, 0.04)[0]  # the least strain is included, in single precision too
+
+
+def test_the_numbers_of_a_run_have_a_critical_state_only_if_it_is_one(files):
+    known = {name: numbers(labkit.open_run(file)) for name, file in files.items()}
+    assert known["cv-dense"]["critical_M"][0] == pytest.approx(0.92, abs=0.1)
+    for name in ("short", "unfinished"):
+        assert np.isnan(known[name]["critical_M"][0]) and np.isnan(known[name]["critical_Z"][0])
+    assert "critical_M" not in known["isod-dense_high"]
 
 
 def test_predictions_of_the_model_are_not_averaged_with_simulations(files, model_file):

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 import labkit as lk
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
+from labkit.records.limits import relative_width, width_warning
 
 pytestmark = pytest.mark.slow
 
@@ -283,9 +284,12 @@ def test_all_public_names_exist():
         _ = lk.rum
 
 
-def test_grains_of_a_metre_are_made_with_a_warning():
-    with pytest.warns(UserWarning, match="mean diameter of 0.17 m: if millimetres are meant, write '0.17 mm'"):
-        lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), lk.Scene(mean_diameter=0.17), progress=False)
+def test_a_cell_of_a_few_grains_gives_a_warning_with_the_number_needed():
+    with pytest.warns(UserWarning, match=r"only 3\.8 of its largest grains .* give about 1,900 grains") as warned:
+        state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), progress=False)
+    assert {warning.filename for warning in warned} == {__file__}
+    wide = state.replace(cell=10.01 / relative_width(state) * state.cell)
+    assert width_warning(wide) is None
 
 
 def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():

@@ -72,6 +72,17 @@ def test_elastic_probes_dissipate_nothing_by_sliding(name, elastic):
     assert (np.abs(data["damping_loss"].values) < 0.01 * work).all()  # of moving grains; falls with the duration
 
 
+def test_the_shear_modulus_is_half_of_the_mandel_component(elastic, envelope):
+    probes = elastic["isotropic"]
+    row = probes.of("elastic")
+    assert [row.shear_modulus(one) for one in ("yz", "xz", "xy")] == pytest.approx(0.5 * np.diag(row.tangent())[3:])
+    xz = np.argmax(np.abs(probes.strain[:, 4]))  # the probe in this direction
+    stress, strain = (probes.data[name].values[xz, 0, 2] for name in ("stress_increment", "strain_increment"))
+    assert probes.shear_modulus() == pytest.approx(stress / (2.0 * strain), rel=2e-3)
+    with pytest.raises(InputError, match=r"^plane \w+ has no shear xz: give probes of the plane xz-shear, or all"):
+        envelope.shear_modulus()
+
+
 def test_24_directions_start_from_the_same_bits(envelope):
     assert envelope.data.sizes["probe"] == 24
     assert len(set(envelope.data["start_sha256"].values.tolist())) == 1

@@ -85,7 +85,9 @@ def test_verification_of_a_small_specimen(run):
 
 def test_a_finished_run_is_not_run_again(labkit_command, specimen_file, run_file):
     before = run_file.read_bytes()
-    done = labkit_command("run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "-o", run_file)
+    done = labkit_command(
+        "run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", run_file
+    )
     assert done.returncode == 0 and "already complete" in done.stdout
     assert run_file.read_bytes() == before
 
@@ -94,7 +96,7 @@ def test_a_run_file_with_another_run_is_left_alone_and_only_the_differences_are_
     labkit_command, specimen_file, run_file
 ):
     before = run_file.read_bytes()
-    done = labkit_command("run", "cv", specimen_file, "--strain", 0.03, "-o", run_file)
+    done = labkit_command("run", "cv", specimen_file, "--strain", 0.03, "--engine", "yade", "-o", run_file)
     difference = "strain is 0.02 in the file, 0.03 here; snapshots is 5 in the file, 20 here"
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
     assert (
@@ -117,7 +119,7 @@ def test_a_run_of_another_specimen_is_left_alone(labkit_command, specimen_file, 
     state = read_state(specimen_file)
     other = tmp_path / "other.state.nc"
     write_state(other, state.replace(tangential_force=state.tangential_force * 0.5))
-    done = labkit_command("run", "cv", other, "--strain", 0.02, "--snapshots", 5, "-o", run_file)
+    done = labkit_command("run", "cv", other, "--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", run_file)
     assert done.returncode == 2 and "another specimen" in done.stderr
 
 

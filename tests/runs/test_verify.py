@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import labkit
+import labkit as lk
 from labkit.io.schema import ESSENTIAL, RECORD
-from labkit.runs.verify import findings
+from labkit.records.limits import exceeded_in
+from labkit.runs.verify import findings, verify
 from tests.changed import changed
 
 # variables added to run files after their first version
@@ -100,6 +102,32 @@ def test_a_volume_that_drifts_fails(spoiled):
         dataset["volume"][-1] = dataset["volume"][-1] * (1 + 1e-9)
 
     assert not spoiled(spoil)["held: volume"].holds
+
+
+def test_another_soil_is_not_judged_by_the_paper(spoiled):
+    def wide(dataset):
+        dataset["stress_sff"][:] = 1.1 * dataset["stress"][:]
+        dataset.scene = lk.Scene(diameter_spread=0.4).to_json()
+
+    found = spoiled(wide)
+    c0 = next(finding for name, finding in found.items() if name.startswith("C0 against Love, Frobenius"))
+    assert not c0.holds and not c0.decides
+    assert not any("as in the paper" in name for name in found)
+
+
+def test_a_held_stress_off_its_target_is_exceeded_and_fails_alike(soft_specimen, tmp_path):
+    file = tmp_path / "cr.run.nc"
+    run = lk.run(soft_specimen, lk.paths.ConstantRadialStress(pressure=1e5, strain=0.02), file=file, progress=False)
+    assert not [one for one in run.exceeded if "held" in one.name]
+    file = shutil.copy(file, tmp_path / "spoiled.run.nc")
+    with changed(file) as dataset:
+        dataset["stress"][-3:, 0, 0] = 1.3 * dataset["stress"][-3:, 0, 0]
+    (held,) = (one for one in lk.Run.open(file).exceeded if "held" in one.name)
+    assert (held.name, held.limit, held.records) == ("relative error of held: radial stress", 0.02, 3)
+    assert held.largest == pytest.approx(0.15 if "mean" in held.name else 0.3, abs=0.02)
+    assert [str(one) for one in exceeded_in(file)] == [str(one) for one in lk.Run.open(file).exceeded]
+    largest = next(one for one in verify(file) if one.name == "held: radial stress, largest error")
+    assert largest.decides and not largest.holds and largest.value == held.largest
 
 
 def test_a_c0_that_is_off_fails(spoiled):

@@ -88,6 +88,12 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     )
 
 
+def was_compiled(law: ContactLaw, single: bool = False) -> bool:
+    """Return True if the cache on disk has the kernel of a law, for some of the features that a scene may have."""
+    file = getattr(getattr(kernel_of(law, single).advance, "_cache", None), "_cache_file", None)
+    return bool(getattr(file, "_load_index", dict)())  # private names of Numba, which another version may lack
+
+
 def try_out(law: ContactLaw) -> None:
     """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 

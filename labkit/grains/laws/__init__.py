@@ -35,6 +35,7 @@ LAWS = Registry[type[ContactLaw]](
         "spring_dashpot": "labkit.grains.laws.named:SpringDashpot",
         "springs_in_series": "labkit.grains.laws.named:SpringsInSeriesDashpot",
         "hertz_mindlin": "labkit.grains.laws.named:HertzMindlin",
+        "hertz_mindlin_rolling": "labkit.grains.laws.named:HertzMindlinRolling",
         "hertz_mindlin_dashpot": "labkit.grains.laws.named:HertzMindlinDashpot",
         "hertz_mindlin_rescaled": "labkit.grains.laws.named:HertzMindlinRescaled",
     },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from labkit.grains.laws.parts import LawPart, Numbers
 
@@ -22,7 +22,7 @@ class Dashpots(LawPart):
     """
 
     kind = "damping"
-    has_limits = True
+    uses: ClassVar[tuple[str, ...]] = ("beta_n", "beta_t", "limits")
 
     def local(self, scene: Scene) -> float | None:
         """Coefficient of local damping, or None."""
@@ -78,7 +78,7 @@ class Dashpots(LawPart):
 class LocalDamping(Dashpots):
     """YADE's local non-viscous damping of the motion of grains, `local_damping`, and no dashpots."""
 
-    has_limits = False
+    uses = ("local_damping",)
 
     def local(self, scene: Scene) -> float | None:
         return scene.local_damping or None
@@ -98,7 +98,7 @@ class DashpotsOfYade(Dashpots):
     stresses contain the springs only; YADE includes the dashpots in the stress that the servo uses.
     """
 
-    has_limits = False
+    uses = ("beta_n", "beta_t")
 
     @staticmethod
     def coefficients(

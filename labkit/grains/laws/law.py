@@ -9,13 +9,13 @@ import numpy as np
 
 from labkit.extensions import is_labkits
 from labkit.grains.laws.contact import Features, Response, Tangents
-from labkit.grains.laws.damping import Dashpots
+from labkit.grains.laws.damping import Dashpots, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder
-from labkit.grains.laws.normal import LinearSpring
+from labkit.grains.laws.normal import HertzSpring, LinearSpring
 from labkit.grains.laws.pair import Kinematics, compose_pair
 from labkit.grains.laws.parts import LawPart, LawParts
-from labkit.grains.laws.rolling import Rolling, Twisting
-from labkit.grains.laws.tangential import Coulomb
+from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
+from labkit.grains.laws.tangential import Coulomb, Mindlin
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -107,16 +107,23 @@ class ContactLaw:
         beta_n, beta_t, _ = self._dashpots(scene) or (0.0, 0.0, 0.0)
         return Tangents(kn, kt, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
-    def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Rolling stiffness kr, N m; zero without a rolling part."""
-        return self._rotational("rolling", scene, radius_a, radius_b)
+    def rolling_stiffness(
+        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float = 1.0
+    ) -> np.ndarray:
+        """Rolling stiffness kr, N m, at an overlap in m if the law is not linear; zero without a rolling part."""
+        return self._rotational("rolling", scene, radius_a, radius_b, overlap)
 
-    def twisting_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Stiffness against twisting, N m; zero without a twisting part."""
-        return self._rotational("twisting", scene, radius_a, radius_b)
+    def twisting_stiffness(
+        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float = 1.0
+    ) -> np.ndarray:
+        """Stiffness against twisting, N m, at an overlap in m if the law is not linear; zero without such a part."""
+        return self._rotational("twisting", scene, radius_a, radius_b, overlap)
 
-    def _rotational(self, kind: str, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        kt = self.tangential_stiffness(scene, radius_a, radius_b)
+    def _rotational(
+        self, kind: str, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
+    ) -> np.ndarray:
+        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
+        kt = _on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, np.maximum(overlap, 0.0))
         if kind not in self.has:
             return np.zeros_like(kt)
         part = getattr(self, kind)
@@ -144,8 +151,8 @@ class ContactLaw:
         if scene.twisting_friction > 0.0:
             twisting = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal) ** 2
             rolling = rolling - twisting
-            stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b))
-        return float(np.sum(stored + _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b))))
+            stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, overlap))
+        return float(np.sum(stored + _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, overlap))))
 
     def damping_ratio(self, scene: Scene) -> float:
         """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
@@ -182,6 +189,18 @@ class ContactLaw:
         return None
 
     @property
+    def unused(self) -> frozenset[str]:
+        """Parameters of the scene that no part of the law uses.
+
+        A user's own normal, tangential or damping part is assumed to use any parameter of such parts.
+        """
+        parts = [getattr(self, kind) for kind in DEFAULTS if kind in self.has or kind in ("normal", "tangential")]
+        used = {name for part in parts for name in part.uses}
+        if not all(is_labkits(type(part)) for part in parts):
+            used |= OF_PARTS - {"rolling_friction", "twisting_friction", "limits"}
+        return OF_PARTS - used
+
+    @property
     def labkits(self) -> bool:
         """True if the law is part of labkit."""
         return is_labkits(type(self))
@@ -199,6 +218,13 @@ DEFAULTS: dict[str, LawPart] = {
     "twisting": Twisting(),
     "damping": Dashpots(),
 }
+
+
+OF_PARTS = frozenset(
+    name
+    for part in (HertzSpring, Coulomb, Mindlin, RollingOfYade, TwistingOfYade, Dashpots, LocalDamping)
+    for name in part.uses
+)
 
 
 def _on_arrays(function: Callable[..., float]) -> Callable[..., np.ndarray]:

@@ -57,7 +57,7 @@ class SpringsInSeriesDashpot(ContactLaw):
 class HertzMindlin(ContactLaw):
     """Law2_ScGeom_MindlinPhys_Mindlin of YADE with Ip2_FrictMat_FrictMat_MindlinPhys, without rolling resistance.
 
-    kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters have no effect. f~ and Lambda = f~/E, and
+    kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters are refused. f~ and Lambda = f~/E, and
     with them C0, need only forces; their E is that of the grains. A stress p gives an overlap of the order
     delta/D = (p/E)^(2/3).
 
@@ -74,6 +74,17 @@ class HertzMindlin(ContactLaw):
 
     def yade(self, scene: Scene) -> YadeLaw:
         return mindlin(scene)
+
+
+class HertzMindlinRolling(ContactLaw):
+    """Hertz-Mindlin law with local damping and rolling resistance: kr = kt r*^2 at the overlap, |M| <= mu_r r* fn.
+
+    This is the model epsd2 of LIGGGHTS on Hertz-Mindlin contacts. YADE's Mindlin functor has one kr for all contacts.
+    """
+
+    name = "hertz_mindlin_rolling"
+    description = "Hertz-Mindlin law with rolling resistance"
+    parts = HertzSpring() + Mindlin() + Rolling() + Twisting() + LocalDamping()
 
 
 class HertzMindlinDashpot(ContactLaw):

@@ -63,6 +63,8 @@ class SpringsInSeries(LinearSpring):
 class HertzSpring(LinearSpring):
     """fn = kno delta^(3/2) with kno = 4/3 E* sqrt(R*), E* = E/(2 (1 - nu^2)), R* = Ra Rb/(Ra + Rb) (Hertz)."""
 
+    uses = ("poisson_ratio",)
+
     def factor(self, scene: Scene) -> float:
         """The first argument of `stiffness`: 4/3 E*."""
         return 2.0 / 3.0 * scene.young_modulus / (1.0 - scene.poisson_ratio**2)

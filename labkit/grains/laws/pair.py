@@ -31,6 +31,7 @@ def compose_pair(
     move, carry = kinematics.move, kinematics.carry
     spring, tangent = normal.force, normal.tangent
     shear_stiffness, rescale, friction_lost = tangential.stiffness, tangential.rescale, tangential.loss
+    roll_stiffness = rolling.stiffness
     rotate = compose_rotation(kinematics, rolling, twisting)
     coefficients, push, bounding, drag = damping.coefficients, damping.push, damping.bound, damping.drag
     dashpot_lost = damping.loss
@@ -73,6 +74,8 @@ def compose_pair(
         if friction is not None:  # Eq. 2
             t = carry(t, n, motion)
             before = dot(t, t)
+            if rolling is not None:  # kr changes as kt does
+                before += dot(m, m) / roll_stiffness(rolling, 1.0, ra, rb)
             t = rescale(t, contact, dt) + kt * dt * motion.slip
             squared = dot(t, t)
             limited = t if whole is None else t + ct * motion.slip

@@ -15,9 +15,13 @@ Numbers = tuple[float, ...]
 
 
 class LawPart:
-    """A part of a contact law; parts are added to form a law, in which each takes the place of its `kind`."""
+    """A part of a contact law; parts are added to form a law, in which each takes the place of its `kind`.
+
+    `uses` names the parameters of a scene that only some parts use, and this one does.
+    """
 
     kind: ClassVar[str]
+    uses: ClassVar[tuple[str, ...]] = ()
 
     def __add__(self, other: LawPart | LawParts) -> LawParts:
         return LawParts(self) + other

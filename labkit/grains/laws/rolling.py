@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ class Rolling(LawPart):
     """kr = kt r*^2 and |M| <= mu_r r* |fn| with r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
 
     kind = "rolling"
+    uses: ClassVar[tuple[str, ...]] = ("rolling_friction",)
 
     def numbers(self, scene: Scene, friction: float) -> Numbers:
         """First argument of the functions below; `friction` is the coefficient mu_r."""
@@ -35,7 +36,7 @@ class Rolling(LawPart):
     @staticmethod
     def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
         """Energy lost in a step, J; `slid` is |M| times the part of it that slips, N2 m2, and `stiffness` kr."""
-        return slid / stiffness
+        return slid / stiffness if stiffness > 0.0 else 0.0
 
 
 class Twisting(Rolling):
@@ -45,10 +46,13 @@ class Twisting(Rolling):
     """
 
     kind = "twisting"
+    uses = ("twisting_friction",)
 
 
 class RollingOfYade(Rolling):
     """kr = kt Ra Rb/4 and |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
+
+    uses = ("rolling_friction", "rolling_limit_scale")
 
     def numbers(self, scene: Scene, friction: float) -> Numbers:
         """YADE's (alphaKr, etaRoll)."""
@@ -71,3 +75,4 @@ class TwistingOfYade(RollingOfYade):
     """The same spring against relative rotation about the contact normal, with (alphaKtw, etaTwist)."""
 
     kind = "twisting"
+    uses = ("twisting_friction", "rolling_limit_scale")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -19,6 +19,7 @@ class Coulomb(LawPart):
     """d ft = kt d u with kt = kn/kappa (Eq. 2)."""
 
     kind = "tangential"
+    uses: ClassVar[tuple[str, ...]] = ("friction", "stiffness_ratio")
 
     def share(self, scene: Scene) -> float:
         """First argument of `stiffness`, here kt/kn."""
@@ -56,8 +57,11 @@ class Mindlin(Coulomb):
     tangential loading. We take W = ft^2/(2 kt) for the stored energy, which is exact at constant delta. When delta
     changes at constant ft, W changes by -W d(delta)/(2 delta) although no work is done in the tangential direction.
     That energy, lost in loading and created in unloading, is counted with the friction loss; the balance is then
-    closed. In closed cycles it is a property of the law, not of the integration (Elata and Berryman 1996).
+    closed. In closed cycles it is a property of the law, not of the integration (Elata and Berryman 1996). A rolling
+    spring, whose kr is proportional to kt, is treated in the same way.
     """
+
+    uses = ("friction", "poisson_ratio")
 
     def share(self, scene: Scene) -> float:
         """The first argument of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""

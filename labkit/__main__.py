@@ -1,0 +1,9 @@
+"""`python -m labkit`: the command line."""
+
+from __future__ import annotations
+
+import sys
+
+from labkit.cli import main
+
+sys.exit(main())
