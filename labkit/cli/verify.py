@@ -10,7 +10,6 @@ from labkit.cli.arguments import Csv, History, Option
 from labkit.cli.naming import figure_name
 from labkit.cli.outputs import require_outputs, write_outputs
 from labkit.cli.registry import command
-from labkit.io.netcdf import renew_hashes
 from labkit.io.provenance import write_with_provenance
 
 if TYPE_CHECKING:
@@ -105,7 +104,7 @@ def info_command(
         labkit info r.run.nc --check
         ncatted -a title,global,o,c,"dense sand" r.run.nc && labkit info r.run.nc --seal
     """
-    from labkit.runs.info import check_file, describe_file
+    from labkit.runs.info import check_file, describe_file, renew_hashes
 
     if seal:
         renew_hashes(file, f"{history}: edited by another program")

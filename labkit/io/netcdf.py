@@ -238,17 +238,6 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
             yield dataset
 
 
-def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
-    """Give new hashes to a labkit file that was edited on purpose. Raises InputError. note: a line for its history."""
-    if not ends(_read_all, path):
-        raise damaged(path, "the netCDF library crashes or does not come to an end when it reads it")
-    with extended_netcdf(Path(path), 0) as dataset:
-        if "labkit_file" not in dataset.ncattrs():
-            raise InputError(f"{path} is not a labkit file: give a state, run or probes file")
-        dataset.history = "\n".join(filter(None, (_text(dataset, "history"), note)))
-        set_hashes(dataset, complete="data_sha256" in dataset.ncattrs())
-
-
 def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
     """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
     with whole_file(path) as temporary, failure_named(path), netcdf_library():

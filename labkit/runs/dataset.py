@@ -21,6 +21,7 @@ from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
 from labkit.io.schema import RECORD, STATE
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.accessor import Lab, with_axes
+from labkit.runs.of_runs import OfRuns
 
 
 def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
@@ -51,6 +52,12 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
         pass
     with damage_named(path), xr.open_dataset(path, engine="netcdf4", decode_cf=False, cache=False) as records:
         yield records
+
+
+@xr.register_dataset_accessor("lab")
+def lab_of(data: xr.Dataset) -> Lab | OfRuns:
+    """The accessor `.lab` of a run, or of the runs of a campaign."""
+    return OfRuns(data) if data.attrs.get("labkit_file") == "campaign" else Lab(data)
 
 
 @xr.register_datatree_accessor("lab")

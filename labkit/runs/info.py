@@ -15,7 +15,7 @@ from labkit.errors import InputError
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state import read_state
-from labkit.io.netcdf import labkit_kind, open_netcdf
+from labkit.io.netcdf import extended_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import RECORD, STATE
 from labkit.parameters import parameters_of
@@ -154,6 +154,19 @@ def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
         raise InputError(f"{path} holds no hashes: it is unfinished, or was written by an earlier version of labkit")
     lines = [f"  {subject:<40} {verdict}" for subject, verdict in verdicts]
     return lines, all(verdict == "same" for _, verdict in verdicts)
+
+
+def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
+    """Give new hashes to a netCDF file of labkit that another program has edited on purpose.
+
+    `note` is a line for its history. Raises InputError for another file, or if bytes differ without such an edit.
+    """
+    kind = file_kind(path)
+    if kind in ("figure", "output"):
+        raise InputError(f"{path} is a labkit {kind}, which has no hashes of its own: give a state, run or probes file")
+    with extended_netcdf(Path(path), 0) as dataset:
+        dataset.history = f"{getattr(dataset, 'history', '')}\n{note}".strip()
+        set_hashes(dataset, complete="data_sha256" in dataset.ncattrs())
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:

@@ -13,8 +13,8 @@ import pytest
 import labkit as lk
 from labkit.grains.state import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
-from labkit.io.netcdf import renew_hashes
 from labkit.records.checkpoint import read_checkpoint
+from labkit.runs.info import renew_hashes
 from tests.changed import changed
 from tests.conftest import PATIENCE
 
