@@ -30,7 +30,7 @@ from labkit.model.driver import Result, variables_of
 from labkit.model.parameters import Model
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
-from labkit.runs.accessor import with_axes
+from labkit.runs.dataset import with_axes
 
 MODEL_ENGINE = "model"
 

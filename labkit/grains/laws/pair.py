@@ -31,8 +31,7 @@ def compose_pair(
     move, carry = kinematics.move, kinematics.carry
     spring, tangent = normal.force, normal.tangent
     shear_stiffness, rescale, friction_lost = tangential.stiffness, tangential.rescale, tangential.loss
-    roll_stiffness = rolling.stiffness
-    rotate = compose_rotation(kinematics, rolling, twisting)
+    rotate, roll_stiffness = compose_rotation(kinematics, rolling, twisting), rolling.stiffness
     coefficients, push, bounding, drag = damping.coefficients, damping.push, damping.bound, damping.drag
     dashpot_lost = damping.loss
 
