@@ -71,8 +71,8 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
             others[name] = read_fields(node, consolidated_keys(), where, errors, several, line=line)
             continue
         fields = read_fields(node, specimen_keys(), where, errors, specimen_keys(), line=line)
-        several = fields.combinations(MULTIPLIED["specimens"])
-        items = [item for suffix, one in several for item in _made(name + suffix, one, top)]
+        combined = fields.combinations(MULTIPLIED["specimens"])
+        items = [item for suffix, one in combined for item in _made(name + suffix, one, top)]
         groups[name] = [item.name for item in items]
         made += items
     origins = {item.name: item for item in made}

@@ -115,7 +115,8 @@ def _add_key(figure: Drawing, runs: Runs) -> None:
     styles = STYLES if any(map(has_grains, runs.values())) else MODEL_STYLES
     gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
     labels = figure.axes[0].get_legend_handles_labels()[0] if len(runs) > 1 else []
-    figure.key(columns_of(runs, 5), labels + gray_lines({who: style for who, (_, style) in styles.items()}, gray))
+    lines = gray_lines({who: style for who, (_, style) in styles.items()}, gray)
+    figure.key(columns_of(runs, 5), [*labels, *lines])
     if len(runs) == 1:
         add_heading(figure, next(iter(runs.values())))
 
