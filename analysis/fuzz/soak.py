@@ -84,7 +84,7 @@ def _round(folder: Path, job: Job, fault: str, chance: random.Random, inputs: di
     if "Traceback" in said:
         problems.append(said[-600:])
     for name in names_in(folder):
-        problems += _wrong(folder / name, hurt)
+        problems += faults_of(folder / name, hurt)
     if hurt is not None:  # it is an input again, or gone
         hurt.write_bytes(inputs[hurt.name]) if hurt.name in inputs else hurt.unlink(missing_ok=True)
     return Round(job, fault, code, problems)
@@ -96,7 +96,7 @@ def _fill(size: int) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-def _wrong(file: Path, hurt: Path | None) -> list[str]:
+def faults_of(file: Path, hurt: Path | None) -> list[str]:
     """What is wrong with a file, one sentence each."""
     if not file.name.endswith(".nc") or file.name.startswith("."):
         return [f"{file.name} is empty"] * (file.is_file() and not file.stat().st_size and _is_output(file, hurt))

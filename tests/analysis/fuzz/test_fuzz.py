@@ -10,7 +10,8 @@ import time
 
 import pytest
 
-from analysis.fuzz import extremes, kills
+import labkit as lk
+from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import Case, in_child, in_children
 from analysis.fuzz.command import Log, add_options, main
 from analysis.fuzz.damage import DAMAGES, damaged
@@ -94,3 +95,13 @@ def test_damage_is_repeatable_and_changes_the_content(kind):
     made = [damaged(content, kind, seed) for seed in range(20)]
     assert made == [damaged(content, kind, seed) for seed in range(20)]
     assert content not in made and len(set(made)) > 10
+
+
+def test_a_soak_finds_what_is_not_whole(soft_specimen, tmp_path):
+    whole, cut, empty = (tmp_path / name for name in ("1.out.state.nc", "2.out.state.nc", "3.out.csv"))
+    for file in (whole, cut):
+        lk.write_state(file, soft_specimen)
+    cut.write_bytes(cut.read_bytes()[:-500])
+    empty.write_bytes(b"")
+    assert [len(soak.faults_of(file, None)) for file in (whole, cut, empty)] == [0, 1, 1]
+    assert not soak.faults_of(cut, cut)  # it was damaged on purpose
