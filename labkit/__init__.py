@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from labkit.runs.critical import critical_states as critical_states
     from labkit.runs.dataset import open_run as open_run
     from labkit.runs.dataset import open_state as open_state
+    from labkit.runs.element import Element as Element
     from labkit.runs.figures import register_figure as register_figure
     from labkit.runs.laboratory import consolidate as consolidate
     from labkit.runs.laboratory import make_specimen as make_specimen
