@@ -7,6 +7,8 @@ import sys
 
 import numpy as np
 
+STATED = ("density", "young", "poisson", "frictionAngle", "alphaKr", "etaRoll")
+
 save, output = sys.argv[1:3]
 O.load(save)
 spheres = [body for body in O.bodies if isinstance(body.shape, Sphere)]
@@ -23,5 +25,9 @@ np.savez(
     pairs=np.array([(contact.id1, contact.id2) for contact in contacts], dtype=int),
     overlap=np.array([getattr(contact.geom, "penetrationDepth", np.nan) for contact in contacts]),
     normal_force=np.array([contact.phys.normalForce.dot(contact.geom.normal) for contact in contacts]),
+    materials=[
+        " ".join(f"{name} {value:g}" for name, value in material.dict().items() if name in STATED)
+        for material in O.materials
+    ],
     shear_force=np.array([tuple(getattr(each, "shearForce", (0.0, 0.0, 0.0))) for each in physics]),
 )

@@ -90,13 +90,11 @@ class Answers(Named):
         cell = packing.cell if self.box is None else self.cell()
         size, size_is = packing.size, packing.size_is or self.size
         metre = _unit(self.length_unit, LENGTHS, "length_unit") or packing.length_unit
-        _require(box=cell, diameter=size, size=size is None or size_is, length_unit=metre)
+        contacts, newton = packing.contacts, _unit(self.force_unit, FORCES, "force_unit") or packing.force_unit
+        of_contacts = {} if contacts is None else self._of_contacts(contacts, newton, packing)
+        _require(box=cell, diameter=size, size=size is None or size_is, length_unit=metre, **of_contacts)
         assert size is not None and cell is not None and metre is not None
-        contacts = packing.contacts
         if contacts is not None:
-            newton = _unit(self.force_unit, FORCES, "force_unit") or packing.force_unit
-            if contacts.has_forces:
-                _require(force_unit=newton)
             contacts = self._contacts(contacts, newton or 1.0, metre)
         return dataclasses.replace(
             packing,
@@ -110,13 +108,20 @@ class Answers(Named):
             force_unit=1.0,
         )
 
+    def _of_contacts(self, contacts: ContactList, newton: float | None, packing: Packing) -> dict[str, object]:
+        """What must be known of the contacts, by the fields that say it; None if it is not."""
+        known: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
+        if contacts.normal_force is not None:
+            known["force_sign"] = contacts.positive or self.force_sign
+        if contacts.tangential_force is not None or contacts.force is not None:
+            known["force_on"] = contacts.acts_on or self.force_on
+        if packing.id is None:
+            known["first_id"] = first_id(contacts.grain, len(packing)) if self.first_id is None else self.first_id
+        return known
+
     def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
         """Convert contacts to N and m, with compression positive and vectors on the first grain."""
         positive, acts_on = contacts.positive or self.force_sign, contacts.acts_on or self.force_on
-        if contacts.normal_force is not None:
-            _require(force_sign=positive)
-        if contacts.tangential_force is not None or contacts.force is not None:
-            _require(force_on=acts_on)
         on_first = newton if acts_on == FIRST else -newton
         return dataclasses.replace(
             contacts,
@@ -127,6 +132,11 @@ class Answers(Named):
             acts_on=FIRST,
             overlap=_times(contacts.overlap, metre),
         )
+
+
+def first_id(grain: np.ndarray, grains: int) -> int | None:
+    """Number of the first grain: 0 or 1 if the list proves it, else None."""
+    return 0 if (grain == 0).any() else 1 if (grain == grains).any() else None
 
 
 def _times(values: np.ndarray | None, factor: float) -> np.ndarray | None:
@@ -170,6 +180,7 @@ QUESTIONS = {  # field of Answers -> what the file lacks, and what to give
     "force_unit": ("no force unit", f"one of {', '.join(FORCES)}"),
     "force_sign": ("no word on which normal force is positive", "compression or tension"),
     "force_on": ("no word on which grain the forces act on", "first or second"),
+    "first_id": ("no word on whether its contact list counts grains from 0 or from 1", "0 or 1"),
 }
 
 

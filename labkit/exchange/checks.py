@@ -14,6 +14,7 @@ DEEP = 0.05  # mean overlap over mean diameter, above labkit's limit of 0.02: wo
 TOO_DEEP = 0.25  # mean overlap over mean diameter, which no contact law allows
 DENSE = 0.15  # void ratio below which grains overlap too much for any packing of spheres
 THIN = 3.0  # void ratio of touching grains above which sizes are probably too small
+APART = 1e-3  # gap over mean diameter from which a listed contact counts as open: a time step opens smaller ones
 DIFFERENT = 0.2  # relative difference between overlaps of a file and of its grains
 MANY = 0.5  # share of contacts above which a mistake is certain rather than local
 BALANCED = 0.5  # ratio of the resultant forces on grains below which the other sign of tangential forces is right
@@ -69,7 +70,7 @@ def check_contacts(
 ) -> list[Doubt]:
     """Check overlaps (n,) of the grains and as listed, and normal forces, in SI units; returns the findings."""
     found = []
-    apart = overlap < -1e-6 * diameter
+    apart = overlap < -APART * diameter
     if apart.any():
         gap = -overlap[apart].mean() / diameter
         text = f"{apart.mean():.1%} of the listed contacts are between grains that do not touch, {gap:.1%} of D apart"
@@ -77,7 +78,8 @@ def check_contacts(
         found.append(Doubt(f"{text}: {question}", bool(apart.mean() > MANY)))
     if listed is not None and len(overlap) and np.isfinite(listed).all():
         size = np.abs(listed).mean()
-        if size > 0.0 and np.abs(overlap - listed).mean() > DIFFERENT * size:
+        either_sign = min(float(np.abs(overlap - sign * listed).mean()) for sign in (1.0, -1.0))
+        if size > 0.0 and either_sign > DIFFERENT * size:
             text = f"the overlaps in the file, {size / diameter:.2%} of D, differ from those of the grains"
             found.append(Doubt(f"{text}, {overlap.mean() / diameter:.2%}: are sizes, units and box right?"))
     if normal_force is not None and len(normal_force):

@@ -26,6 +26,7 @@ class Vocabulary:
         spellings: Name used here -> spellings of other programs, in lower case and without units.
         units: Units that a header may give in brackets, in SI units.
         bare: Names of columns whose unit does not count.
+        needed: Names without which a table cannot be used.
         option: Command-line option that names the columns.
         example: Example of the value of this option.
     """
@@ -33,6 +34,7 @@ class Vocabulary:
     spellings: Mapping[str, Collection[str]]
     units: Mapping[str, float]
     bare: Collection[str]
+    needed: Sequence[str]
     option: str
     example: str
 
@@ -64,6 +66,13 @@ class Vocabulary:
                 )
             if own is not None:
                 columns[own], spelled[own] = column, name
+        missing = [name for name in self.needed if name not in columns]
+        if missing:
+            listed = ", ".join(f"{number} {name}" for number, name in enumerate(names, 1))
+            raise InputError(
+                f"{where} has no column {missing[0]}; its columns are {listed}: name them with {self.option}, e.g. "
+                f"{self.example}, where - skips one"
+            )
         found = {self._unit_in(name) for own, name in spelled.items() if own not in self.bare}
         return columns, found.pop() if len(found) == 1 else None
 
@@ -115,6 +124,7 @@ GRAIN = Vocabulary(
     },
     LENGTHS,
     ("id",),
+    tuple(AXES),
     "--columns",
     "x,y,z,radius,-",
 )
@@ -136,6 +146,7 @@ CONTACT = Vocabulary(
     },
     FORCES,
     ("id1", "id2", "overlap"),
+    ("id1", "id2"),
     "--contact-columns",
     "id1,id2,fx,fy,fz",
 )

@@ -58,7 +58,7 @@ def import_command(
         labkit import grains.csv --contacts contacts.csv --box 4,4,4 --length-unit mm --size radius --force-unit N
             --force-sign compression -o mine.state.nc
     """
-    from labkit.exchange.importing import read, require_accepted
+    from labkit.exchange.importing import other_stress, read, require_accepted
     from labkit.grains.state import write_state
     from labkit.io.provenance import provenance_json
 
@@ -69,6 +69,7 @@ def import_command(
     require_accepted(found.findings, accept)
     tell_replaced(output)
     state = found.state(scene)
+    _say([Doubt(text)] if (text := other_stress(found, state)) else [], accept)
     inputs = [name for name in (file, contacts) if name]
     made = provenance_json(history, inputs, output)
     write_state(output, state.replace(history=history, provenance=made, engine="import"))

@@ -13,10 +13,12 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
+from labkit.exchange.answers import first_id as known_first_id
 from labkit.exchange.checks import Doubt, check_balance, check_contacts, check_grains, check_missing
 from labkit.exchange.formats import FORMATS, format_of
 from labkit.exchange.packing import ContactList, Packing
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
+from labkit.grains.grading import MOST_RATIO
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.valid import FAR
@@ -24,10 +26,12 @@ from labkit.io.provenance import provenance_json
 from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
 from labkit.micro.snapshot import Snapshot
+from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import grain_volume
 
 Name = str | os.PathLike[str]
 FULL = 5.0  # volume of the grains over that of their box: they overlap too much to list all pairs
+SAME_STRESS = 0.02  # relative difference of mean stresses that is not worth a word
 WIDEST = 2.0  # size of a grain over the width of its box
 
 
@@ -62,9 +66,11 @@ class Imported:
     def scene(self, scene: Scene) -> Scene:
         """Return the scene with the mean and the spread of these grains' diameters.
 
-        The spread is that of the uniform distribution with the same standard deviation, at most 0.9.
+        The spread is that of the uniform distribution with the same standard deviation, or less if its largest diameter
+        were more than MOST_RATIO times the smallest.
         """
-        spread = min(float(np.sqrt(3.0) * self.radius.std() / self.radius.mean()), 0.9)
+        widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
+        spread = min(float(np.sqrt(3.0) * self.radius.std() / self.radius.mean()), 0.999 * widest)
         return scene.replace(mean_diameter=2.0 * float(self.radius.mean()), diameter_spread=spread)
 
     def state(self, scene: Scene) -> State:
@@ -85,6 +91,25 @@ class Imported:
             return snapshot
         contacts = dataclasses.replace(snapshot.contacts, normal_force=self.normal_force)
         return dataclasses.replace(snapshot, contacts=contacts)
+
+
+def other_stress(found: Imported, state: State) -> str | None:
+    """What to say if the forces of the file have another mean stress than the State made of it; None if they have not.
+
+    At given overlaps the normal forces of a contact law are proportional to Young's modulus.
+    """
+    if found.normal_force is None:
+        return None
+    theirs = float(mean_stress(love_stress(found.snapshot(state.scene))))
+    own = float(mean_stress(love_stress(state.snapshot())))
+    if own <= 0.0 or theirs <= 0.0 or abs(own / theirs - 1.0) < SAME_STRESS:
+        return None
+    modulus = state.scene.young_modulus
+    return (
+        f"the contact forces of the file have a mean stress of {theirs / 1e3:.4g} kPa, those of the state "
+        f"{own / 1e3:.4g} kPa, from the overlaps and E = {modulus:.4g} Pa: "
+        f"--young-modulus {modulus * theirs / own:.6g} keeps the stress of the file"
+    )
 
 
 def read(file: Name, contacts: Name | None = None, format: str | None = None, **answers: Any) -> Imported:
@@ -119,6 +144,9 @@ def imported(packing: Packing, first_id: int | None = None) -> Imported:
     assert radius is not None and cell is not None
     pairs, shift, overlap = overlapping_pairs(position, radius, cell)
     findings = [Doubt(note) for note in packing.notes]
+    if (ratio := float(radius.max() / radius.min())) > MOST_RATIO:
+        text = f"the diameters differ {ratio:.3g}-fold: the scene of the state says at most {MOST_RATIO:g}-fold"
+        findings.append(Doubt(text))
     findings += check_grains(position, radius, cell, packing.origin, overlap, pairs)
     if packing.origin is not None:
         position = position - packing.origin
@@ -203,8 +231,8 @@ def _between_grains(contacts: ContactList, packing: Packing, first_id: int | Non
     """Return contacts between two grains, each once, with numbers instead of ids; and notes on the others."""
     identity = packing.id
     if identity is None:
-        first = _first_id(contacts.grain, len(packing)) if first_id is None else first_id
-        identity = np.arange(first, first + len(packing))
+        first = known_first_id(contacts.grain, len(packing)) if first_id is None else first_id
+        identity = np.arange(first or 0, (first or 0) + len(packing))
     order = np.argsort(identity)
     place = np.searchsorted(identity[order], contacts.grain).clip(0, len(order) - 1)
     known = (identity[order][place] == contacts.grain).all(axis=1)
@@ -219,15 +247,6 @@ def _between_grains(contacts: ContactList, packing: Packing, first_id: int | Non
         (len(contacts) - len(first_listed), "contacts are listed twice: the first of each is used"),
     )
     return contacts.rows(np.sort(first_listed)), [f"{count} {what}" for count, what in notes if count]
-
-
-def _first_id(grain: np.ndarray, grains: int) -> int:
-    """Return the number of the first grain, 0 or 1, if the list proves it. Raises InputError otherwise."""
-    if (grain == 0).any():
-        return 0
-    if (grain == grains).any():
-        return 1
-    raise InputError("the contact list may count grains from 0 or from 1: give --first-id, 0 or 1")
 
 
 def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
@@ -276,6 +295,8 @@ def import_state(
     for finding in found.findings:
         warnings.warn(str(finding), stacklevel=2)
     state = found.state(scene or Scene())
+    if (text := other_stress(found, state)) is not None:
+        warnings.warn(text, stacklevel=2)
     inputs = [name for name in (file, contacts) if name is not None]
     return state.replace(provenance=provenance_json(None, inputs), engine="import")
 

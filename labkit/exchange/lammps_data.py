@@ -27,7 +27,7 @@ TILTS = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+xy\s+xz\s+yz", re.MULTILINE)
 VECTORS = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+([abc])vec", re.MULTILINE)
 ORIGIN = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+abc\s+origin", re.MULTILINE)
 COUNT = re.compile(r"^\s*(\d+)\s+atoms", re.MULTILINE)
-ATOMS = re.compile(r"^\s*Atoms\s*(?:#\s*(\S+))?[^\n]*\n", re.MULTILINE)
+ATOMS = re.compile(r"^[ \t]*Atoms[ \t]*(?:#[ \t]*([\w/]+))?[^\n]*\n", re.MULTILINE)
 
 
 class LammpsData(Format):
@@ -50,10 +50,11 @@ class LammpsData(Format):
         rows = [line.partition("#")[0].split() for line in lines if line.strip()][: int(count[1])]
         style = section[1]
         names = answer_names(answers.columns) or STYLES.get(style or "sphere")
-        if names is None or (style is None and rows and len(rows[0]) not in (7, 10)):
+        if names is None or (style is None and answers.columns is None and not _may_be_spheres(rows)):
+            what = f"atom style {style}, which has no grain sizes" if style else "atoms of an unnamed style"
+            example = f"{len(rows[0])} columns of the section Atoms" if rows else "columns of the section Atoms"
             raise InputError(
-                f"{file} has atom style {style or 'unknown'}: name its columns with --columns, "
-                "e.g. id,-,diameter,-,x,y,z"
+                f"{file} has {what}: name the {example} with --columns, e.g. id,-,diameter,-,x,y,z, where - skips one"
             )
         try:
             values = same_length([[float(word) for word in row[: len(names)]] for row in rows])
@@ -88,6 +89,14 @@ class LammpsData(Format):
         rows = np.column_stack([velocity, spin]).tolist()
         lines += [f"{number} {' '.join(map(repr, row))}" for number, row in enumerate(rows, 1)]
         write_text(file, "\n".join(lines) + "\n")
+
+
+def _may_be_spheres(rows: list[list[str]]) -> bool:
+    """True if rows of an unnamed style may be id, type, diameter, density, x, y, z, perhaps with image flags.
+
+    In the styles of molecules with seven columns the third is the type, a whole number.
+    """
+    return bool(rows) and len(rows[0]) in (7, 10) and not all(row[2].isdigit() for row in rows if len(row) > 2)
 
 
 def _cell_and_origin(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:

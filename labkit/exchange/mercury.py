@@ -9,7 +9,7 @@ import numpy as np
 
 from labkit.exchange.answers import Answers
 from labkit.exchange.formats import Format, damaged_file, whole_text
-from labkit.exchange.packing import FIRST, RADIUS, ContactList, Packing
+from labkit.exchange.packing import FIRST, RADIUS, ContactList, Packing, stated_material
 
 DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")
 NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")
@@ -42,6 +42,7 @@ class MercuryRestart(Format):
         contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
         packing = Packing(position, radius, RADIUS, identity, cell, origin, contacts)
         walls = len(interactions) - len(pairs)
+        notes += [stated_material(line.split()[3:]) for line in section(lines, "Species") if len(line.split()) > 3]
         return packing.noting(*notes, *([f"{walls} contacts with walls are left out"] if walls else []))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -92,3 +93,9 @@ def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float =
     cell = np.diag(np.asarray(lengths, dtype=float))
     cell[0, 1], cell[0, 2], cell[1, 2] = xy, xz, yz
     return cell
+
+
+def stated_material(words: Sequence[str]) -> str:
+    """The note on the material that a file states, names and numbers in turn, which labkit does not take over."""
+    pairs = [f"{name} {value}" for name, value in zip(words[::2], words[1::2], strict=False)]
+    return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"

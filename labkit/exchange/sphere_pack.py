@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers
-from labkit.exchange.columns import same_length
+from labkit.exchange.columns import is_number, same_length
 from labkit.exchange.formats import Format, damaged_file, whole_text
 from labkit.exchange.packing import RADIUS, Packing
+from labkit.exchange.tables import TextTable
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
 
@@ -18,7 +20,10 @@ MARK = "##PERIODIC::"
 
 
 class SpherePack(Format):
-    """Text written by SpherePack.save. Its box is a cuboid with a corner at the origin; it has no contacts."""
+    """Text written by SpherePack.save, or other columns below its first line, a header or --columns naming them.
+
+    Its box is a cuboid with a corner at the origin; it has no contacts.
+    """
 
     name = "sphere_pack"
     description = "text of YADE's SpherePack, with its periodic box"
@@ -31,8 +36,11 @@ class SpherePack(Format):
         rows = [line.split() for line in whole_text(file).splitlines() if line.strip()]
         boxes = [words for words in rows if words[0].startswith("##PERIODIC")]
         rows = [words for words in rows if not words[0].startswith("#")]
+        named = answers.columns is not None or not all(map(is_number, rows[0] if rows else []))
         try:
             box = np.array([float(word) for word in boxes[0][1:4]]) if boxes else None
+            if named and box is not None and box.shape == (3,):
+                return dataclasses.replace(TextTable().read(file, answers), cell=np.diag(box), origin=np.zeros(3))
             values = same_length([[float(word) for word in words[:5]] for words in rows])
         except ValueError as error:
             raise damaged_file(file, error) from None

@@ -16,6 +16,7 @@ from labkit.exchange.formats import Format, whole_text
 from labkit.exchange.packing import ContactList, Packing
 
 MOST_COLUMNS = 1000
+FEWEST = 3  # numbers in a row of grains or of contacts
 
 
 class TextTable(Format):
@@ -33,7 +34,7 @@ class TextTable(Format):
         if file.is_dir() or "\0" in head:
             return False
         rows = [line for line in head.splitlines()[:50] if line.strip() and not line.lstrip().startswith("#")]
-        return bool(rows) and any(all(map(is_number, _split(line))) for line in rows[:2])
+        return bool(rows) and any(sum(map(is_number, _split(line))) >= FEWEST for line in rows[:2])
 
     def read(self, file: Path, answers: Answers) -> Packing:
         header, values = table_rows(file)
@@ -48,7 +49,10 @@ class TextTable(Format):
 
 
 def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
-    """Read a table; returns the names of its columns, or None, and values (n, k). Raises InputError if it is none."""
+    """Read a table; returns the names of its columns, or None, and values (n, k), NaN for words. Raises InputError.
+
+    A first row without a number has the names.
+    """
     lines = [line for line in whole_text(file).splitlines() if line.strip()]
     comments = [line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")]
     lines = [line for line in lines if not line.lstrip().startswith("#")]
@@ -57,19 +61,20 @@ def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
     first = _split(lines[0])
     if len(first) > MOST_COLUMNS:
         raise InputError(f"{file} has {len(first)} columns: give a table of at most {MOST_COLUMNS}")
-    header = None if all(map(is_number, first)) else first
+    header = None if any(map(is_number, first)) else first
     if header is None:
         header = next((names for line in reversed(comments) if (names := _names(line, len(first)))), None)
     else:
         lines = lines[1:]
     separator = next((mark for mark in ",;\t" if lines and mark in lines[0]), r"\s+")
     try:
-        frame = pandas.read_csv(io.StringIO("\n".join(lines)), sep=separator, header=None, comment="#", dtype=float)
+        text = pandas.read_csv(io.StringIO("\n".join(lines)), sep=separator, header=None, comment="#", dtype=str)
     except (ValueError, pandas.errors.ParserError) as error:
         raise InputError(f"{file} is not a table of numbers ({str(error).splitlines()[0]})") from None
-    if frame.isna().to_numpy().any():
-        row = int(np.flatnonzero(frame.isna().to_numpy().any(axis=1))[0])
-        raise InputError(f"{file} lacks a number in row {row + 1}: repair the table")
+    frame = text.apply(pandas.to_numeric, errors="coerce").astype(float)
+    lacking = frame.loc[:, frame.notna().any()].isna().to_numpy().any(axis=1)
+    if lacking.any() or frame.isna().all(axis=None):
+        raise InputError(f"{file} lacks a number in row {int(np.argmax(lacking)) + 1}: repair the table")
     return header, frame.to_numpy()
 
 

@@ -11,7 +11,7 @@ from labkit.engines.yade_process import find_script, run_script
 from labkit.errors import PhysicsError
 from labkit.exchange.answers import Answers
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, ContactList, Packing
+from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, ContactList, Packing, stated_material
 
 SCRIPT = "read_save.py"
 
@@ -64,4 +64,5 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
     )
     clumped, others = int(saved["clumped"]), int(saved["others"])
     notes = [f"{clumped} grains are parts of clumps: they become separate grains"] if clumped else []
+    notes += [stated_material(str(one).split()) for one in saved.get("materials", ()) if str(one)]
     return packing.noting(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))

@@ -40,6 +40,9 @@ def driver_command(
     on: Annotated[
         str | None, Option(f"state or run file of the grains to test, or `{MODEL}`", "SPECIMEN", group="files")
     ] = None,
+    block: Annotated[
+        int, Option("number of the test to carry out, from 1, if the file has several", type=int, group="files")
+    ] = 1,
     initial: Annotated[
         str | None,
         Option("initialconditions.inp, the initial stress and state variables", "FILE", group="files"),
@@ -73,10 +76,11 @@ def driver_command(
     """
     from labkit.incremental.driver_file import read_test
 
-    wanted = read_test(require(test, "test", "a test file, e.g. test.inp"), stress_unit)
+    wanted = read_test(require(test, "test", "a test file, e.g. test.inp"), stress_unit, block)
     on = require(on, "on", f"a state file, or {MODEL}")
     files = [file for file in (test, initial, parameters) if file] + ([on] if on != MODEL else [])
-    name = f"{wanted.file.stem}_{MODEL if on == MODEL else stem(on)}.run.nc"
+    test_name = wanted.file.stem + (f"_{block}" if block > 1 else "")
+    name = f"{test_name}_{MODEL if on == MODEL else stem(on)}.run.nc"
     output = output or str(wanted.file.parent / name)
     if not columns and File(wanted.output).name != wanted.output:  # a file of a stranger may name any place
         raise InputError(f"{test} names its output in another folder, {wanted.output}: say where with --columns")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 from pathlib import Path
 
@@ -41,15 +42,20 @@ class DriverFile:
         return Steps(rate=rate, steps=self.steps, order=self.order, **given)
 
 
-def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverFile:
+def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int = 1) -> DriverFile:
     """Read a test file. Raises InputError with the line and the word that is not valid.
 
-    `stress_unit` is the unit of the stresses in the file: Pa, kPa or MPa.
+    stress_unit: of the stresses in the file, one of Pa, kPa, MPa; block: number of the test, from 1, if the file has
+    several, each with the name of its output file first and *End last.
     """
     if stress_unit not in STRESS_UNITS:
         allowed = f"one of {', '.join(STRESS_UNITS)}"
         raise InputError("is unknown", field="stress_unit", value=stress_unit, allowed=allowed)
     source = Source(Path(file))
+    starts = _blocks(source)
+    if not 1 <= block <= len(starts):
+        raise InputError(f"is not in {file}", field="block", value=block, allowed=f"a number from 1 to {len(starts)}")
+    source.go_to(starts[block - 1])
     output, heading = _output(source)
     reader = StepReader(source, stress_unit)
     steps: list[Phase] = []
@@ -70,7 +76,21 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa") -> DriverF
             steps.append(reader.step(line))
     if not steps:
         raise source.last.error("there are no steps: give at least one, e.g. *TriaxialE1")
-    return DriverFile(source.file, output, heading, tuple(steps), tuple(order), _notes(steps))
+    others = f"{source.file} has {len(starts)} tests, of which number {block} is carried out: --block chooses another"
+    notes = (*[others] * (len(starts) > 1), *_notes(steps))
+    return DriverFile(source.file, output, heading, tuple(steps), tuple(order), notes)
+
+
+def _blocks(source: Source) -> list[int]:
+    """Numbers of the lines, from 0, at which tests begin; text after *End without a keyword is none."""
+    lines = [line.strip().lower() for line in source.raw]
+    ends = [number for number, line in enumerate(lines) if line.startswith("*end")]
+    starts = [0]
+    for begin, end in itertools.pairwise([number + 1 for number in ends] + [len(lines)]):
+        first = next((k for k in range(begin, end) if lines[k]), end)
+        if any(line.startswith("*") for line in lines[first + 1 : end - 1]):
+            starts.append(first)
+    return starts
 
 
 def _output(source: Source) -> tuple[str, str]:

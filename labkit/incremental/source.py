@@ -79,6 +79,10 @@ class Source:
         number = max(self._at, 1)
         return Line(self.file, number, without_comment("".join(self.raw[number - 1 : number])))
 
+    def go_to(self, line: int) -> None:
+        """Continue at a line, counted from 0."""
+        self._at = line
+
     def whole_line(self) -> str | None:
         """The next line with its comment, or None at the end of the file."""
         if self._at == len(self.raw):
