@@ -59,7 +59,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             raise InputError(f'{_label(entry)} has no name: give it one, e.g. name = "mine"')
         taken = self._entries.get(name, self._aliases.get(name))
         if taken is not None and _origin(taken) != _origin(entry):
-            raise self._taken(name)
+            raise self._name_error(name)
         self._entries[name] = cast(Entry, entry)
         return entry
 
@@ -70,9 +70,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         """
         taken = self._entries.setdefault(name, place)
         if taken != place:
-            raise self._taken(name)
+            raise self._name_error(name)
 
-    def _taken(self, name: str) -> InputError:
+    def _name_error(self, name: str) -> InputError:
         return InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
 
     def __getitem__(self, name: str) -> Entry:

@@ -1,7 +1,8 @@
 """Commands in processes forked from one that has imported labkit, which saves a second for every command.
 
-A command still runs in a process of its own, with its own command line, working folder, environment and exit code.
-What a new interpreter reads at its start, such as PYTHONPATH, is that of the tests: change it in a process of its own.
+A command still runs in a separate process, with its own command line, working folder, environment and exit code.
+Settings that a new interpreter reads when it starts, such as PYTHONPATH, are those of the tests; to change them,
+start a separate process.
 """
 
 import atexit

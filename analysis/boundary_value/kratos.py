@@ -32,7 +32,7 @@ from labkit.umat import properties
 GAUSS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / np.sqrt(3.0)  # Kratos's order of the four points
 POINTS = len(GAUSS)
 LAW = "SmallStrainUMAT2DPlaneStrainLaw"
-PLAIN = {  # properties that a drained, weightless element asks for and that do not change the solution
+PLAIN = {  # properties that a drained, weightless element requires and that do not change the solution
     "DENSITY_SOLID": 0.0,
     "DENSITY_WATER": 0.0,
     "POROSITY": 0.4,

@@ -48,7 +48,7 @@ class RunBatch:
         return f"{BATCHES}/{self.name}.done"
 
 
-def batched(job: Job) -> bool:
+def can_batch(job: Job) -> bool:
     """True if a job is a run of a specimen on an engine that advances runs together."""
     return job.kind == "run" and on_gpu(job) and str(job.source).endswith(".state.nc")
 
@@ -64,12 +64,12 @@ def batches_of(plan: Plan) -> tuple[RunBatch, ...]:
     Raises InputError if the campaign file does not give the memory and this computer has no GPU.
     """
     groups: dict[tuple[str, str], list[Job]] = defaultdict(list)
-    for job in filter(batched, plan.runs):
+    for job in filter(can_batch, plan.runs):
         groups[job.item.engine, job.item.precision].append(job)
     batches = []
     for (name, precision), jobs in groups.items():
         engine, given = ENGINES[name].abilities.batches, plan.campaign.gpu_memory
-        assert engine is not None  # `batched`
+        assert engine is not None  # `can_batch`
         room = engine.room() if given is None else given * GB
         keys, sizes = [], []
         for job in jobs:

@@ -125,13 +125,13 @@ def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth
     for number, one in enumerate(node, start=1):
         name = f"{where}, step {number}"
         if isinstance(one, Block) and REPEAT in one:
-            order += _repeated(one, name, errors, steps, depth)
+            order += _read_repeat(one, name, errors, steps, depth)
         else:
             order += _single(one, name, errors, steps)
     return order
 
 
-def _repeated(node: Block, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
+def _read_repeat(node: Block, where: str, errors: Errors, steps: list[Phase], depth: int) -> list[int]:
     times = Parameter(REPEAT, kind=int, low=1, high=MOST_STEPS)
     fields = read_fields(node, {REPEAT: times}, where, errors, sections=(STEPS,))
     if STEPS not in node or depth == DEEPEST:
@@ -159,12 +159,12 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
         fields.error("changes nothing: give `stress` or `strain`, e.g. strain: {zz: 2 %}")
     if errors.count > before:
         return []
-    made = _made(fields, changes)
+    made = _phase(fields, changes)
     steps += [] if made is None else [made]
     return [] if made is None else [len(steps) - 1]
 
 
-def _made(fields: Fields, changes: dict[str, dict[str, float]]) -> Phase | None:
+def _phase(fields: Fields, changes: dict[str, dict[str, float]]) -> Phase | None:
     values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
     return fields.attempt(lambda: increments(**values))
 

@@ -129,7 +129,7 @@ def _specimen(grains: int, law: str, folder: Path) -> Path:
 
 def _speed_of(engine: str, files: Sequence[Path]) -> Speed:
     steps = STEPS.get(engine, OTHER_STEPS)
-    runs = [_timed(engine, file, steps) for file in files]
+    runs = [_time_speed(engine, file, steps) for file in files]
     small, large = (1.0 / values["steps_per_second"] for _, values in runs)
     grain_step = max((large - small) / (SIZES[1] - SIZES[0]), 0.1 * large / SIZES[1])
     step = max(small - grain_step * SIZES[0], 0.0)
@@ -138,7 +138,7 @@ def _speed_of(engine: str, files: Sequence[Path]) -> Speed:
     return Speed(start, step, grain_step, last["steps_per_record"], last["steps_per_stress"])
 
 
-def _timed(engine: str, file: Path, steps: int) -> tuple[float, dict[str, float]]:
+def _time_speed(engine: str, file: Path, steps: int) -> tuple[float, dict[str, float]]:
     """Measure in a separate process; returns (seconds, {quantity: value})."""
     begin = time.monotonic()
     values = speed(engine, file, steps)

@@ -34,12 +34,12 @@ def main(argv: list[str] | None = None) -> int:
     """
     argv = sys.argv[1:] if argv is None else argv
     streams.prepare_streams()
-    code = _reported(argv)
-    full = streams.flushed()
+    code = _run_and_report(argv)
+    full = streams.flush_output()
     return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
 
 
-def _reported(argv: list[str]) -> int:
+def _run_and_report(argv: list[str]) -> int:
     """Run a command line and report its error; returns its exit code."""
     try:
         with ended_by_signals():

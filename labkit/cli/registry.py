@@ -90,7 +90,7 @@ def command(
     """Return a decorator that registers a function as a command; only commands outside labkit need a summary here."""
 
     def register(function: Function) -> Command:
-        known = offered().get(name)
+        known = all_commands().get(name)
         if known is not None and known[0] != function.__module__ and not function.__module__.startswith("benchmarks."):
             raise InputError("is the name of another command", field="name", value=name, allowed="another name")
         REGISTERED[name] = Command(name, summary or (known[1] if known else name), function, epilog)
@@ -99,7 +99,7 @@ def command(
     return register
 
 
-def offered() -> dict[str, tuple[str, str]]:
+def all_commands() -> dict[str, tuple[str, str]]:
     """Return labkit's own commands and those of its plug-ins, name -> (module, summary)."""
     load_plugins()
     return BUILT_IN | COMMANDS
@@ -107,14 +107,14 @@ def offered() -> dict[str, tuple[str, str]]:
 
 def summaries() -> dict[str, str]:
     """Return the summary of every installed or loaded command, name -> text."""
-    own = {name: summary for name, (_, summary) in offered().items()}
+    own = {name: summary for name, (_, summary) in all_commands().items()}
     return own | {name: known.summary for name, known in REGISTERED.items()}
 
 
 def find_command(name: str) -> Command | None:
     """Return the command of that name, or None if it is unknown."""
-    if name not in REGISTERED and name in offered():
-        importlib.import_module(offered()[name][0])
+    if name not in REGISTERED and name in all_commands():
+        importlib.import_module(all_commands()[name][0])
     if name not in REGISTERED:
         extensions.load_extensions()
     return REGISTERED.get(name)

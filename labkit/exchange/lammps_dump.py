@@ -97,7 +97,7 @@ def frame_of(file: Path, answers: Answers) -> Frame:
         )
     end = [*starts[1:], len(lines)][number]
     try:
-        frame, step = _parsed(lines[starts[number] : end], units)
+        frame, step = _parse(lines[starts[number] : end], units)
     except (ValueError, IndexError) as error:
         raise damaged_file(file, error) from None
     if len(starts) > 1 and answers.frame is None:
@@ -106,7 +106,7 @@ def frame_of(file: Path, answers: Answers) -> Frame:
     return frame
 
 
-def _parsed(lines: list[str], units: str | None) -> tuple[Frame, int]:
+def _parse(lines: list[str], units: str | None) -> tuple[Frame, int]:
     """Parse a frame; returns it and its step. Raises ValueError or IndexError if it is damaged."""
     marks = [k for k, line in enumerate(lines) if line.startswith("ITEM:")]
     items = {lines[a]: lines[a + 1 : b] for a, b in itertools.pairwise([*marks, len(lines)])}

@@ -36,12 +36,12 @@ class Vtk(Format):
 
     def read(self, file: Path, answers: Answers) -> Packing:
         position, arrays, _ = _read(file)
-        columns = GRAIN.arrays({"position": position, **arrays}, file, _renamed(answers.columns))
+        columns = GRAIN.arrays({"position": position, **arrays}, file, _parse_names(answers.columns))
         return grains_from(columns, file)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
         _, _, arrays = _read(file)
-        columns = CONTACT.arrays(arrays, file, _renamed(answers.contact_columns))
+        columns = CONTACT.arrays(arrays, file, _parse_names(answers.contact_columns))
         if "id1" not in columns:
             raise InputError(
                 f"{file} does not name the grains of its lines: give --contact-columns, e.g. first_grain=id1,"
@@ -50,7 +50,7 @@ class Vtk(Format):
         return contacts_from(columns, file)
 
 
-def _renamed(given: str | None) -> dict[str, str]:
+def _parse_names(given: str | None) -> dict[str, str]:
     """Parse `their=ours` pairs separated by commas: name in the file -> name used here."""
     return dict(part.split("=", 1) for part in answer_names(given) or () if "=" in part)
 

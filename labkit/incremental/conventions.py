@@ -48,7 +48,7 @@ def components(tensors: np.ndarray, shear: float = 1.0) -> np.ndarray:
     return np.stack(columns, axis=-1)
 
 
-def rotated(matrix: np.ndarray) -> np.ndarray:
+def rotate(matrix: np.ndarray) -> np.ndarray:
     """Rotate a matrix (3, 3) from the driver's axes to labkit's, without a change of sign."""
     result = np.empty((3, 3))
     for a in range(3):

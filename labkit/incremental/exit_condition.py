@@ -33,7 +33,7 @@ OTHERS = {
 _TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([A-Za-z]\w*)\s*")
 
 
-def translated(text: str, unit: str) -> str:
+def translate(text: str, unit: str) -> str:
     """Translate the text after the question mark to labkit's condition; `unit` is that of the file's stresses.
 
     Raises InputError, without the line, if the text is not an exit condition.

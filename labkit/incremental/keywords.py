@@ -14,7 +14,7 @@ import numpy as np
 
 from labkit.errors import InputError, nearest
 from labkit.incremental import exit_condition, imported, restrictions
-from labkit.incremental.conventions import STRESS_UNITS, SYSTEMS, rotated, system
+from labkit.incremental.conventions import STRESS_UNITS, SYSTEMS, rotate, system
 from labkit.incremental.source import Line, Source, separated, shortened
 from labkit.paths.phase import Phase, components_of
 from labkit.paths.variables import mixed_step
@@ -63,7 +63,7 @@ class StepReader:
             raise line.error(_unknown(name))
         canonical = next(one for one in NAMES if one.lower() == name.lower())
         try:
-            until = exit_condition.translated(condition, self.stress_unit) if question else None
+            until = exit_condition.translate(condition, self.stress_unit) if question else None
         except InputError as error:
             raise line.error(str(error)) from None
         common = self._common(line, canonical, until)
@@ -176,7 +176,7 @@ def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
     gradients = [np.eye(3) + (F - np.eye(3)) * k / pieces for k in range(pieces + 1)]
     if not all(1e-3 < np.linalg.det(one) < 1e3 for one in gradients):
         raise InputError("the deformation gradient is not a possible deformation: give one with a determinant near 1")
-    steps = [-rotated(np.real(logm(after @ np.linalg.inv(before)))) for before, after in itertools.pairwise(gradients)]
+    steps = [-rotate(np.real(logm(after @ np.linalg.inv(before)))) for before, after in itertools.pairwise(gradients)]
     return Phase(
         strain=tuple(np.ravel(steps)),
         durations=(common.duration / pieces,) * pieces,
@@ -242,10 +242,10 @@ def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[
     return read
 
 
-def _restricted(reader: StepReader, common: StepHead) -> Phase:
+def _restriction(reader: StepReader, common: StepHead) -> Phase:
     mt, me, m = restrictions.restrictions(reader.source)
     strains = me.any(axis=1)
-    found = restrictions.solved(me[strains], m[strains])
+    found = restrictions.solve(me[strains], m[strains])
     if found is None:
         raise InputError("the restrictions on strains contradict or repeat one another: give independent ones")
     solution, basis = found
@@ -283,7 +283,7 @@ NAMES: dict[str, Callable[[StepReader, StepHead], Phase]] = {
     "*PureRelaxation": _short("*Cartesian", (0, 0, 0, 0, 0, 0), None),
     "*PureCreep": _short("*Cartesian", (1, 1, 1, 1, 1, 1), None),
     "*UndrainedCreep": _short("*Roscoe", (0, 1, 1, 1, 1, 1), None),
-    "*ObeyRestrictions": _restricted,
+    "*ObeyRestrictions": _restriction,
     "*PerturbationsS": _perturbations,
     "*PerturbationsE": _perturbations,
     "*RandomWalk": _random_walk,

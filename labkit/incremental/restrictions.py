@@ -55,7 +55,7 @@ def _terms(line: Line, text: str) -> list[tuple[float, str, int]]:
     ]
 
 
-def solved(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def solve(me: np.ndarray, m: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Solve the equations in strains me (r, 6) . e = m (r,): a solution (6,), and a basis (6 - r, 6) for m = 0.
 
     Returns None if the equations contradict or repeat one another. Gauss-Jordan elimination keeps round numbers exact.

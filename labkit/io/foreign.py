@@ -10,7 +10,7 @@ from pathlib import Path
 
 from labkit.errors import InputError
 
-MOST_RATIO = 100  # bytes after decompression for each one in a file
+MOST_RATIO = 100  # highest ratio of the size after decompression to that of the file
 FREE = 100_000_000  # bytes that any file may hold
 
 

@@ -141,7 +141,7 @@ def _add_group(digest: Any, group: netCDF4.Dataset) -> None:
 
 
 def ends(read: Callable[[str], object], file: Name) -> bool:
-    """True if a function of a file ends, be it with an error; tried in a process of its own, if the system has fork.
+    """True if a function of a file ends, be it with an error; tried in a separate process, if the system has fork.
 
     Damage can keep HDF5 busy for ever, or crash it.
     """

@@ -26,7 +26,7 @@ def show(text: str, end: str = "\n") -> None:
         silence()
 
 
-def flushed() -> OSError | None:
+def flush_output() -> OSError | None:
     """Write the last lines of a command to standard output; returns the error, or None. A reader may stop early."""
     try:
         sys.stdout.flush()

@@ -22,7 +22,7 @@ class Writer:
     def start(self, write: Callable[[], None]) -> None:
         """Start running a function; the previous one must have ended (`wait`)."""
         self._started = time.monotonic()
-        self._running = self._executor.submit(self._timed, write)
+        self._running = self._executor.submit(self._write_and_time, write)
 
     def is_due(self) -> bool:
         """True if a write should start now: none is running, and the pause since the last one was long enough."""
@@ -43,6 +43,6 @@ class Writer:
         finally:
             self._executor.shutdown()
 
-    def _timed(self, write: Callable[[], None]) -> None:
+    def _write_and_time(self, write: Callable[[], None]) -> None:
         write()
         self._took = time.monotonic() - self._started

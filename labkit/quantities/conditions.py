@@ -76,7 +76,7 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
         problem = f"is longer than {LONGEST} characters"
         raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
     try:
-        made = _parsed(text)
+        made = _parse(text)
     except InputError as error:
         raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
     missing = sorted(made.needs - set(recorded)) if recorded is not None else []
@@ -87,7 +87,7 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
 
 
 @functools.lru_cache(maxsize=256)
-def _parsed(text: str) -> Condition:
+def _parse(text: str) -> Condition:
     numbers: list[_Part] = []
 
     def named(match: re.Match[str]) -> str:

@@ -122,7 +122,7 @@ class Schedule:
     @property
     def records(self) -> int:
         """Number of records after the first, if the path does not stop early."""
-        return self._stops(self.steps) - self._unrecorded
+        return self._stops(self.steps) - self._unrecorded_stops
 
     def next_stop(self, step: int) -> int:
         """Return the next multiple of the interval or the next reversal, whichever comes first."""
@@ -156,8 +156,8 @@ class Schedule:
         if self.snapshots == 0:
             return False
         number = min(self.snapshots, self.records)
-        nearest = _rounded(record * number, self.records)
-        return last or record == _rounded(nearest * self.records, number)
+        nearest = _round_ratio(record * number, self.records)
+        return last or record == _round_ratio(nearest * self.records, number)
 
     def is_checkpoint(self, step: int, last: bool) -> bool:
         """True if the run can be resumed from the stop at this step; `last` is True if it ends the path."""
@@ -195,7 +195,7 @@ class Schedule:
         return tuple(int(total) for total in np.cumsum([0, *each]))
 
     @functools.cached_property
-    def _unrecorded(self) -> int:
+    def _unrecorded_stops(self) -> int:
         """Number of regular stops that are not recorded because a reversal is near."""
         near: set[int] = set()
         for span, turn in enumerate(self.turns):
@@ -226,6 +226,6 @@ def _stops_per_checkpoint(steps: int, per_record: int, grains: int, options: Opt
     return max(1, min(usual, MOST_STOPS, fit))
 
 
-def _rounded(numerator: int, denominator: int) -> int:
+def _round_ratio(numerator: int, denominator: int) -> int:
     """The integer nearest to numerator/denominator, both positive; halves are rounded up."""
     return (2 * numerator + denominator) // (2 * denominator)

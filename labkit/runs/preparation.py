@@ -157,7 +157,7 @@ class Twins:
 
     def differences(self) -> tuple[float, float, float]:
         """(e, relative p, Z) of the second minus those of the first."""
-        (e1, p1, z1), (e2, p2, z2) = (_described(state.snapshot()) for state in (self.first, self.second))
+        (e1, p1, z1), (e2, p2, z2) = (_measures(state.snapshot()) for state in (self.first, self.second))
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
@@ -170,7 +170,7 @@ def make_twins(
     one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
     until Z has fallen enough. Raises PhysicsError if the void ratio changes too much before that.
     """
-    pressure = _described(specimen.snapshot())[1]
+    pressure = _measures(specimen.snapshot())[1]
     if not pressure > 0.0:
         raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
     for number, amplitude in enumerate(AMPLITUDES):
@@ -191,7 +191,7 @@ def make_twins(
     raise PhysicsError(f"Z changed by only {Z:.2f}: start from a specimen compressed without friction")
 
 
-def _described(snapshot: Snapshot) -> tuple[float, float, float]:
+def _measures(snapshot: Snapshot) -> tuple[float, float, float]:
     """Return (e, p, Z)."""
     Z = statistics(snapshot).coordination_number
     return void_ratio_nominal(snapshot), float(mean_stress(love_stress(snapshot))), float(Z)

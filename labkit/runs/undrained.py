@@ -84,14 +84,14 @@ def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, 
         part, step = slice(first, last + 1), next(steps, None)
         done = np.zeros(last + 1 - first)
         if path is not None and step is not None:
-            values, target = _controlled(path, step, strain[part], stress[part])
+            values, target = _controlled_quantity(path, step, strain[part], stress[part])
             length = target - values[0]
             done = np.clip(np.maximum.accumulate((values - values[0]) / length), 0.0, 1.0) if length else done
         cycles[part] = 0.5 * (number + done)
     return cycles
 
 
-def _controlled(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, float]:
+def _controlled_quantity(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the strain or stress that ends a step, at records (n,), and its value at the end."""
     for end in step.until.each:
         if isinstance(end, StressReached):

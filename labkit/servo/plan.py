@@ -22,7 +22,7 @@ from labkit.paths.control import Control
 from labkit.paths.step import Step
 from labkit.servo.correction import Servo, exact_gradient
 
-AHEAD = 1000  # most time steps, and rows, of Corrections: a signal is noticed only between two Corrections
+AHEAD = 1000  # time steps, and rows, of Corrections at most, because labkit notices a signal only between Corrections
 
 
 @dataclasses.dataclass(frozen=True)

@@ -129,7 +129,7 @@ class Interim:
     """
 
     def __init__(self, file: File | None, specimen: State, path: Path, engine: str) -> None:
-        """Open no file yet."""
+        """Prepare to save; no file is opened yet."""
         self.file = file
         aim = [specimen.digest(), path.name, dataclasses.asdict(path), engine]
         self._key = hashlib.sha256(json.dumps(aim).encode()).hexdigest()

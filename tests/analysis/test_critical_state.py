@@ -1,4 +1,4 @@
-"""The critical state at large strain: what is asked of the tests, with planted answers."""
+"""The critical state at large strain: the questions that the tests must answer, with planted answers."""
 
 import numpy as np
 import pandas

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
-from labkit.incremental.exit_condition import translated
+from labkit.incremental.exit_condition import translate
 from labkit.quantities.conditions import condition
 
 RECORD = {
@@ -25,7 +25,7 @@ VALUES = {  # of the driver's variables, stresses in kPa
 
 
 def met(text):
-    return condition(translated(text, "kPa")).holds(RECORD, RECORD)
+    return condition(translate(text, "kPa")).holds(RECORD, RECORD)
 
 
 @pytest.mark.parametrize("name", VALUES)
@@ -58,5 +58,5 @@ def test_sums():
 )
 def test_anything_else_is_refused(text, said):
     with pytest.raises(InputError) as error:
-        translated(text, "kPa")
+        translate(text, "kPa")
     assert said in str(error.value)

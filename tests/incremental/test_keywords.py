@@ -158,7 +158,7 @@ def test_a_deformation_gradient_is_reached_exactly(tmp_path):
     total = np.eye(3)
     for piece in step.strains:
         total = scipy.linalg.expm(-piece) @ total
-    axes = [1, 2, 0]  # the driver's axes 1, 2, 3 are z, x, y: its components of labkit's x, y, z
+    axes = [1, 2, 0]  # indices of labkit's x, y, z in the driver's axes, which are z, x, y
     np.testing.assert_allclose(total, F[np.ix_(axes, axes)], atol=1e-12)
     with pytest.raises(InputError, match="not a possible deformation"):
         step_of(tmp_path, "*DeformationGradient\n100 1 1\n-1\n1\n1\n" + "0\n" * 6)

@@ -1,4 +1,4 @@
-"""Slopes at the ends of the tests, their values at one void ratio, and the errors of C0 apart, in a known campaign."""
+"""Slopes at the ends of the tests, values at one void ratio, and the separate errors of C0, in a known campaign."""
 
 import numpy as np
 import pytest
