@@ -29,8 +29,9 @@ def balancing_force(A: np.ndarray, Ft: np.ndarray) -> np.ndarray:
 def state_table(data: xr.Dataset) -> pandas.DataFrame:
     """The state at the start of the CR test, a row per run.
 
-    A, F, Ft: components along the axis of the shear before (z without one); F_paper: of section 5.3's F^0; F_with_Ft:
-    with F^t; p in kPa; ratio, ratio_C0: q/p of Love's stress and of C0, at most; Z, Lambda, e.
+    A, F and Ft are components along the axis of the previous shear (z without one), as are F_paper, of section 5.3's
+    F^0, and F_with_Ft, of F^0 with F^t. p is in kPa; ratio and ratio_C0 are q/p of Love's stress and of C0. The other
+    columns are Z, Lambda and e.
     """
     rows = []
     for name in map(str, data["run"].values):

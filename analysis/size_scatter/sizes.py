@@ -19,10 +19,10 @@ BIAS = {"1/N": 1.0, "1/N^(1/3)": 1.0 / 3.0}  # model of the bias -> exponent
 SMALL = 1000  # grains at which the bias is quoted
 HALF = 0.5  # exponent of independent grains
 ALLOWED = 0.01  # relative scatter of one specimen, for which the number of grains is given
-BEGIN = 0.01  # of strain, from which on the error of q is averaged
+BEGIN = 0.01  # strain at which the average of the error of q begins
 TOLERANCE = 0.02  # of `labkit verify`, in the Frobenius norm
 LIMIT = float(stats.chi2.ppf(CONFIDENCE, 1))  # of a likelihood ratio
-FAR = 1.0  # between an exponent and the ends of its interval, at most
+FAR = 1.0  # maximum distance of an exponent from the ends of its interval
 
 
 def size_table(ends: pandas.DataFrame) -> pandas.DataFrame:

@@ -16,7 +16,7 @@ from analysis.statistics import adjusted, cluster_mean
 from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
 from labkit.figures import WIDTH, colors_for, new_figure
 
-END = 0.08  # axial strain from which on the end of a test is averaged
+END = 0.08  # axial strain at which the average of the end of a test begins
 LABELS = {
     "peak": "peak q/p",
     "M": "end q/p",

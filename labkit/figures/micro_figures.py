@@ -202,7 +202,7 @@ def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q:
     axes.set(xlabel=f"accumulated {strain} (%)", ylabel="fraction", ylim=(0, None))
 
 
-PLANES = 400  # per cell vector: several in each branch
+PLANES = 400  # per cell vector, so that each branch vector crosses several
 
 
 @register_figure("planes")

@@ -141,9 +141,9 @@ def _add_group(digest: Any, group: netCDF4.Dataset) -> None:
 
 
 def ends(read: Callable[[str], object], file: Name) -> bool:
-    """True if a function of a file ends, be it with an error; tried in a separate process, if the system has fork.
+    """True if reading a file ends, even with an error. A separate process tries it if the system has fork.
 
-    Damage can keep HDF5 busy for ever, or crash it.
+    Damage can crash HDF5 or make it loop for ever.
     """
     return _ends(read, os.fspath(file), *identity(file)) if hasattr(os, "fork") else True
 

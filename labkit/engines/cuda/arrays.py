@@ -20,7 +20,7 @@ from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DAMPING_LOSS, ENERGIES = range(5)
 
 HISTORY = 6  # rows of history: tangential force and rolling moment
-GRID_CELLS = 32  # most grid cells per grain
+GRID_CELLS = 32  # maximum number of grid cells per grain
 
 
 class DeviceArray(Protocol):

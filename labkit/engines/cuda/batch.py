@@ -25,7 +25,7 @@ from labkit.grains.state import State
 from labkit.servo.plan import AHEAD, Corrections
 
 SKIN = 0.03  # Verlet skin as a fraction of the mean diameter
-CHUNK = 50  # most steps between two checks whether a search is due
+CHUNK = 50  # maximum number of steps between two checks whether a search is due
 
 LOST = "a grain is lost or its position became NaN: the time step is too large"
 
