@@ -80,7 +80,7 @@ def _in_lammps(program: str, specimen: str, steps: int) -> dict[str, float]:
 def table(results: Mapping[str, Sequence[Mapping[str, float]]], grains: int, time_step: float, rate: float) -> str:
     """Tabulate medians, ratios to the first variant (median and range of the rounds), cost of records and servo.
 
-    results: the result of `bench`; time_step: s; rate: axial strain rate, 1/s.
+    `results` is the result of `bench`; `time_step` is in s, and `rate`, the axial strain rate, in 1/s.
     """
     base = [turn["steps_per_second"] for turn in next(iter(results.values()))]
     between = ConstantVolume.record_strain / (rate * time_step)

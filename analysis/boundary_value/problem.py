@@ -55,7 +55,7 @@ class History:
 class Biaxial(abc.ABC):
     """The test on a mesh of `columns` x `2 columns` quadratic elements, solved by one program.
 
-    `program`, `element`: names for the table; `columns`; `unknowns`: number of free displacements.
+    `program` and `element` are names for the table; `unknowns` is the number of free displacements.
     """
 
     program: str

@@ -80,8 +80,9 @@ def study(
 ) -> int:
     """Runs the named scenes on the engines and writes hard_cases.csv, hard_cases.png and README.md to `output`.
 
-    `work`: folder for the run files, where finished cases are kept; `history`: the command that makes the page. Returns
-    1 if a case is silently wrong, else 0. Raises InputError for invalid names, numbers of grains or folders.
+    `work` is the folder for the run files, where finished cases are kept, and `history` the command that makes the
+    page. Returns 1 if a case is silently wrong, else 0. Raises InputError for invalid names, numbers of grains or
+    folders.
     """
     unknown = [name for name in names if name not in SCENES]
     if unknown:

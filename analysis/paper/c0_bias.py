@@ -16,8 +16,8 @@ QUANTITIES = ("p", "q", "ratio")
 def c0_errors(runs: Runs) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per test and quantity (p, q, ratio = q/p), over the records with p > 50 kPa.
 
-    bias: mean relative error, signed; rms; lowest and highest: of single records. q and q/p are judged where
-    |q| >= 0.2 p; a test that is never sheared that far has no row for them.
+    `bias` is the mean relative error with its sign, and `lowest` and `highest` are those of single records. q and q/p
+    are judged where |q| >= 0.2 p; a test that is never sheared that far has no row for them.
     """
     rows = []
     for name, run in runs.items():

@@ -93,7 +93,7 @@ class Comparison:
 
 @dataclasses.dataclass(frozen=True)
 class Effect:
-    """`alternative`: description of the other choice; `effect`: the change in a number; `runs`: names of the runs."""
+    """`alternative` describes the other choice, `effect` is the change in a number, and `runs` are names of runs."""
 
     cause: str
     alternative: str

@@ -175,8 +175,8 @@ def _scatter(number: Number, chosen: Runs, parts: dict[str, pandas.DataFrame]) -
 def explanation(difference: float, unit: float, effects: Iterable[Effect], matters: Iterable[bool]) -> str:
     """Sentences on how the tested causes change a difference.
 
-    `unit`: the difference allowed for agreement; `matters`: whether each effect is resolved after the correction for
-    the number of all comparisons.
+    `unit` is the difference allowed for agreement. `matters` says whether each effect is resolved after the correction
+    for the number of all comparisons.
     """
     removes, reduces, other, unresolved = [], [], [], []
     for item, resolved in zip(effects, matters, strict=True):

@@ -23,7 +23,7 @@ ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
 def provenance(folder: Path, files: Sequence[Path], output: str | Path, command: str) -> dict[str, Any]:
     """Tables of the last section of the report.
 
-    `files`: the files shown; `command`: the command that wrote the page.
+    `files` are the files shown, and `command` is the command that wrote the page.
     """
     here = provenance_rows(json.loads(provenance_json(command, output=output)))
     runs = run_origins(folder)

@@ -34,7 +34,7 @@ def settings(
 ) -> tuple[str, list[str], list[list[str]]]:
     """Introduction, header and rows of a table of the presets: their values, costs and errors.
 
-    `data`: from collect(); `table`: from errors(); `measured`: from measures.settings.
+    `data` is from collect(), `table` from errors(), and `measured` from measures.settings.
     """
     some = table[(table["path"] == path) & (table["factor"] == PRESET)]
     levels = levels_of(table, path)

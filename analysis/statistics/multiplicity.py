@@ -19,8 +19,8 @@ Method = Literal["holm", "fdr_bh"]
 def adjusted(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:
     """p-values (n,) corrected for their number; NaN stays NaN and is not counted.
 
-    `holm`: Holm (1979), controls the probability of a single false finding. `fdr_bh`: Benjamini & Hochberg (1995),
-    controls the share of false ones among all findings.
+    `holm` (Holm 1979) controls the probability of a single false finding, `fdr_bh` (Benjamini & Hochberg 1995) the
+    share of false ones among all findings.
     """
     p = np.asarray(p_values, dtype=float)
     tested = np.isfinite(p)

@@ -40,9 +40,12 @@ FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
 class Job:
     """One command of labkit; its files are relative to the campaign folder.
 
-    kind: specimen, consolidation or run; arguments: those of the command, without its files; source: the state or run
-    file that it starts from; extensions: hashes of the user-supplied files that its result depends on; digest: hash of
-    everything that determines its result, including the jobs that it depends on.
+    Args:
+        kind: specimen, consolidation or run.
+        arguments: Arguments of the command, without its files.
+        source: State or run file from which it starts.
+        extensions: Hashes of the user-supplied files on which its result depends.
+        digest: Hash of everything that determines its result, including the jobs on which it depends.
     """
 
     kind: str

@@ -91,9 +91,10 @@ def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float
 def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
     """Draw the deviatoric plane, normalised by p, with sections of strength criteria, and the plane of x-z shear.
 
-    Left: the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any other
-    path by its principal stresses. Right: sigma_xz against (sigma_z - sigma_x)/2, where a rotation of the principal
-    stresses is a circle. `strength` is q/p of the sections in compression (default: as for `stress_path`).
+    On the left the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any
+    other path by its principal stresses. On the right is sigma_xz against (sigma_z - sigma_x)/2, where a rotation of
+    the principal stresses is a circle. `strength` is q/p of the sections in compression (default: as for
+    `stress_path`).
     """
     runs, figure = name_runs(run), new_figure(WIDTH, 5.4)
     left, right = figure.panels(1, 2)

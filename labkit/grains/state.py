@@ -266,10 +266,10 @@ def write_state(path: str | os.PathLike, state: State) -> None:
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
     """Read a state file, or the last save of a run file: the end of a run that is finished, with its velocities.
 
-    verify: False to check the hash of its bytes, but not that of its data (labkit.io.netcdf); snapshot: number of a
-    snapshot of a run file, counted from the end if negative. Its grains are at rest, because snapshots have no
-    velocities, unless it is that of the last save. Raises InputError if the file is missing, damaged, of another kind,
-    or without a checkpoint.
+    If `verify` is False, the hash of its bytes is checked, but not that of its data (labkit.io.netcdf). `snapshot` is
+    the number of a snapshot of a run file, counted from the end if negative; its grains are at rest, because snapshots
+    have no velocities, unless it is that of the last save.
+    Raises InputError if the file is missing, damaged, of another kind, or without a checkpoint.
     """
     if labkit_kind(path) == "run":
         with open_netcdf(path, "run", verify) as dataset:

@@ -123,7 +123,7 @@ class _Drainage(StressPath):
 class StrainCycles(_Drainage):
     """Cyclic triaxial test with a strain amplitude: the axial strain alternates between +- `strain_amplitude`.
 
-    Drained: the mean stress is held at `pressure`. Undrained: the volume is constant.
+    A drained test holds the mean stress at `pressure`; an undrained one holds the volume constant.
     """
 
     strain: float = dataclasses.field(init=False, default=0.01)  # the last reversal
@@ -159,9 +159,9 @@ class StrainCycles(_Drainage):
 class ShearCycles(_Drainage, StressReversals):
     """Cyclic simple shear in the x-z plane, with an amplitude of sigma_xz or of gamma_xz; eps_x = eps_y = 0.
 
-    Drained: sigma_z is held at `pressure`. Undrained: the height, hence the volume, is constant. The test ends after
-    `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as happens after liquefaction or if the amplitude
-    exceeds the strength.
+    A drained test holds sigma_z at `pressure`; in an undrained one the height, hence the volume, is constant. The test
+    ends after `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as happens after liquefaction or if the
+    amplitude exceeds the strength.
     """
 
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)

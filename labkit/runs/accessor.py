@@ -120,7 +120,8 @@ class Lab(OfRecords):
     def normalised_contacts(self, snapshot: int) -> xr.Dataset:
         """Contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
 
-        `strong_by_force`: the normal force exceeds its mean; `strong_by_normalised_force`: Lambda_n exceeds its mean.
+        The normal force of `strong_by_force` exceeds its mean; Lambda_n of `strong_by_normalised_force` exceeds its
+        mean.
         """
         at, both = self.snapshot(snapshot), ("contact", "side")
         return self.contacts(snapshot).assign(

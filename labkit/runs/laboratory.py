@@ -117,12 +117,12 @@ def run(
     """Load a specimen along a path; returns the Run.
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. A state of an earlier
-    run, such as `earlier.state`, goes on as it is, in motion; `earlier.state.at_rest()` is an ordinary specimen.
-    `file`: a run file; if it holds an unfinished run of the same test, that run is resumed. Without a file the Run is
-    kept in memory. The other arguments are those of make_specimen; recording: fields of labkit.Options (record_strain,
-    snapshots, save_every), which override those of `options`.
-    Raises InputError, PhysicsError if the simulation fails or a held stress cannot reach its target, with the records
-    up to there in its attribute `run`, Interrupted after Ctrl-C or SIGTERM, with a checkpoint in the file.
+    run, such as `earlier.state`, continues as it is, in motion; `earlier.state.at_rest()` is an ordinary specimen.
+    If `file` is a run file with an unfinished run of the same test, that run is resumed. Without a file the Run is kept
+    in memory. The other arguments are those of make_specimen; those of `recording` are fields of labkit.Options
+    (record_strain, snapshots, save_every), which override those of `options`.
+    Raises InputError; PhysicsError, with the records so far in its attribute `run`, if the simulation fails or a held
+    stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.
     """
     options = recording_options(run, options, recording)
     start = start_of(engine, threads, precision, ranks)

@@ -45,8 +45,8 @@ class Snapshots(Sequence[Snapshot]):
 class Run:
     """The results of a test.
 
-    data: xarray.Dataset as returned by labkit.open_run, with the accessor `.lab`; file: the run file, None for a run in
-    memory; last: the last State of a run in memory.
+    `data` is the xarray.Dataset that labkit.open_run returns, with the accessor `.lab`; `file` is the run file, or None
+    for a run in memory; `last` is the last State of a run in memory.
     """
 
     data: xarray.Dataset

@@ -35,7 +35,8 @@ HERE = Path(__file__).parent
 class Kernel(NamedTuple):
     """The compiled functions of labkit.engines.kernel.steps.
 
-    advance, advance_threads: steps.advance for one thread and for several; branch_force: steps.branch_force.
+    `advance` and `advance_threads` are steps.advance for one thread and for several; `branch_force` is
+    steps.branch_force.
     """
 
     advance: Function
