@@ -17,7 +17,7 @@ STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and m
     "notebooks": ("analysis.paper.notebooks", "execute the notebooks of analysis/, which plot stored results"),
     "report": ("analysis.paper.report", "write the HTML report of the paper's tests: figures, tables, provenance"),
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),
-    "other-paths": ("analysis.other_paths.command", "run paths beyond the paper's: errors of C0, strength"),
+    "other-paths": ("analysis.other_paths.study", "run paths beyond the paper's: errors of C0, strength"),
     "model-evidence": ("analysis.model_evidence.study", "judge the constitutive model on paths it was not fitted to"),
     "constants": ("analysis.constants.study", "do the constants of Table 2 hold for other grains? a sweep"),
     "critical-state": (
@@ -31,13 +31,14 @@ STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and m
     "initial-fabric": ("analysis.initial_fabric.study", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
     "size-scatter": ("analysis.size_scatter.study", "scatter and bias of the critical state against the grains"),
     "three-engines": ("analysis.three_engines.command", "compare LAMMPS, YADE and fused on the same specimens"),
-    "speed-error": ("analysis.speed_error.command", "measure speed against error of all settings; data, figures, page"),
+    "speed-error": ("analysis.speed_error.study", "measure speed against error of all settings; data, figures, page"),
     "boundary-value": (
         "analysis.boundary_value.command",
         "solve a biaxial test with finite elements; mesh convergence, iterations, fields",
     ),
     "fuzz": ("analysis.fuzz.command", "read damaged files, hostile options and campaign files; counts per class"),
-    "hard-cases": ("analysis.hard_cases.command", "run and judge scenes in which a simulation may go wrong; a page"),
+    "results": ("analysis.freshness", "say which commit wrote each file of results/, and whether its code has changed"),
+    "hard-cases": ("analysis.hard_cases.study", "run and judge scenes in which a simulation may go wrong; a page"),
 }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,7 @@ import xarray as xr
 import labkit as lk
 from analysis.critical_state.ends import QUANTITIES, quantities_of
 from analysis.netcdf import characters
-from labkit.engines import Progress
-from labkit.io import provenance_json, whole_file
+from labkit.io import provenance_json, reporter, whole_file
 from labkit.runs import Run
 
 C0 = ("c0_norm", "c0_q")  # relative errors of C0: in the Frobenius norm, and in q
@@ -44,33 +43,39 @@ def curves_of(run: xr.Dataset) -> xr.Dataset:
     return data
 
 
-def collect_curves(
+def collect_runs(
     files: Sequence[Path],
+    reduced: Callable[[xr.Dataset], xr.Dataset],
     output: Path,
     command: str,
-    progress: Progress,
     title: str,
     others: Mapping[str, xr.Dataset] | None = None,
     of_others: Sequence[Path] = (),
 ) -> None:
-    """Reduces run files to one data set, dimensions run and point, and writes it with its provenance.
+    """Reduces run files to one data set with the dimension run, in single precision, and writes it with its provenance.
 
-    others, of_others: further curves by name, as from curves_of, and the files that they were read from.
+    Coordinates along run: run, test and specimen, e.g. `extension-s3`, `extension` and `s3`.
+
+    Args:
+        files: the run files.
+        reduced: what is kept of a run.
+        output: the file to be written.
+        command: the command that writes it.
+        title: of the data set.
+        others: further reduced runs by name.
+        of_others: the files that they were read from.
     """
-    names, sets = [file.name.removesuffix(".run.nc") for file in files], []
+    sets, progress = dict[str, xr.Dataset](), reporter("reading")
     for k, file in enumerate(files):
-        progress(k / len(files), f"reading {names[k]}")
+        name = file.name.removesuffix(".run.nc")
+        progress(k / len(files), name)
         with lk.open_run(file) as run:
-            sets.append(curves_of(run))
-    names += list(others or {})
-    sets += list((others or {}).values())
-    data = xr.concat(sets, "run").assign_coords(run=names)
-    write_data(data, [*files, *of_others], output, command, title)
-
-
-def write_data(data: xr.Dataset, files: Sequence[Path], output: Path, command: str, title: str) -> None:
-    """Writes a data set of runs in single precision, with the provenance of the run files."""
-    data.attrs = {"title": title, "provenance": provenance_json(command, files, output)}
+            sets[name] = reduced(run)
+    sets |= others or {}
+    tests, _, specimens = zip(*(name.partition("-") for name in sets), strict=True)
+    labels = {"run": list(sets), "test": ("run", list(tests)), "specimen": ("run", list(specimens))}
+    data = xr.concat(sets.values(), "run", join="outer").assign_coords(labels)
+    data.attrs = {"title": title, "provenance": provenance_json(command, [*files, *of_others], output)}
     coding: dict[str, dict[str, Any]] = {
         str(name): {"dtype": "f4" if one.dtype.kind == "f" else "i4", "zlib": True}
         for name, one in data.data_vars.items()

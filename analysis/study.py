@@ -16,7 +16,7 @@ from analysis.pages import render
 from labkit.campaigns import read_campaign
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_with_provenance
+from labkit.io import make_folder, provenance_of, reporter, write_with_provenance
 
 Tables = dict[str, pandas.DataFrame]
 STEPS = ("campaign", "gather", "tables", "figures", "page")
@@ -55,12 +55,16 @@ class Study:
         """All tables by name, computed from the data set; each is stored as NAME.csv."""
         raise NotImplementedError
 
-    def figures(self, data: Any, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: Any, tables: StoredTables) -> Mapping[str, Figure]:
         """All figures by name, from the data set and the stored tables; each is stored as NAME.png."""
         raise NotImplementedError
 
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
-        """Values for the page besides `tables`, `command` and `planned`, the number of tests in the campaign."""
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+        """Values for the page.
+
+        Beside them the page knows `tables`, `command`, `made_by` (the command that wrote the data set) and `planned`
+        (the number of tests in the campaign).
+        """
         return {}
 
     @property
@@ -83,15 +87,22 @@ class Study:
         """Adds --steps."""
         parser.add_argument("--steps", choices=steps, nargs="+", default=steps, help="what to do (default: everything)")
 
+    def add_redraw(self, parser: argparse.ArgumentParser) -> None:
+        """Adds --redraw, for a study without a campaign."""
+        redraw = f"run nothing: write the figures and the page again from {self.data} in the output folder"
+        parser.add_argument("--redraw", action="store_true", help=redraw)
+
+    def only_redraws(self, options: argparse.Namespace) -> bool:
+        """True if the command takes the data set that is stored in the output folder."""
+        return options.redraw if "redraw" in options else not options.campaign
+
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         """Runs the campaign and gathers its runs in the data set; returns 1 if a run failed."""
         code = 0
-        if options.campaign and "campaign" in options.steps and not options.as_is:
+        if "campaign" in options.steps and not options.as_is:
             code = simulate(options.campaign, options.cores, reporter("campaign"), self.campaign)
-        if options.campaign and "gather" in options.steps:
+        if "gather" in options.steps:
             self.gather(finished(options.campaign), folder / self.data, command)
-        if not (folder / self.data).exists():
-            raise InputError(f"{folder} contains no {self.data}: give the folder of a campaign")
         return int(code != 0)
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
@@ -100,8 +111,11 @@ class Study:
 
     def main(self, options: argparse.Namespace, command: str) -> int:
         """Carries out the steps and prints the files written; returns 1 if a run failed."""
-        folder = Path(make_folder(options.output, "--output"))
-        code = self.prepare(options, folder, command)
+        folder, code = Path(options.output), 0
+        if not self.only_redraws(options):
+            code = self.prepare(options, Path(make_folder(folder, "--output")), command)
+        elif not (folder / self.data).exists():
+            raise InputError(f"{folder} contains no {self.data}: give the output folder (-o) of a study that has ended")
         for file in self.write(folder, command, reporter("tables"), options.steps):
             print(file)
         return code
@@ -122,8 +136,11 @@ class Study:
             files += save_figures(self.figures(data, tables), folder, source, command)
         if "page" in steps:
             planned = len(read_campaign(self.campaign).runs) if self.campaign.exists() else 0
-            values = {"tables": tables, "command": command, "planned": planned, **self.numbers(tables)}
-            write_with_provenance(folder / "README.md", render(self.home / "page.md", values), source, command)
+            own = f"./lab {self.home.name}".replace("_", "-")
+            made_by = (provenance_of(folder / self.data) or {}).get("command", own)
+            values = {"tables": tables, "command": command, "made_by": made_by, "planned": planned}
+            page = render(self.home / "page.md", values | dict(self.numbers(tables)))
+            write_with_provenance(folder / "README.md", page, source, command)
             files.append(folder / "README.md")
         progress(1.0, "done")
         return files

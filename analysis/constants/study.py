@@ -27,14 +27,21 @@ from analysis.constants.materials import (
     slope_table,
     with_variance,
 )
-from analysis.curves import AT_FULL_STRAIN, CURVES, collect_curves, curves_at_full_strain, read_curves, window_means
+from analysis.curves import (
+    AT_FULL_STRAIN,
+    CURVES,
+    collect_runs,
+    curves_at_full_strain,
+    curves_of,
+    read_curves,
+    window_means,
+)
 from analysis.paper.estimates import text
 from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT, Tested, adjusted, stationarity_table
 from analysis.statistics import slope_table as slopes_of
-from analysis.study import Study, Tables
+from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
-from labkit.io import reporter
 from labkit.model import Parameters
 
 WINDOW = (0.35, 0.5)  # of strain; the state of a test is its mean there
@@ -53,7 +60,7 @@ class Constants(Study):
         stored = curves_at_full_strain(results, SLOW_TESTS, WINDOW[1])
         slow = {name.replace("cv-", f"{SLOW}-{SLOW}_"): data for name, data in stored.items()}
         title = "The constants of Table 2 for other grains"
-        collect_curves(runs, file, command, reporter("curves"), title, slow, [results / AT_FULL_STRAIN] * bool(slow))
+        collect_runs(runs, curves_of, file, command, title, slow, [results / AT_FULL_STRAIN] * bool(slow))
 
     def read(self, file: Path) -> pandas.DataFrame:
         return read_curves(file)
@@ -72,12 +79,12 @@ class Constants(Study):
             "stationarity": stationarity_table(slopes, judged=LIMITS),
         }
 
-    def figures(self, data: pandas.DataFrame, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Mapping[str, Figure]:
         ends = tables["ends"]
         lines = lines_figure(ends, cells_of(ends[ends["material"] != SLOW]))
         return {"lines": lines, "changes": changes_figure(tables["constants"])}
 
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         found, tests = tables["constants"], tables["ends"][tables["ends"]["test"] != SLOW]
         others = found[found["parameter"] != PAPER]
         base = found[found["parameter"] == PAPER].set_index("constant")

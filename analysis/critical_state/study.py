@@ -23,12 +23,12 @@ from analysis.critical_state.questions import (
     same_cubes,
     stationarity,
 )
-from analysis.other_paths.collect import collect
+from analysis.curves import collect_runs
+from analysis.other_paths.collect import reduced
 from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT
-from analysis.study import Study, Tables
+from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
-from labkit.io import reporter
 from labkit.records import INERTIAL_LIMIT
 
 
@@ -39,7 +39,7 @@ class CriticalState(Study):
     cubes = Path(results_folder("other_paths")) / "statistics.nc"  # the same specimens in compression and extension
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect(runs, file, command, reporter("statistics"), "The critical state at large strain")
+        collect_runs(runs, reduced, file, command, "The critical state at large strain")
 
     def read(self, file: Path) -> xr.Dataset:
         return xr.load_dataset(file)
@@ -66,14 +66,14 @@ class CriticalState(Study):
         tables |= {"one_critical_state": asked, "equivalence": limits_of_equivalence(asked)}
         return tables | {"lines": lines(ends), "offsets": offsets(ends)}
 
-    def figures(self, data: xr.Dataset, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
         return {
             "drift": drift_figure(records(data)),
             "lines": lines_figure(tables["ends"]),
             "lode_angle": lode_figure(tables["by_lode_angle"], tables["ends"]),
         }
 
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         asked = tables["one_critical_state"]
         once = asked.drop_duplicates(["quantity", "factor"])
         one = once.pivot(index="quantity", columns="factor", values="corrected")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import collections
 import csv
+import dataclasses
+import functools
 import gc
 import importlib
 import io
@@ -12,20 +14,26 @@ import itertools
 import re
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import hypothesis
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+from hypothesis.database import DirectoryBasedExampleDatabase
 
 import labkit as lk
 from analysis.fuzz import extremes, kills, soak
-from analysis.fuzz.cases import GOOD, Case, campaign_cases, file_cases, in_child, in_children, option_cases
+from analysis.fuzz.cases import GOOD, in_child, read_damaged, read_text_as_campaign, run_words
+from analysis.fuzz.damage import command_lines, damaged, damaged_campaigns
 from analysis.fuzz.inputs import READERS, make_inputs
 from analysis.markdown import table
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
 from labkit.io import make_folder, write_with_provenance
 
-CLASSES = {"files": 250, "options": 1, "campaigns": 50}  # class -> cases in one process
-MOST_KEPT = 5  # files of each class and outcome
+IN_TURN = 20  # inputs of each kind, while there is time
 IMPORTED = ("labkit.engines", "labkit.exchange", "labkit.runs", "labkit.figures.plots", "matplotlib.pyplot", "pandas")
 
 
@@ -47,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace, command: str) -> int:
     """Run the cases until done or Ctrl-C, print and write the counts, and keep failed cases; returns 1 if any failed.
 
-    With a number of cases and a seed, a repeated command continues where it was stopped.
+    With a number of kills and a seed, a repeated command continues where it was stopped.
     """
     seed = options.seed or int(time.time())
     command = command if options.seed or options.extremes else f"{command} --seed {seed}"
@@ -58,18 +66,22 @@ def main(options: argparse.Namespace, command: str) -> int:
         return _kills(folder, options.engine, options.kills, seed, command)
     if options.soak:
         return _soak(folder, options.soak, seed, command)
-    counts: dict[str, collections.Counter[str]] = {}
-    with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name, Log(folder / "unfinished.txt", seed) as log:
-        for case, outcome in _outcomes(Path(name), options, seed, log):
-            known = counts.setdefault(case.kind, collections.Counter())
-            short = outcome.split(" ")[0] if outcome not in ("OTHER NUMBERS",) else outcome
-            known[short] += 1
-            if short not in GOOD:
-                print(f"{case.kind}, seed {case.seed}: {outcome}", flush=True)
-                if known[short] <= MOST_KEPT:
-                    _keep(folder / "failed", case)
+    counts: collections.defaultdict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
+    wanted = {name: getattr(options, name) or 0 for name in ("files", "options", "campaigns")}
+    end = time.monotonic() + 60.0 * options.minutes
+    with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name:
+        _import()
+        classes = searches(Path(name), options.kinds)
+        gc.freeze()
+        for turn in itertools.count():
+            for kind, number in wanted.items():
+                for search in classes[kind]:
+                    number = number if any(wanted.values()) else IN_TURN
+                    counts[search.kind] += search.run(number, seed + turn, folder / "failed") if number else {}
+            if any(wanted.values()) or time.monotonic() > end:
+                break
     columns = sorted({outcome for known in counts.values() for outcome in known} | set(GOOD))
-    rows = [[kind, *(known[one] for one in columns), known.total()] for kind, known in sorted(counts.items())]
+    rows = [[kind, *(known[one] for one in columns), known.total()] for kind, known in counts.items() if known]
     write_table(folder / "counts.csv", ["class", *columns, "cases"], rows, command)
     return int(any(one not in GOOD for one in columns))
 
@@ -154,43 +166,78 @@ class Log:
         print(name, outcome, file=self._handle, flush=True)
 
 
-def _outcomes(folder: Path, options: argparse.Namespace, seed: int, log: Log) -> Iterator[tuple[Case, str]]:
-    """Every case with its outcome."""
+def searches(folder: Path, kinds: str) -> dict[str, list[Search]]:
+    """Class -> what is searched in it. `folder`: of the undamaged inputs; `kinds`: part of the names of kinds of files.
+
+    Raises InputError if no kind has such a name.
+    """
     make_inputs(folder)
-    expected = {read: function(folder / name) for read, (name, function) in READERS.items()}
-    gc.freeze()
-    kinds = [read for read in READERS if options.kinds in read]
-    if not kinds:
+    files = []
+    for read, (name, function) in READERS.items():
+        if kinds in read:
+            outcome = functools.partial(read_damaged, read, function(folder / name))
+            files.append(Search(read, damaged((folder / name).read_bytes()), outcome))
+    if not files:
         raise lk.InputError(
-            "is in no kind of file", field="kinds", value=options.kinds, allowed=f"part of {', '.join(READERS)}"
+            "is in no kind of file", field="kinds", value=kinds, allowed=f"part of {', '.join(READERS)}"
         )
-    classes = {
-        "files": file_cases(folder, expected, seed, kinds),
-        "options": option_cases(folder, seed),
-        "campaigns": campaign_cases(seed),
+    return {
+        "files": files,
+        "options": [Search("options", command_lines(), functools.partial(run_words, folder))],
+        "campaigns": [Search("campaign files", damaged_campaigns(), read_text_as_campaign)],
     }
-    wanted = {name: getattr(options, name) or 0 for name in CLASSES}
-    wanted["files"] *= len(kinds)
-    if any(wanted.values()):
-        for name, together in CLASSES.items():
-            if name == "options":
-                _import()
-            cases: Iterator[Case] = itertools.islice(classes[name], wanted[name])
-            known = log.of(name)[: wanted[name]]
-            for outcome in known:
-                yield next(cases), outcome
-            cases, given = itertools.tee(cases)
-            for case, outcome in zip(cases, in_children(given, together), strict=True):
-                log.add(name, outcome)
-                yield case, outcome
-        return
-    _import()
-    end = time.monotonic() + 60.0 * options.minutes
-    for one_of_each in zip(*classes.values(), strict=True):
-        for case in one_of_each:
-            yield case, in_child(case)
-        if time.monotonic() > end:
-            return
+
+
+@dataclasses.dataclass(frozen=True)
+class Search:
+    """Inputs of a kind, and the function that gives the outcome of one; GOOD unless labkit has a bug."""
+
+    kind: str
+    inputs: st.SearchStrategy[Any]
+    outcome: Callable[[Any], str]
+
+    def run(self, number: int, seed: int, failed: Path) -> collections.Counter[str]:
+        """Tries a number of inputs and returns how often each outcome occurred, up to the first that is not GOOD.
+
+        That one is shrunk, printed, and kept in a file of the folder `failed`. hypothesis keeps it there too, and tries
+        it first the next time.
+        """
+        counts: collections.Counter[str] = collections.Counter()
+        wrong: list[tuple[str, Any]] = []
+
+        @settings(
+            max_examples=number,
+            deadline=None,
+            derandomize=False,
+            suppress_health_check=list(HealthCheck),
+            database=DirectoryBasedExampleDatabase(failed / "examples" / self.kind),
+            phases=(Phase.reuse, Phase.generate, Phase.shrink),
+        )
+        @hypothesis.seed(seed)
+        @given(self.inputs)
+        def check(made: Any) -> None:
+            outcome = in_child(lambda: self.outcome(made))
+            short = outcome if outcome in GOOD else " ".join(re.findall(r"^[A-Z ]+\b", outcome)) or outcome
+            if not wrong:
+                counts[short] += 1
+            if short not in GOOD:
+                wrong.append((outcome, made))
+                raise Wrong(short)
+
+        try:
+            check()
+        except Wrong:
+            outcome, made = wrong[-1]  # the simplest
+            failed.mkdir(parents=True, exist_ok=True)
+            file = failed / f"{re.sub('[^a-z0-9]+', '-', self.kind.lower())}-{seed}"
+            text = "\n".join(made) if isinstance(made, list) else made
+            file.write_bytes(text if isinstance(text, bytes) else text.encode(errors="surrogatepass"))
+            print(f"{self.kind}: {outcome}; kept in {file}", flush=True)
+        return counts
+
+
+class Wrong(Exception):
+    """An outcome that is not as it should be."""
 
 
 def _import() -> None:
@@ -198,10 +245,3 @@ def _import() -> None:
     for module in IMPORTED:
         importlib.import_module(module)
     gc.freeze()
-
-
-def _keep(folder: Path, case: Case) -> None:
-    """Write a failing input to a file, named after its class and seed."""
-    folder.mkdir(parents=True, exist_ok=True)
-    name = re.sub(r"[^a-z0-9]+", "-", case.kind.lower()).strip("-")
-    (folder / f"{name}-{case.seed}").write_bytes(case.what())

@@ -1,77 +1,15 @@
-"""Random damage of files, and random campaign files, each from a seed."""
+"""Hypothesis' strategies for damaged files, hostile command lines and damaged campaign files."""
 
 from __future__ import annotations
 
-import random
-from collections.abc import Callable
+from typing import AnyStr
 
-Damage = Callable[[bytearray, random.Random], None]
+from hypothesis import assume
+from hypothesis import strategies as st
 
+from analysis.fuzz.inputs import COMMANDS, NEVER_STARTS, VALUES
 
-def flip_bits(content: bytearray, chance: random.Random) -> None:
-    """Change one to four bits."""
-    for _ in range(chance.randint(1, 4)):
-        content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
-
-
-def overwrite(content: bytearray, chance: random.Random) -> None:
-    """Replace a block by zeros, ones or noise."""
-    at, size = chance.randrange(len(content)), chance.choice([1, 8, 512, 4096])
-    fill = chance.choice([bytes(size), b"\xff" * size, chance.randbytes(size)])
-    content[at : at + size] = fill[: len(content) - at]
-
-
-def cut(content: bytearray, chance: random.Random) -> None:
-    """Remove the end."""
-    del content[chance.randrange(len(content)) :]
-
-
-def drop(content: bytearray, chance: random.Random) -> None:
-    """Remove a part in the middle."""
-    at = chance.randrange(len(content))
-    del content[at : at + chance.choice([1, 512, 4096])]
-
-
-def insert(content: bytearray, chance: random.Random) -> None:
-    """Insert noise, or append it."""
-    at = chance.choice([chance.randrange(len(content)), len(content)])
-    content[at:at] = chance.randbytes(chance.choice([1, 100, 4096]))
-
-
-def exchange(content: bytearray, chance: random.Random) -> None:
-    """Exchange two blocks."""
-    size = chance.choice([8, 512, 4096])
-    a, b = (chance.randrange(max(len(content) - size, 1)) for _ in range(2))
-    first, second = content[a : a + size], content[b : b + size]
-    content[b : b + len(first)], content[a : a + len(second)] = first, second
-
-
-def mutate(content: bytearray, chance: random.Random) -> None:
-    """Change a text in one to five places."""
-    content[:] = mutated(content.decode(), chance).encode(errors="surrogatepass")
-
-
-DAMAGES: dict[str, Damage] = {
-    "bits flipped": flip_bits,
-    "block overwritten": overwrite,
-    "end missing": cut,
-    "part missing": drop,
-    "bytes inserted": insert,
-    "blocks exchanged": exchange,
-}
-DAMAGES_OF_TEXT: dict[str, Damage] = {**DAMAGES, "text changed": mutate}
-
-
-def damaged(content: bytes, kind: str, seed: int) -> bytes:
-    """The content of a file with damage of this kind; always different from the original."""
-    chance = random.Random(f"{kind} {seed}")
-    while True:
-        changed = bytearray(content)
-        DAMAGES_OF_TEXT[kind](changed, chance)
-        if bytes(changed) != content:
-            return bytes(changed)
-
-
+SIZES = (0, 1, 8, 512, 4096, 10**9)  # of a part that is replaced
 CAMPAIGN = """\
 name: fuzzed
 settings: quick
@@ -85,7 +23,7 @@ runs:
   cp: {path: cp, specimen: dense_1MPa, pressure: [0.5 MPa, 1 MPa], engine: [yade, fused]}
   shear: {path: simple_shear, specimen: stiff, strain: 0.1, snapshots: 3}
 """
-PIECES = (
+PIECES = (  # of text
     *"{}[]:,&*#|>-?!%@\"'`\n\t \\",
     *(
         "$(touch x)",
@@ -115,18 +53,37 @@ PIECES = (
 )
 
 
-def mutated(text: str, chance: random.Random) -> str:
-    """A text with one to five random changes."""
-    for _ in range(chance.randint(1, 5)):
-        at, kind = chance.randrange(len(text) + 1), chance.randrange(4)
-        lines = text.splitlines(keepends=True)
-        if kind == 0:
-            text = text[:at] + chance.choice(PIECES) + text[at:]
-        elif kind == 1:
-            text = text[:at] + text[at + chance.randint(1, 20) :]
-        elif kind == 2 and lines:
-            lines.insert(chance.randrange(len(lines) + 1), chance.choice(lines))
-            text = "".join(lines)
-        else:
-            text = text[:at] + chance.choice(PIECES) + text[at + chance.randint(1, 8) :]
-    return text
+@st.composite
+def edited(draw: st.DrawFn, original: AnyStr, pieces: st.SearchStrategy[AnyStr], most: int = 5) -> AnyStr:
+    """Bytes or text in which one to `most` parts were replaced; always different from the original."""
+    changed = original
+    for _ in range(draw(st.integers(1, most))):
+        at, size = draw(st.integers(0, len(changed))), draw(st.sampled_from(SIZES))
+        changed = changed[:at] + draw(pieces) + changed[at + size :]
+    assume(changed != original)
+    return changed
+
+
+def damaged(content: bytes) -> st.SearchStrategy[bytes]:
+    """The content of a file with parts that are missing, inserted, or replaced by noise or by another part of it."""
+    fills = [st.binary(max_size=size) for size in (1, 8, 512)] + [st.sampled_from([bytes(512), b"\xff" * 512])]
+    parts = st.tuples(st.integers(0, len(content)), st.sampled_from(SIZES[:-1])).map(lambda x: content[x[0] : sum(x)])
+    return edited(content, st.one_of(*fills, parts))
+
+
+def damaged_campaigns() -> st.SearchStrategy[str]:
+    """The text of a campaign file with one to five changes."""
+    return edited(CAMPAIGN, st.sampled_from([*PIECES, *CAMPAIGN.splitlines(keepends=True)]) | st.text(max_size=5))
+
+
+@st.composite
+def command_lines(draw: st.DrawFn) -> list[str]:
+    """A command with one to three hostile values."""
+    values = st.sampled_from(VALUES) | st.text(st.characters(exclude_characters="\0", codec="utf-8"), max_size=20)
+    name = draw(st.sampled_from(sorted(COMMANDS)))
+    words, options = COMMANDS[name]
+    choices = {"VALUE": values, "FILE": st.sampled_from(["s.state.nc", "r.run.nc"]) | values}
+    made = [draw(choices[word]) if word in choices else word for word in words]
+    for option in draw(st.lists(st.sampled_from(options), max_size=3, unique=True)) if options else []:
+        made += [option, draw(values)]
+    return [name, *made, *(["-o", "missing/x.nc"] if name in NEVER_STARTS else [])]

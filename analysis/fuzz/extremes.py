@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import labkit as lk
-from analysis.fuzz.cases import Case, in_child
+from analysis.fuzz.cases import in_child
 from analysis.hard_cases.checks import Check, below, true
 from analysis.hard_cases.measures import common_checks, measure
 from labkit.cli.dispatch import main as run_command
@@ -100,7 +100,7 @@ def outcomes(engine: str) -> Iterator[tuple[Extreme, str, str]]:
             place = Path(folder) / f"{number}"
             place.mkdir()
             judge = _Judge(extreme, engine, place)
-            outcome = in_child(Case(extreme.name, number, judge.outcome, bytes), extreme.limit)
+            outcome = in_child(judge.outcome, extreme.limit)
             said = (place / "said").read_text()
             if outcome == "HANG" and (expected := EXPECTED.search(said)):
                 outcome = f"expected to take {expected[1]}"

@@ -1,12 +1,10 @@
-"""The inputs to be damaged, what is done with them, and the options with hostile values."""
+"""The inputs to be damaged, what is read from them, and the options with hostile values."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
 import json
-import random
 import shutil
 import warnings
 from collections.abc import Callable, Mapping
@@ -17,8 +15,6 @@ import netCDF4
 import numpy as np
 
 import labkit as lk
-from analysis.fuzz.damage import CAMPAIGN, mutated
-from labkit.campaigns import read_campaign
 from labkit.model import Model, read_model
 from labkit.records import read_checkpoint
 
@@ -155,25 +151,3 @@ READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (fi
     **{name: (name, read_text) for name in TEXTS},
 }
 OLD = ("state of 0.1.0", "run of 0.1.0")  # their attributes have no hash: damage there may give other numbers
-
-
-def read_mutated_campaign(folder: Path, seed: int) -> str:
-    """Read a random campaign file; returns `used` if it is valid."""
-    file = folder / "c.yaml"
-    file.write_text(mutated(CAMPAIGN, random.Random(seed)), encoding="utf-8", errors="surrogatepass")
-    read_campaign(file)
-    return "used"
-
-
-def hostile_words(seed: int) -> list[str]:
-    """A command line with one to three hostile values."""
-    chance = random.Random(f"words {seed}")
-    name = chance.choice(list(COMMANDS))
-    words, options = COMMANDS[name]
-    pick = functools.partial(chance.choice, VALUES)
-    files = ["s.state.nc", "r.run.nc"]
-    made = [word.replace("VALUE", pick()) if word == "VALUE" else word for word in words]
-    made = [chance.choice([*files, pick()]) if word == "FILE" else word for word in made]
-    for option in chance.sample(options, min(len(options), chance.randint(1, 3))):
-        made += [option, pick()]
-    return [name, *made, *(["-o", "missing/x.nc"] if name in NEVER_STARTS else [])]

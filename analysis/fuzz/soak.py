@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import labkit as lk
-from analysis.fuzz.damage import flip_bits
 from analysis.fuzz.kills import LIMIT, Job, jobs, names_in, prepare_folder, start_job, wait_for_job
 from labkit.io import labkit_kind, open_netcdf
 
@@ -70,7 +69,7 @@ def _round(folder: Path, job: Job, fault: str, chance: random.Random, inputs: di
         hurt = folder / chance.choice(files)
         content = bytearray(hurt.read_bytes())
         if content:
-            flip_bits(content, chance)
+            content[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
         hurt.write_bytes(content)
     limit = chance.randint(*SIZES) if fault == "full disk" else None
     child = start_job(job, folder, before=(lambda: _fill(limit)) if limit is not None else None)

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 
-import labkit as lk
-from analysis.curves import write_data
-from labkit.engines import Progress
 from labkit.micro import deviatoric_stress, mean_stress
 
 DATA = "loading.nc"
@@ -48,17 +42,6 @@ def loading_of(run: xr.Dataset) -> xr.Dataset:
     for name, key in TENSORS.items():
         data[name] = (("i", "j"), test[key].values[0].astype(float))
     return data
-
-
-def collect(files: Sequence[Path], output: Path, command: str, progress: Progress, title: str) -> None:
-    """Reduces run files to one data set, dimensions run, point, i and j, and writes it with its provenance."""
-    names, sets = [file.name.removesuffix(".run.nc") for file in files], []
-    for k, file in enumerate(files):
-        progress(k / len(files), f"reading {names[k]}")
-        with lk.open_run(file) as run:
-            sets.append(loading_of(run))
-    data = xr.concat(sets, "run").assign_coords(run=names)
-    write_data(data, files, output, command, title)
 
 
 def specimen_of(run: str) -> str:

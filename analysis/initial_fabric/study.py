@@ -11,14 +11,14 @@ import pandas
 import xarray as xr
 from matplotlib.figure import Figure
 
+from analysis.curves import collect_runs
 from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
-from analysis.initial_fabric.loading import DATA, collect
+from analysis.initial_fabric.loading import DATA, loading_of
 from analysis.initial_fabric.response import BEFORE, coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
 from analysis.statistics import SIGNIFICANT
-from analysis.study import Study, Tables
+from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
-from labkit.io import reporter
 
 TITLE = "What an isotropic stress hides: initial fabric and coordination number"
 
@@ -29,11 +29,10 @@ class InitialFabric(Study):
     data = DATA
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect(runs, file, command, reporter("data"), TITLE)
+        collect_runs(runs, loading_of, file, command, TITLE)
 
     def read(self, file: Path) -> xr.Dataset:
-        with xr.open_dataset(file) as opened:
-            return opened.load()
+        return xr.load_dataset(file)
 
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
         states, response = state_table(data), response_table(data)
@@ -46,14 +45,14 @@ class InitialFabric(Study):
             "twins": twin_table(response),
         }
 
-    def figures(self, data: xr.Dataset, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
         return {
             "balance": balance_figure(tables["states"]),
             "directions": directions_figure(data),
             "twins": twins_figure(data),
         }
 
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         effects = {name: beside_the_model(tables[name]) for name in ("directions", "coordination", "twins")}
         return {"balance": in_bold(tables["balance"]), **effects}
 

@@ -25,7 +25,7 @@ from analysis.paper.ends import ends, in_memory, sheared
 from analysis.paper.ends import main as of_the_paper
 from analysis.paper.lines import both_lines
 from analysis.places import results_folder
-from analysis.study import STEPS, Study, Tables
+from analysis.study import STEPS, StoredTables, Study, Tables
 from labkit.engines import Progress
 
 SHORT = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
@@ -48,6 +48,9 @@ class ModelEvidence(Study):
         output = "output folder (default: results/model_evidence)"
         parser.add_argument("-o", "--output", default=results_folder("model_evidence"), help=output)
         self.add_steps(parser, STEPS[2:])
+
+    def only_redraws(self, options: argparse.Namespace) -> bool:
+        return False  # calibrations that are missing are made with the tables
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         self.paper, self.new = Path(options.paper), Path(options.new)
@@ -85,10 +88,10 @@ class ModelEvidence(Study):
             tables["new_parts"] = new_parts(found)
         return tables
 
-    def figures(self, data: object, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: object, tables: StoredTables) -> Mapping[str, Figure]:
         return {"errors": error_figure(tables["errors"])}
 
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         missing = with_gain(tables["missing_elements"])
         of_F = missing[(missing["equation"] == "C1") & missing["candidate"].str.startswith("F")]
         return {

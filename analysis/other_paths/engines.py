@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import labkit as lk
+from analysis.statistics import adjusted
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.figures import WIDTH, colors_for, new_figure
 from labkit.micro import equivalent_stress, mean_stress
 
 POINTS = 200
-QUANTITIES = {"p": "p (% of its initial value)", "ratio": "q/p", "e": "e", "Z": "Z"}
+QUANTITIES = ("p", "ratio", "e", "Z")
 UNDRAINED = "undrained_cycles"
 LIQUEFIED = 0.95  # r_u at initial liquefaction
 
@@ -145,6 +146,4 @@ def agreement(found: Mapping[tuple[str, str, str], Mapping[str, np.ndarray]]) ->
                 }
             )
     frame = pandas.DataFrame(rows)
-    tested = frame["p_value"].notna()
-    frame.loc[tested, "corrected"] = stats.false_discovery_control(frame.loc[tested, "p_value"])
-    return frame
+    return frame.assign(corrected=adjusted(frame["p_value"], "fdr_bh"))

@@ -31,10 +31,10 @@ def lode_angle(b: np.ndarray) -> np.ndarray:
     return np.arctan2(np.sqrt(3.0) * np.asarray(b), 2.0 - np.asarray(b))
 
 
-def strength_figure(ends: pandas.DataFrame, means: pandas.DataFrame, model: dict[str, np.ndarray]) -> Figure:
+def strength_figure(ends: pandas.DataFrame, means: pandas.DataFrame, model: pandas.DataFrame) -> Figure:
     """M against b (left) and the deviatoric plane (right), with Matsuoka and Nakai and the model.
 
-    `model`: `b` and `M` (n,) of the constitutive model.
+    `model`: `b` and `M` of the constitutive model.
     """
     figure = new_figure(WIDTH, 4.4)
     left, right = figure.subplots(1, 2)
@@ -42,7 +42,7 @@ def strength_figure(ends: pandas.DataFrame, means: pandas.DataFrame, model: dict
     b = np.linspace(0.0, 1.0, 61)
     lines = {"Matsuoka-Nakai through compression": (b, matsuoka_nakai(b, compression), "-", "0.35")}
     lines["constant M"] = (b, np.full(b.size, compression), ":", "0.6")
-    lines["model, Table 2"] = (model["b"], model["M"], "--", "tab:red")
+    lines["model, Table 2"] = (model["b"].to_numpy(), model["M"].to_numpy(), "--", "tab:red")
     for label, (x, M, style, color) in lines.items():
         left.plot(x, M, style, color=color, label=label)
         angle = lode_angle(x)

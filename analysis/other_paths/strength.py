@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pandas
 import xarray as xr
-from scipy import optimize, stats
+from scipy import optimize
 
 import labkit as lk
-from analysis.statistics import t_interval
+from analysis.statistics import Estimate, cluster_mean
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.model import Model, drive, isotropic_state
 
@@ -54,27 +54,16 @@ def mean_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     """
     rows = []
     for test, group in ends.groupby("test", sort=False):
-        n = len(group)
-        row = {
-            "test": test,
-            "specimens": n,
-            "b": group["b"].mean(),
-            "M": group["M"].mean(),
-            "slope": group["slope"].mean(),
-        }
-        if n > 1:
-            row["within"] = t_interval(stats.ttest_1samp(group["M"], 0.0))
-            row["p_slope"] = float(stats.ttest_1samp(group["slope"], 0.0).pvalue)
-        rows.append(row)
-    return pandas.DataFrame(rows, columns=["test", "specimens", "b", "M", "within", "slope", "p_slope"])
+        M, slope = cluster_mean(group["M"]), cluster_mean(group["slope"])
+        row = {"test": test, "specimens": M.n, "b": group["b"].mean(), "M": M.value, "within": M.within}
+        rows.append(row | {"slope": slope.value, "p_slope": slope.p_value})
+    return pandas.DataFrame(rows)
 
 
-def strength_ratio(ends: pandas.DataFrame) -> dict[str, float]:
-    """M_e/M_c over the specimens tested in both extension and compression: ratio, within (95 %), specimens."""
+def strength_ratio(ends: pandas.DataFrame) -> Estimate:
+    """M_e/M_c over the specimens tested in both extension and compression."""
     table = ends.pivot_table(index="specimen", columns="test", values="M")[["extension", "compression"]].dropna()
-    ratio = table["extension"] / table["compression"]
-    within = t_interval(stats.ttest_1samp(ratio, 1.0)) if len(ratio) > 1 else math.nan
-    return {"ratio": float(ratio.mean()), "within": within, "specimens": len(ratio)}
+    return cluster_mean(table["extension"] / table["compression"])
 
 
 def principal_stresses(b: float, M: float) -> np.ndarray:

@@ -23,7 +23,7 @@ from analysis.paper.report_numbers import BENCH, cost, fidelity, model_errors, r
 from analysis.paper.web_page import write_page
 from analysis.places import results_folder
 from analysis.speed_error.errors import errors
-from analysis.speed_error.settings import settings
+from analysis.speed_error.numbers import settings
 from analysis.speed_error.table import open_study
 from labkit.errors import InputError
 from labkit.io import require_writable, write_provenance
@@ -80,7 +80,7 @@ def numbers(folder: Path) -> dict[str, Any]:
         "fidelity": of("fidelity.csv", fidelity),
         "index": {re.sub(r"^(Fig\. \d+)?.*", r"\1", caption(name)) or name: anchor(name) for name in there},
         "model": of("model_errors.csv", model_errors),
-        "recommended_settings": recommended_settings(folder.parent / "speed_error"),
+        "recommended": recommended_settings(folder.parent / "speed_error"),
         "cost": of("campaign.csv", lambda runs: cost(runs, speeds), dtype_backend="numpy_nullable"),
     }
 
@@ -177,14 +177,13 @@ def anchor(name: str) -> str:
     return "picture-" + re.sub(r"\W", "-", Path(name).stem)
 
 
-def recommended_settings(study: Path) -> str:
-    """Text and table of the recommended settings along CP, from study.nc and settings.csv; empty if one is missing."""
+def recommended_settings(study: Path) -> dict[str, Any] | None:
+    """The recommended settings along CP, from study.nc and settings.csv; None if one is missing."""
     if not all((study / name).is_file() for name in STUDIED):
-        return ""
+        return None
     timed = pandas.read_csv(study / "settings.csv")
     with open_study(study / "study.nc") as data:
-        text, header, rows = settings(data, errors(data, timed), timed, "cp")
-    return f"{text}\n\n{box(markdown.table(header, rows), 'recommended settings')}"
+        return settings(data, errors(data, timed), timed, "cp")
 
 
 def shown_files(folder: Path) -> list[Path]:

@@ -34,7 +34,7 @@ class Paper(Study):
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         (folder / self.data).mkdir(exist_ok=True)
-        if options.campaign and "campaign" in options.steps and not options.as_is:
+        if "campaign" in options.steps and not options.as_is:
             find_yade()
         return super().prepare(options, folder, command)
 

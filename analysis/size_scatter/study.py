@@ -9,16 +9,15 @@ from typing import Any
 import pandas
 from matplotlib.figure import Figure
 
-from analysis.curves import CURVES, collect_curves, read_curves, window_means
+from analysis.curves import CURVES, collect_runs, curves_of, read_curves, window_means
 from analysis.paper.estimates import text, two_samples
 from analysis.places import results_folder
 from analysis.size_scatter.figures import drift_figure, sizes_figure
 from analysis.size_scatter.sizes import MEASURED, SMALL, bias_table, c0_table, scatter_table, size_table
 from analysis.size_scatter.stored import PREFIX, stored_curves
 from analysis.statistics import adjusted, slope_table, stationarity_table
-from analysis.study import Study, Tables
+from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
-from labkit.io import reporter
 from labkit.model import Parameters
 
 TITLE = "Scatter and bias against the number of grains"
@@ -33,7 +32,7 @@ class SizeScatter(Study):
     data = CURVES
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect_curves(runs, file, command, reporter("curves"), TITLE, *stored_curves(Path(results_folder())))
+        collect_runs(runs, curves_of, file, command, TITLE, *stored_curves(Path(results_folder())))
 
     def read(self, file: Path) -> pandas.DataFrame:
         curves = read_curves(file)
@@ -54,11 +53,11 @@ class SizeScatter(Study):
             "stationarity": stationarity_table(slope_table(data, MEASURED, *WINDOW), judged=LIMITS),
         }
 
-    def figures(self, data: pandas.DataFrame, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Mapping[str, Figure]:
         sizes = sizes_figure(tables["ends"], tables["sizes"], tables["scatter"])
         return {"drift": drift_figure(data, WINDOW), "sizes": sizes}
 
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         ends, sizes = tables["ends"], tables["sizes"]
         largest = sizes.groupby("quantity", sort=False)["mean"].last()
         scatters = []

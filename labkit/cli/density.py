@@ -48,11 +48,8 @@ def density_command(
         engine=computation,
         progress=reporter("density"),
     )
-    print(*(f"{sentence}\n" for sentence in limits.left_out), sep="", end="")
     table = limits.table(void_ratios)
     print(table.to_string(index=False, na_rep="", float_format="%.4f"))
-    if seeds == 1:
-        print("one specimen has no scatter, and gives no interval: give --seeds 3 or more")
     print(
         f"nominal void ratios; +-: 95 % intervals from {seeds} specimens of {grains} grains each, "
         f"compressed from a gas to {limits.pressure / 1e3:g} kPa, without friction (e_min) or with that of the material"

@@ -6,10 +6,9 @@ import pytest
 import xarray
 
 import labkit as lk
-from analysis.other_paths.collect import collect
-from analysis.other_paths.command import DATA, write
 from analysis.other_paths.errors import REFERENCE, comparison, direction, errors_of
 from analysis.other_paths.strength import matsuoka_nakai, principal_stresses
+from analysis.other_paths.study import STUDY
 from labkit.micro import equivalent_stress, mean_stress
 
 pytestmark = pytest.mark.slow
@@ -32,8 +31,8 @@ def folder(tmp_path_factory):
         for test, path in PATHS.items():
             files.append(folder / f"{test}-s{seed}.run.nc")
             lk.run(state, path, file=files[-1], snapshots=2, progress=False)
-    collect(files, folder / DATA, "a command", lambda done, text: None)
-    assert all(file.exists() for file in write(folder, "a command", lambda done, text: None))
+    STUDY.gather(files, folder / STUDY.data, "a command")
+    assert all(file.exists() for file in STUDY.write(folder, "a command", lambda done, text: None))
     return folder
 
 
@@ -80,7 +79,7 @@ def test_a_specimen_counts_once_and_all_tests_are_corrected():
 
 
 def test_the_data_set_holds_what_the_runs_hold(folder):
-    with xarray.open_dataset(folder / DATA) as data, lk.open_run(folder / "shear-s2.run.nc") as run:
+    with xarray.open_dataset(folder / STUDY.data) as data, lk.open_run(folder / "shear-s2.run.nc") as run:
         kept = data.sel(run="shear-s2").load()
         assert set(data["test"].values) == set(PATHS) and data.sizes["run"] == 6
         love = run["stress"].values

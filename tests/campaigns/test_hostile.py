@@ -1,12 +1,13 @@
 """Campaign files that explode, go round in circles or carry shell commands are refused with their line."""
 
-import random
 import resource
 
 import pytest
 import yaml
+from hypothesis import HealthCheck, given, settings
 
 import labkit as lk
+from analysis.fuzz.damage import damaged_campaigns
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.path_file import read_path
 
@@ -96,13 +97,12 @@ def test_a_name_that_a_shell_or_a_folder_could_misunderstand_is_refused(name, tm
     assert list(tmp_path.iterdir()) == [file]
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_mutated_files_are_read_or_refused_with_a_line(seed, tmp_path, bounded):
-    """Random changes of a valid file, as `./lab fuzz campaigns` makes them with other seeds."""
-    from analysis.fuzz.damage import CAMPAIGN, mutated
-
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@given(text=damaged_campaigns())
+def test_damaged_files_are_read_or_refused_with_a_line(text, tmp_path, bounded):
+    """Random changes of a valid file, as `./lab fuzz --campaigns N` makes them with other seeds."""
     file = tmp_path / "c.yaml"
-    file.write_text(mutated(CAMPAIGN, random.Random(seed)), errors="surrogatepass")
+    file.write_text(text, errors="surrogatepass")
     for read in (read_campaign, read_path):
         try:
             read(file)

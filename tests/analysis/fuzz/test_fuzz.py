@@ -4,7 +4,6 @@ import argparse
 import collections
 import csv
 import os
-import random
 import signal
 import time
 
@@ -12,9 +11,9 @@ import pytest
 
 import labkit as lk
 from analysis.fuzz import extremes, kills, soak
-from analysis.fuzz.cases import Case, in_child, in_children
-from analysis.fuzz.command import Log, add_options, main
-from analysis.fuzz.damage import DAMAGES, damaged
+from analysis.fuzz.cases import in_child
+from analysis.fuzz.command import Log, Search, add_options, main
+from analysis.fuzz.damage import CAMPAIGN, damaged, damaged_campaigns
 
 pytestmark = pytest.mark.slow
 
@@ -25,12 +24,12 @@ def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     words = "--files 10 --options 15 --campaigns 5 --seed 7 -o".split()
     assert main(parser.parse_args([*words, str(tmp_path)]), "./lab fuzz") == 0, capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "counts.csv").open()))
-    kinds = collections.Counter({row["class"].split(":")[0]: 0 for row in rows})
+    kinds = collections.Counter({row["class"]: 0 for row in rows})
     for row in rows:
-        kinds[row["class"].split(":")[0]] += int(row["cases"])
+        kinds[row["class"]] += int(row["cases"])
     assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 10
     assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 10
-    sealed = [row for row in rows if row["class"].startswith(("state:", "run:", "checkpoint:"))]
+    sealed = [row for row in rows if row["class"] in ("state", "run", "checkpoint")]
     assert sum(int(row["refused"]) for row in sealed) == 30
     assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "counts.csv.provenance.json"]
 
@@ -49,12 +48,6 @@ def test_a_command_that_was_stopped_goes_on(tmp_path):
     with Log(file, 7) as log:
         assert log.of("files") == ["refused"] and log.of("options") == []
     assert not file.exists()
-
-
-def test_a_case_that_ends_its_process_leaves_the_others_as_they_are():
-    do = [lambda: "same", lambda: os.kill(os.getpid(), signal.SIGKILL), lambda: "used", lambda: time.sleep(60)]
-    cases = [Case("kind", number, one, bytes) for number, one in enumerate([*do, do[0]])]
-    assert list(in_children(cases, 5, 1.0)) == ["same", f"CRASH {-signal.SIGKILL}", "used", "HANG", "same"]
 
 
 def test_extremes_are_refused_or_right(monkeypatch):
@@ -86,15 +79,26 @@ def wrong():
     ],
 )
 def test_the_outcome_of_a_case_is_that_of_its_process(do, outcome):
-    assert in_child(Case("kind", 1, do, bytes), limit=1.0) == outcome
+    assert in_child(do, limit=1.0) == outcome
 
 
-@pytest.mark.parametrize("kind", DAMAGES)
-def test_damage_is_repeatable_and_changes_the_content(kind):
-    content = random.Random(1).randbytes(10_000)
-    made = [damaged(content, kind, seed) for seed in range(20)]
-    assert made == [damaged(content, kind, seed) for seed in range(20)]
-    assert content not in made and len(set(made)) > 10
+def test_a_wrong_outcome_is_shrunk_kept_and_tried_first_the_next_time(tmp_path, capsys):
+    """Planted: a reader that does not notice a byte above 200."""
+    search = Search(
+        "planted", damaged(bytes(1000)), lambda made: "OTHER NUMBERS" if max(made, default=0) > 200 else "same"
+    )
+    counts = search.run(200, 1, tmp_path)
+    assert counts["OTHER NUMBERS"] == 1 and counts.total() < 200
+    (kept,) = tmp_path.glob("planted-*")
+    assert max(kept.read_bytes()) == 201 and f"planted: OTHER NUMBERS; kept in {kept}" in capsys.readouterr().out
+    assert search.run(1, 2, tmp_path) == {"OTHER NUMBERS": 1}
+
+
+def test_inputs_without_a_wrong_outcome_leave_nothing(tmp_path):
+    counts = Search("text", damaged_campaigns(), lambda made: "same" if made != CAMPAIGN else "wrong").run(
+        30, 1, tmp_path
+    )
+    assert counts == {"same": 30} and list(tmp_path.iterdir()) == []
 
 
 def test_a_soak_finds_what_is_not_whole(soft_specimen, tmp_path):

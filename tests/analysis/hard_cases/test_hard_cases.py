@@ -194,7 +194,7 @@ def test_redraw_writes_the_same_page_from_the_table(tmp_path, capsys):
     assert studies.main(["hard-cases", "--redraw", "-o", str(tmp_path / "out")]) == 0
     assert page.read_text() == text
     assert studies.main(["hard-cases", "--redraw", "-o", str(tmp_path / "none")]) == 2
-    assert "lacks hard_cases.csv" in capsys.readouterr().err
+    assert "contains no hard_cases.csv" in capsys.readouterr().err
 
 
 def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):

@@ -174,7 +174,7 @@ def test_redraw_writes_the_same_page_from_the_data_alone(study, study_command, t
 
 def test_redraw_without_a_study(study_command, tmp_path):
     done = study_command("speed-error", "--redraw", "-o", tmp_path / "none", cwd=tmp_path)
-    assert done.returncode == 2 and "cannot be read as a study file" in done.stderr and not list(tmp_path.iterdir())
+    assert done.returncode == 2 and "contains no study.nc" in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_design_that_is_unknown(study_command, tmp_path):

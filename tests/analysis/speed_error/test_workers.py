@@ -20,12 +20,12 @@ def test_calls_start_in_order_and_each_is_reported_once(tmp_path):
 def test_an_error_of_a_call_is_raised(tmp_path):
     with pytest.raises(PhysicsError, match="energy"):
         list(run_calls([(fail, ("the energy balance is off",))], 2))
-    with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+    with pytest.raises(ZeroDivisionError):
         list(run_calls([(divmod, (1, 0))], 2))
 
 
 def test_a_worker_that_dies_is_an_error():
-    with pytest.raises(PhysicsError, match="exit status -9"):
+    with pytest.raises(PhysicsError, match="a worker process died"):
         list(run_calls([(kill_this_process, ()), (time.sleep, (600.0,))], 2))
 
 

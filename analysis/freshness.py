@@ -1,0 +1,162 @@
+"""`./lab results`: which commit wrote each file of results/, and whether code that it depends on has changed since."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import functools
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas
+
+from analysis.places import ROOT
+from labkit.errors import InputError
+from labkit.io import provenance_of
+
+RESULTS = ROOT / "results"
+CODE = ("labkit", "analysis", "benchmarks")  # what a file depends on if no study wrote it
+NAMED = 3  # changed files
+SHORT = (  # commands that end within an hour, from the stored data sets
+    "paper",
+    "model-figures -o results",
+    "model-evidence",
+    "other-paths",
+    "constants",
+    "critical-state",
+    "initial-fabric",
+    "size-scatter",
+    "speed-error --redraw",
+    "boundary-value",
+    "hard-cases",
+)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of `./lab results`."""
+    parser.add_argument("part", nargs="*", help="only files whose names contain one of these (default: all)")
+    again = "run again what takes less than an hour: " + ", ".join(SHORT)
+    parser.add_argument("--again", action="store_true", help=again)
+
+
+def main(options: argparse.Namespace, command: str) -> int:
+    """Prints the table, or runs the short commands; returns 1 if a file is not up to date, or a command failed."""
+    if options.again:
+        from analysis.__main__ import main as run
+
+        return int(any([run(words.split()) for words in SHORT]))
+    table = freshness(options.part)
+    for row in table.itertuples():
+        names = ", ".join(row.changed[:NAMED]) + ", ..." * (len(row.changed) > NAMED)
+        state = f"{len(row.changed)} changed: {names}" if row.changed else "up to date"
+        print(f"{row.file}: {row.commit[:9]}{' (stored)' * row.stored} {row.date}, {state}")
+    stale = int(table["changed"].map(bool).sum())
+    print(f"{len(table)} files, {stale} of them written by code that has changed since")
+    return int(stale > 0)
+
+
+def freshness(parts: list[str]) -> pandas.DataFrame:
+    """The files of results/ whose names contain one of `parts` (all without any), a row each.
+
+    Columns: file; commit; stored: True if that is the commit that stored the file, because the one that wrote it is not
+    known; date of the commit; changed: the files of code that the file depends on and that have changed since. Comments
+    and docstrings do not count.
+    """
+    log = git("log", "--format=:%H %cs", "--name-only", "--", "results").splitlines()
+    dates = dict(line[1:].split() for line in git("log", "--all", "--format=:%H %cs").splitlines())
+    stored, commit = dict[str, str](), ""
+    for line in filter(None, log):
+        if line.startswith(":"):
+            commit = line[1:].split()[0]
+        else:
+            stored.setdefault(line, commit)
+    rows = []
+    for file in git("ls-files", "results").splitlines():
+        if file.endswith(".provenance.json") or (parts and not any(part in file for part in parts)):
+            continue
+        wrote = str((provenance_of(ROOT / file) or {}).get("commit", ""))
+        known = wrote in dates
+        commit = wrote if known else stored[file]
+        changed = [name for name in dependencies(Path(file).parts[1]) if name in changes(commit)]
+        rows.append({"file": file, "commit": commit, "stored": not known, "date": dates[commit], "changed": changed})
+    return pandas.DataFrame(rows, columns=["file", "commit", "stored", "date", "changed"])
+
+
+def git(*arguments: str) -> str:
+    """Output of a git command in this clone. Raises InputError outside a clone."""
+    done = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True)
+    if done.returncode:
+        raise InputError(f"git {arguments[0]} failed ({done.stderr.strip()}): run ./lab results in a clone of labkit")
+    return done.stdout
+
+
+@functools.cache
+def changes(commit: str) -> frozenset[str]:
+    """The files of code that are not as in a commit, apart from comments and docstrings."""
+    changed = set()
+    for line in git("diff", "--raw", "--no-abbrev", "--no-renames", commit, "--", *CODE).splitlines():
+        (_, _, blob, *_), name = line.split("\t")[0].split(), line.split("\t")[1]
+        now = ROOT / name
+        if not now.exists() or meaning(name, blob) != meaning(name, ""):
+            changed.add(name)
+    return frozenset(changed)
+
+
+@functools.cache
+def meaning(name: str, blob: str) -> str:
+    """What a file of code says, without comments and docstrings; `blob`: of git, "" for the file as it is now."""
+    text = git("cat-file", "blob", blob) if blob.strip("0") else "" if blob else (ROOT / name).read_text()
+    if not name.endswith(".py"):
+        return text
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return ast.dump(tree)
+
+
+@functools.cache
+def dependencies(folder: str) -> tuple[str, ...]:
+    """Files of code that the results in a folder of results/ depend on: those of its study, and what they import.
+
+    Without a study: all code.
+    """
+    home = ROOT / "analysis" / folder
+    if not home.is_dir():
+        return tuple(name for name in git("ls-files", *CODE).splitlines() if name.endswith((".py", ".yaml")))
+    files, wanted = set[Path](), [file for file in home.rglob("*") if file.suffix in (".py", ".md", ".yaml", ".csv")]
+    while wanted:
+        file = wanted.pop()
+        if file not in files:
+            files.add(file)
+            wanted += imported(file)
+    return tuple(sorted(str(file.relative_to(ROOT)) for file in files))
+
+
+def imported(file: Path) -> Iterator[Path]:
+    """The files of CODE that a Python file imports, and those that it names in a text, as plug-ins are."""
+    if file.suffix != ".py":
+        return
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                yield from module_of(node.module or "", alias.name)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in ("lk", "labkit"):
+            yield from module_of("labkit", node.attr)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("labkit."):
+            yield from module_of(*node.value.partition(":")[::2])
+
+
+def module_of(module: str, name: str) -> list[Path]:
+    """The file that defines a name of a module; for a package this is not the one that lists its names."""
+    place = ROOT / module.replace(".", "/")
+    options = [place / f"{name}.py", place / name / "__init__.py", place.with_suffix(".py")] if name else []
+    found = [option for option in options if option.is_file()][:1]
+    listing = place / "__init__.py"
+    if found or module.split(".")[0] not in CODE or not listing.is_file():
+        return found if module.split(".")[0] in CODE else []
+    for node in ast.walk(ast.parse(listing.read_text())):
+        if isinstance(node, ast.ImportFrom) and any(name == (alias.asname or alias.name) for alias in node.names):
+            return module_of(node.module or "", name)
+    return [listing]

@@ -1,0 +1,132 @@
+"""`./lab other-paths`: runs the campaigns, or uses the stored data set, and writes results/other_paths."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.campaigns import finished, save_figures, simulate, write_tables
+from analysis.curves import collect_runs
+from analysis.other_paths.collect import reduced
+from analysis.other_paths.engines import agreement, cycles_table, liquefaction_figure, read_curves
+from analysis.other_paths.errors import COMPONENTS, REFERENCE, budget_table, comparison, error_table, form_table
+from analysis.other_paths.figures import TESTS, error_figure, rotation_figure, strength_figure
+from analysis.other_paths.strength import end_table, mean_table, model_strength, strength_ratio
+from analysis.statistics import SIGNIFICANT
+from analysis.study import StoredTables, Study, Tables
+from labkit.engines import Progress
+from labkit.io import reporter
+from labkit.model import Model
+
+
+class OtherPaths(Study):
+    """Loading paths beyond the paper's: the errors of C0 and the strength."""
+
+    data = "statistics.nc"
+    tests = "paths.yaml"
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        super().add_options(parser)
+        parser.add_argument(
+            "engines", nargs="?", help="folder of the campaign that compares the engines (default: none)"
+        )
+
+    def only_redraws(self, options: argparse.Namespace) -> bool:
+        return not (options.campaign or options.engines)
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        """Also runs the campaign that compares the engines, and writes its tables and figure, which are not redrawn."""
+        code = super().prepare(options, folder, command) if options.campaign else 0
+        if options.engines:
+            if not options.as_is:
+                progress, tests = reporter("engines"), self.home / "engines.yaml"
+                code = code or simulate(options.engines, options.cores, progress, tests)
+            files = finished(options.engines)
+            curves = read_curves(files, reporter("comparison"))
+            tables = {"engines": agreement(curves), "liquefaction": cycles_table(files)}
+            write_tables(tables, folder, files, command)
+            save_figures({"liquefaction": liquefaction_figure(files)}, folder, files, command)
+        return int(code != 0)
+
+    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+        collect_runs(runs, reduced, file, command, "Loading paths beyond the paper's")
+
+    def read(self, file: Path) -> xr.Dataset:
+        return xr.load_dataset(file)
+
+    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+        progress(0.0, "errors of C0")
+        errors, ends = error_table(data), end_table(data)
+        tables = {
+            "c0_errors": errors,
+            "c0_forms": form_table(data),
+            "c0_budget": budget_table(data),
+            "c0_comparison": comparison(errors),
+            "ends": ends,
+            "strength": mean_table(ends),
+        }
+        progress(0.5, "model")
+        start = data.sel(run=data["run"].values[data["test"].values == REFERENCE][0]).isel(point=0)
+        b = np.linspace(0.0, 1.0, 11)
+        model = Model().reading(beyond_e_cmax="flat")
+        strength = model_strength(model, float(start["void_ratio_nominal"]), float(start["coordination_number"]), b)
+        return tables | {"model_strength": pandas.DataFrame({"b": b, "M": strength})}
+
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+        return {
+            "strength": strength_figure(tables["ends"], tables["strength"], tables["model_strength"]),
+            "c0_errors": error_figure(tables["c0_errors"]),
+            "c0_components": rotation_figure(data),
+        }
+
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+        errors = tables["c0_errors"].groupby("test")
+        means = 100.0 * errors[["p", "q", "ratio", "norm", *COMPONENTS]].mean()
+        means = means.assign(worst=100.0 * errors["worst"].max(), angle=errors["angle"].mean(), specimens=errors.size())
+        compared = tables["c0_comparison"].assign(name=tables["c0_comparison"]["test"].map(TESTS))
+        compared[["difference", "within", "limit"]] *= 100.0
+        strength = tables["strength"].set_index("test")
+        model = tables["model_strength"]["M"].to_numpy()
+        budget, forms = (
+            100.0 * tables[name].pivot(index="test", columns=column, values="q")
+            for name, column in (("c0_budget", "part"), ("c0_forms", "form"))
+        )
+        return {
+            "errors": in_order(means),
+            "comparison": compared,
+            "limits": compared.groupby("quantity")["limit"].agg(["min", "max"]).reset_index(),
+            "less": compared[compared["verdict"] == "less accurate"],
+            "more": compared[compared["verdict"] == "more accurate"],
+            "budget": in_order(budget),
+            "forms": in_order(forms),
+            "strength": in_order(strength),
+            "ratio": strength_ratio(tables["ends"]),
+            "model_ratio": model[-1] / model[0],
+            "nakai": 3.0
+            / (3.0 + strength.loc[REFERENCE, "M"]),  # (3 - sin phi)/(3 + sin phi), sin phi = 3 M_c/(6 + M_c)
+            **engine_numbers(tables.get("engines")),
+        }
+
+
+STUDY = OtherPaths()
+
+
+def in_order(frame: pandas.DataFrame) -> pandas.DataFrame:
+    """A table whose index is the test, in the order of TESTS, with the column `name` of their labels."""
+    return frame.loc[[test for test in TESTS if test in frame.index]].assign(name=lambda rows: rows.index.map(TESTS))
+
+
+def engine_numbers(compared: pandas.DataFrame | None) -> dict[str, pandas.DataFrame | None]:
+    """`engines`: a row per test with engines_QUANTITY and between_specimens_QUANTITY; `resolved`: the resolved rows."""
+    if compared is None:
+        return {"engines": None, "resolved": None}
+    wide = compared.pivot(index="test", columns="quantity", values=["engines", "between_specimens"])
+    wide = wide.set_axis(wide.columns.map("_".join), axis=1).loc[compared["test"].unique()].reset_index()
+    return {"engines": wide, "resolved": compared[compared["corrected"] < SIGNIFICANT]}

@@ -1,0 +1,111 @@
+"""`./lab speed-error`: runs or resumes a study, or takes the stored one, and writes results/speed_error."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.netcdf import characters
+from analysis.places import results_folder
+from analysis.speed_error import figures
+from analysis.speed_error.design import DESIGNS
+from analysis.speed_error.errors import errors
+from analysis.speed_error.jobs import run_study
+from analysis.speed_error.measures import measure_others
+from analysis.speed_error.numbers import page_numbers
+from analysis.speed_error.table import collect, open_study, restore
+from analysis.study import STEPS, StoredTables, Study, Tables
+from labkit.cli.arguments import positive_int
+from labkit.engines import Progress, find_yade
+from labkit.errors import Interrupted
+from labkit.io import reporter, whole_file, write_provenance
+
+
+class SpeedError(Study):
+    """The speed and the error of all settings."""
+
+    data = "study.nc"
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument(
+            "--design",
+            choices=tuple(DESIGNS),
+            default="full",
+            help="full takes hours, small a minute with shorter tests of fewer grains (default: full)",
+        )
+        work = "folder of specimens and runs, from which an interrupted study resumes "
+        parser.add_argument("--work", help=work + "(default: speed_error_full or speed_error_small)")
+        earlier = "study.nc of an earlier study; tests it already contains are not run again"
+        parser.add_argument("--from", dest="earlier", help=earlier)
+        jobs = "number of simultaneous runs (default: number of cores)"
+        parser.add_argument("--jobs", type=positive_int, default=os.cpu_count() or 1, help=jobs)
+        self.add_redraw(parser)
+        output = "folder for the results (default: results/speed_error)"
+        parser.add_argument("-o", "--output", default=results_folder("speed_error"), help=output)
+        parser.set_defaults(steps=STEPS)
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        find_yade()
+        work = Path(options.work or f"speed_error_{options.design}")
+        handler = signal.signal(signal.SIGINT, _interrupt_once)
+        try:
+            self.run(options, work, folder, command)
+        except (KeyboardInterrupt, Interrupted):
+            raise Interrupted(f"interrupted; the same command resumes the study in {work}", 130) from None
+        signal.signal(signal.SIGINT, handler)
+        return 0
+
+    def run(self, options: argparse.Namespace, work: Path, folder: Path, command: str) -> None:
+        """Runs what the folder `work` lacks and writes the data set and the other measurements."""
+        design, progress = DESIGNS[options.design](), reporter("speed-error")
+        if options.earlier:
+            with open_study(options.earlier) as data:
+                restore(data, design, work)
+        run_study(design, work, options.jobs, progress)
+        measure_others(design, work, progress)
+        data = collect(design, work)
+        with whole_file(folder / self.data) as temporary:
+            data.to_netcdf(temporary, encoding=characters(data))
+        files = sorted((work / "measures").iterdir())
+        for file in files:
+            shutil.copyfile(file, folder / file.name)
+        for name in (self.data, *(file.name for file in files if file.suffix != ".png")):
+            write_provenance(folder / name, command=command)
+
+    def read(self, file: Path) -> tuple[xr.Dataset, pandas.DataFrame]:
+        return open_study(file), StoredTables(file.parent)["settings"]
+
+    def tables(self, data: tuple[xr.Dataset, pandas.DataFrame], progress: Progress) -> Tables:
+        return {"errors": errors(*data)}
+
+    def figures(self, data: object, tables: StoredTables) -> Mapping[str, Figure]:
+        table = tables["errors"]
+        return {
+            "pareto_cp": figures.pareto(table),
+            "pareto_cv": figures.pareto(table, "cv"),
+            "changes": figures.changes(table),
+            "sizes": figures.sizes(table),
+        }
+
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+        with open_study(tables.folder / self.data) as data:
+            return {"worst": figures.WORST} | page_numbers(data, tables)
+
+
+STUDY = SpeedError()
+
+
+def _interrupt_once(number: int, frame: FrameType | None) -> None:
+    """Raises KeyboardInterrupt; further signals are ignored while the worker processes end."""
+    signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
