@@ -21,9 +21,9 @@ def require_regular(file: str | os.PathLike[str], instead: str = "give another f
 
 
 def content_of(file: Path, most: int | None = None) -> bytes:
-    """The bytes of a regular file, of at most the first `most`, after decompression if it is compressed with gzip.
+    """The bytes of a regular file, or at most the first `most`, after decompression if it is compressed with gzip.
 
-    Raises InputError for a file that is none, or that holds more than MOST_RATIO times its size.
+    Raises InputError for anything but a regular file, and for a file that holds more than MOST_RATIO times its size.
     """
     require_regular(file)
     try:

@@ -94,7 +94,7 @@ SEEN, pair_of_law = set(), SpringDashpot.pair
 
 
 def watched(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole):
-    """`pair` of a law; notes the types of the numbers that it gets and returns."""
+    """Compute `pair` of a law, and note the types of the numbers that it gets and returns."""
     response = pair_of_law(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole)
     for value in (*contact, t, m, dt, shear, friction, rolling, dashpots, *response):
         SEEN.update(map(type, value if isinstance(value, tuple) else (value,)))

@@ -90,7 +90,7 @@ class Domain:
     def room(self, gradient: np.ndarray) -> int:
         """Number of steps that are safe before the next check; 0 if neighbours must be searched now.
 
-        Two grains approach by their motion relative to the mean field, and because the mean field brings them together.
+        Two grains approach by their motion relative to the mean field, and by the motion of the mean field itself.
         Raises PhysicsError if the skin is used up.
 
         Args:
