@@ -47,6 +47,7 @@ def rounds(minutes: float, seed: int) -> Iterator[Round]:
     with tempfile.TemporaryDirectory(prefix="labkit-soak-") as name:
         folder = Path(name)
         prepare_folder(folder, "fused")
+        shutil.rmtree(folder / "compiled")  # with links to the inputs
         known = [_named(job, number) for number, job in enumerate(jobs("fused")) if job.kind != "campaign"]
         inputs = {file.name: file.read_bytes() for file in folder.iterdir()}
         while time.monotonic() < end:
