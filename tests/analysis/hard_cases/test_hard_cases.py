@@ -67,7 +67,7 @@ def test_a_cell_too_thin_for_yade_is_one_sentence(tmp_path):
     scene = dataclasses.replace(SCENES["thin_cell"], rate=400.0)
     outcome = examine(scene, "yade", GRAINS, 1.0, tmp_path / "thin", tmp_path / "shared")
     assert outcome.verdict == CLEAR_ERROR
-    assert "YADE needs" in outcome.guard and "--engine fused" in outcome.guard and "\n" not in outcome.guard
+    assert "YADE needs" in outcome.guard and "more grains" in outcome.guard and "\n" not in outcome.guard
 
 
 def test_engines_agree_on_what_is_left_when_all_contacts_are_gone(examined):
