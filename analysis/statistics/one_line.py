@@ -98,7 +98,7 @@ def _covariance(share: float, same: np.ndarray) -> np.ndarray:
 def _groups(factor: np.ndarray) -> tuple[list[str], np.ndarray]:
     """(names of the groups, their columns (n, groups)); a covariate is one centred column called `slope`."""
     if np.issubdtype(factor.dtype, np.number):
-        return ["slope"], (factor - factor.mean())[:, None].astype(float)
+        return ["slope"], (factor - factor.sum() / max(len(factor), 1))[:, None].astype(float)
     codes, names = pandas.factorize(factor.astype(str))
     return [str(name) for name in names], (codes[:, None] == np.arange(len(names))).astype(float)
 

@@ -170,7 +170,7 @@ def run_task(
     source = require(specimen, "specimen", "a state file")
     state = read_state(source, snapshot=from_snapshot)
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
-    scene = state.scene.replace(**factor, **material)
+    scene = state.scene.replace(**{**factor, **material})
     require_engine(computation.name, scene, computation.precision)
     values = {**written, **loading}
     if settings is not None and "rate" not in values and recording.inertial_number is None:

@@ -102,7 +102,7 @@ def info_command(
 
     Examples:
         labkit info r.run.nc --check
-        ncatted -a title,global,o,c,"dense sand" r.run.nc && labkit info r.run.nc --seal
+        labkit info r.run.nc --seal    # after ncatted -a title,global,o,c,"dense sand" r.run.nc
     """
     from labkit.runs.info import check_file, describe_file, renew_hashes
 

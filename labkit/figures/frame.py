@@ -249,10 +249,10 @@ def draw_runs(
         low, high = axes.get_ylim()
         missing = 0.5 * max(y.least - (high - low), 0.0)
         axes.set_ylim(low - missing, high + missing)
-        if x.logarithmic and axes.get_xlim()[1] > 0.0:
+        lowest, highest = axes.dataLim.minposx, axes.dataLim.x1
+        if x.logarithmic and 0.0 < lowest <= highest < np.inf:
             axes.set_xscale("log")
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             axes.xaxis.set_minor_formatter(NullFormatter())
-            low, high = axes.dataLim.minposx, axes.dataLim.x1
-            axes.set_xlim(low / 1.5, 1.5 * high)
+            axes.set_xlim(lowest / 1.5, 1.5 * highest)

@@ -22,7 +22,7 @@ from labkit.servo.correction import cell_stiffness, exact_gradient
 from labkit.specimens.specimen import ready
 
 
-class Response(NamedTuple):
+class StressUpdate(NamedTuple):
     """The response of grains to an increment of strain.
 
     stress: Love's, (3, 3), Pa; tangent: (6, 6), Pa, in Mandel notation (labkit.micro.tensors); state: the grains after
@@ -38,7 +38,7 @@ class Element:
     """Grains that are strained in memory, always from the same State; nothing is written.
 
     Args:
-        state: A specimen, or the State of a run or of a Response, which goes on in motion.
+        state: A specimen, or the State of a run or of a StressUpdate, which goes on in motion.
         engine: As for labkit.run.
         rate: Norm of the strain rate, 1/s (default: the standard rate of cv for these grains, 10 1/s for Table 1).
     """
@@ -51,7 +51,7 @@ class Element:
         self.rate = rate or default_rate(ConstantVolume, state.scene)
         self._begin: State | None = None
 
-    def strain(self, increment: ArrayLike) -> Response:
+    def strain(self, increment: ArrayLike) -> StressUpdate:
         """Strain the cell by an increment, compression positive, at a constant rate; the Element stays where it is.
 
         The tangent is the affine stiffness K (labkit.servo.correction.cell_stiffness), an upper bound, corrected by
@@ -79,7 +79,7 @@ class Element:
         if six.any():
             change = to_six(symmetric(stress - love_stress(begin.snapshot())))
             tangent += np.outer(change - tangent @ six, six) / (six @ six)
-        return Response(stress, tangent, state)
+        return StressUpdate(stress, tangent, state)
 
     def _started(self) -> State:
         """The State with its contacts and a new energy balance, from which every increment starts."""

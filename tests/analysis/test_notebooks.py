@@ -32,8 +32,10 @@ def alone(file, folder):
 
 
 def texts(notebook):
-    """Text outputs of a notebook."""
-    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    """Text outputs of a notebook, without warnings, which name files of the kernel."""
+    outputs = [
+        output for cell in notebook.cells for output in cell.get("outputs", []) if output.get("name") != "stderr"
+    ]
     return [output.text if output.output_type == "stream" else output.data.get("text/plain") for output in outputs]
 
 

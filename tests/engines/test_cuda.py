@@ -200,7 +200,7 @@ def test_the_stiffness_found_on_the_device_is_that_of_the_host(scene):
 
 def test_states_with_different_laws_are_refused(small):
     other = small.replace(scene=Scene(law="rolling_resistance"))
-    with pytest.raises(InputError, match="state 1 of a batch has another contact law"):
+    with pytest.raises(InputError, match="the contact law of state 1, or its features"):
         Batch([small, other])
 
 

@@ -73,7 +73,7 @@ def test_a_run_whose_yade_is_killed_can_be_resumed(state, tmp_path):
 
 
 def test_yade_ends_when_labkit_is_killed(specimen_file, tmp_path):
-    words = ["run", "cv", specimen_file, "--strain", "0.1", "-o", tmp_path / "r.run.nc"]
+    words = ["run", "cv", specimen_file, "--engine", "yade", "--strain", "0.1", "-o", tmp_path / "r.run.nc"]
     process = subprocess.Popen([sys.executable, "-m", "labkit.cli", *map(str, words)], stderr=subprocess.DEVNULL)
     while not (tmp_path / "r.run.nc").exists():
         assert process.poll() is None

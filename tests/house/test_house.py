@@ -5,6 +5,7 @@ Also, `import labkit` loads no library.
 
 from __future__ import annotations
 
+import ast
 import graphlib
 import importlib
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 
 import labkit
 from labkit.plugins import plugin_of
-from tests.house.source import LABKIT, ROOT, files, functions, imports, name_of, public
+from tests.house.source import LABKIT, ROOT, files, functions, imports, is_public, name_of, public, tree
 
 # Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
 LAYERS = (
@@ -165,7 +166,12 @@ def test_public_names_resolve():
             getattr(module, name)
 
 
-def test_labkit_exports_every_name_once():
-    assert len(labkit.__all__) == len(set(labkit.__all__))
+def test_no_public_class_is_defined_twice():
+    bodies = (tree(file).body for file in files("labkit"))
+    names = [node.name for body in bodies for node in body if isinstance(node, ast.ClassDef) and is_public(node.name)]
+    assert sorted(names) == sorted(set(names))
+
+
+def test_labkit_names_what_it_lacks():
     with pytest.raises(AttributeError, match="no attribute 'missing_name'"):
         _ = labkit.missing_name

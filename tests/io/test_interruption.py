@@ -29,6 +29,7 @@ PATHS = {
 
 def start(name, specimen, file):
     command = [sys.executable, "-m", "labkit.cli", "run", name, str(specimen), *PATHS[name], "--save-every", "2"]
+    command += ["--engine", "yade"]  # slow enough to be interrupted
     return subprocess.Popen([*command, "-o", str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

@@ -197,6 +197,6 @@ def test_runs_without_contacts_or_strain_are_refused(model):
     still["strain"] = 0.0 * still["strain"]
     with pytest.raises(InputError, match="not strained"):
         observe("still", still)
-    with pytest.raises(InputError, match="no runs"):
+    with pytest.raises(InputError, match="at least one run"):
         fit([])
     assert len(synthetic(model, rng, TESTS[:1])[0].e) <= 80
