@@ -82,7 +82,7 @@ class Abilities:
         require_scene: Raises InputError if the engine does not support a Scene.
         require_path: Raises InputError if the engine cannot follow a Path.
         require_computer: Raises InputError if this computer lacks what the engine needs, such as a GPU.
-        instant: Returns the instant of an engine, for a record; an engine on several ranks need not gather its grains.
+        instant: Returns the instant of an engine, for a record.
         follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
         batches: How the States of several runs advance together; None if runs take turns.
     """

@@ -17,7 +17,7 @@ _PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
 def to_six(tensor: np.ndarray) -> np.ndarray:
-    """Convert symmetric tensors (..., 3, 3) to (..., 6). An antisymmetric part is ignored (see require_symmetric)."""
+    """Convert symmetric tensors (..., 3, 3) to (..., 6), from their upper triangles (see require_symmetric)."""
     return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
 
 

@@ -15,10 +15,9 @@ from labkit.servo.correction import cell_stiffness
 
 
 class Instant:
-    """One instant, from a State. An engine whose grains are on several ranks has its own subclass.
+    """One instant, from a State.
 
-    `brief` is the State. Such an engine may leave out its grains and contacts; an engine on a GPU fetches them on first
-    use.
+    `brief` is the State. An engine on a GPU may leave out its grains and contacts, which are fetched on first use.
     """
 
     def __init__(self, brief: State, complete: Callable[[], State] | None = None) -> None:
