@@ -8,3 +8,8 @@ import numpy as np
 def widths(cell: np.ndarray) -> np.ndarray:
     """Distances between opposite faces of a cell (3, 3), shape (3,), or of several, (..., 3, 3) to (..., 3)."""
     return 1.0 / np.linalg.norm(np.linalg.inv(cell), axis=-1)
+
+
+def relative_width(cell: np.ndarray, radius: np.ndarray) -> float:
+    """Least width of a cell (3, 3), or of several (..., 3, 3), divided by the diameter of the largest grain."""
+    return float(widths(cell).min(initial=np.inf) / (2.0 * radius.max()))

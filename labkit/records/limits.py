@@ -14,7 +14,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.netcdf import open_netcdf
-from labkit.micro.cells import widths
+from labkit.micro.cells import relative_width
 from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
@@ -164,14 +164,9 @@ def size_warning(scene: Scene) -> str | None:
     return f"the grains have a mean diameter of {diameter:g} m: {meant}"
 
 
-def relative_width(state: State) -> float:
-    """Return the least width of the cell divided by the diameter of the largest grain."""
-    return float(widths(state.cell).min() / (2.0 * state.radius.max()))
-
-
 def width_warning(state: State) -> str | None:
     """Return a warning if the cell of a specimen is so narrow that its largest grains decide the results."""
-    ratio = relative_width(state)
+    ratio = relative_width(state.cell, state.radius)
     if ratio >= WIDE or state.scene.planar:
         return None
     grains = 100 * math.ceil(state.number_of_grains * (WIDE / ratio) ** 3 / 100.0)

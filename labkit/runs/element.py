@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -49,7 +50,6 @@ class Element:
             raise InputError(field="rate", value=rate, allowed="a strain rate above 0, in 1/s")
         self.state, self._start = state, start_of(engine)
         self.rate = rate or default_rate(ConstantVolume, state.scene)
-        self._begin: State | None = None
 
     def strain(self, increment: ArrayLike) -> StressUpdate:
         """Strain the cell by an increment, compression positive, at a constant rate; the Element stays where it is.
@@ -67,7 +67,7 @@ class Element:
             problem, allowed = "is not an increment of strain", "a tensor (3, 3), or six numbers in Mandel notation"
             raise InputError(problem, field="increment", allowed=allowed)
         tensor = to_tensor(given) if given.shape == (6,) else given
-        begin = self._begin = self._begin or self._started()
+        begin = self._begin
         steps = max(LEAST_STEPS, math.ceil(float(np.linalg.norm(tensor)) / (self.rate * begin.time_step)))
         engine = self._start(begin)
         engine.advance(steps, exact_gradient(tensor / (steps * begin.time_step), begin.time_step))
@@ -77,11 +77,17 @@ class Element:
         stress, six = love_stress(snapshot), to_six(symmetric(tensor))
         tangent = cell_stiffness(snapshot, 6)
         if six.any():
-            change = to_six(symmetric(stress - love_stress(begin.snapshot())))
+            change = to_six(symmetric(stress - self._stress))
             tangent += np.outer(change - tangent @ six, six) / (six @ six)
         return StressUpdate(stress, tangent, state)
 
-    def _started(self) -> State:
+    @functools.cached_property
+    def _begin(self) -> State:
         """The State with its contacts and a new energy balance, from which every increment starts."""
         state = self.state if self.state.step else self.state.at_rest()
         return opened(drive_engine(ready(state), self._start))
+
+    @functools.cached_property
+    def _stress(self) -> np.ndarray:
+        """Love's stress at the start of every increment, (3, 3), Pa."""
+        return love_stress(self._begin.snapshot())

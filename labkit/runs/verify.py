@@ -14,7 +14,7 @@ import xarray
 from labkit.errors import InputError
 from labkit.grains.scene import PAPER_RATIO
 from labkit.io.netcdf import open_netcdf
-from labkit.micro.cells import widths
+from labkit.micro.cells import relative_width
 from labkit.micro.stress import love_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
@@ -229,7 +229,7 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
         cube = len(radius) * 64e-9 / float(run["volume"][0])
         name = f"grains per cube of 4 mm, as in the paper (here {len(radius)})"
         yield Finding(name, cube, f"{low} to {high}", low <= cube <= high)
-    width = float(widths(run["cell"].values).min(initial=np.inf) / (2.0 * radius.max()))
+    width = relative_width(run["cell"].values, radius)
     yield Finding("least width of the cell, in largest grains", width, "> 2", width > LEAST_WIDTH)
     yield Finding("grains / (solid volume / mean grain volume)", ratio, "0.97 to 1.03", abs(ratio - 1.0) < 0.03)
 

@@ -15,12 +15,13 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.io.progress import log_fraction
+from labkit.micro.cells import relative_width
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.parameters import Named, Number, Parameter, check_parameters, parameter
 from labkit.records.energy import kinetic_energy, opened, require_balanced
-from labkit.records.limits import relative_width, require_shallow
+from labkit.records.limits import require_shallow
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # m, of the cube in the paper
@@ -291,7 +292,7 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "grains": (grains, ""),
         "contacts": (contacts, ""),
         "mean diameter by number": (2.0 * float(state.radius.mean()), "m"),
-        "cell width/largest grain": (relative_width(state), ""),
+        "cell width/largest grain": (relative_width(state.cell, state.radius), ""),
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
         "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),
