@@ -247,8 +247,9 @@ def draw_runs(
         )
         axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
         low, high = axes.get_ylim()
-        missing = 0.5 * max(y.least - (high - low), 0.0)
-        axes.set_ylim(low - missing, high + missing)
+        missing = 0.5 * (y.least - (high - low))
+        if missing > 0.0:  # other limits stay automatic
+            axes.set_ylim(low - missing, high + missing)
         lowest, highest = axes.dataLim.minposx, axes.dataLim.x1
         if x.logarithmic and 0.0 < lowest <= highest < np.inf:
             axes.set_xscale("log")
