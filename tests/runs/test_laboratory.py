@@ -288,7 +288,7 @@ def test_a_cell_of_a_few_grains_gives_a_warning_with_the_number_needed():
     with pytest.warns(UserWarning, match=r"only 3\.8 of its largest grains .* give about 1,900 grains") as warned:
         state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), progress=False)
     assert {warning.filename for warning in warned} == {__file__}
-    wide = state.replace(cell=10.01 / relative_width(state) * state.cell)
+    wide = state.replace(cell=10.01 / relative_width(state.cell, state.radius) * state.cell)
     assert width_warning(wide) is None
 
 
